@@ -11,8 +11,8 @@ from highway_env.vehicle.controller import ControlledVehicle
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway
+from trackbench.truth.instants import Recorder
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
-from trackbench.truth.recorder import Recorder
 from trackbench.truth.sources import HighwayTruth
 
 from .claim import Claim

@@ -17,7 +17,7 @@ from trackbench.base.types import Array
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.select import select_trackers
+from trackbench.scenario.load import select_trackers
 from trackbench.scenario.truth import truths_of
 
 HERE = Path(__file__).resolve().parent

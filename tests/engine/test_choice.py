@@ -17,7 +17,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
-from trackbench.engine.used import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Result
 from trackbench.runner import until, work
 from trackbench.runner.block import run_block

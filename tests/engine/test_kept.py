@@ -138,7 +138,7 @@ def test_where_nothing_can_be_written_nothing_is_kept(
         def full(*_: Any) -> None:
             raise OSError(28, "No space left on device")
 
-        monkeypatch.setattr("trackbench.base.user_cache.os.replace", full)
+        monkeypatch.setattr("trackbench.base.files.os.replace", full)
     else:
         folder.write_text("no folder")
         folder = folder if where == "a file" else folder / "below"

@@ -18,9 +18,9 @@ from tests.support.scenes import member
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.engine.choice import Engine
+from trackbench.engine.equations import EngineUsed
 from trackbench.engine.filters import fused
 from trackbench.engine.kernels import OTHER_NUMBERS
-from trackbench.engine.used import EngineUsed
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker

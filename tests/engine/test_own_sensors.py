@@ -14,7 +14,7 @@ from tests.engine.own_sensors import Counting
 from tests.support.scenes import tracker
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.filtered import FilterTracker
 

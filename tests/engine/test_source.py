@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trackbench.engine import kernels as engine
-from trackbench.engine import source
+from trackbench.engine import layout
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input
@@ -40,7 +40,7 @@ def traced(kernels: Kernels, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return trace(equations, inputs)
 
     monkeypatch.setattr(engine, "trace", counted)
-    monkeypatch.setattr(source, "package_source", lambda: "as it is")
+    monkeypatch.setattr(layout, "package_source", lambda: "as it is")
     return made
 
 
@@ -65,7 +65,7 @@ def test_what_they_were_made_for_tells_them_apart(traced: list[str], tmp_path: P
 
 def test_another_source_is_traced_again(traced: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run(tmp_path, of_package(2.0, "scaled"))
-    monkeypatch.setattr(source, "package_source", lambda: "edited")
+    monkeypatch.setattr(layout, "package_source", lambda: "edited")
     run(tmp_path, of_package(3.0, "scaled"))
     assert len(traced) == 2
 
@@ -85,7 +85,7 @@ class Own:
 
 @pytest.mark.parametrize("key", [Own, (1, Own), Own(), np.sin, lambda: 0, np.float32(1.0), (None, (frozenset(),))])
 def test_what_is_made_for_something_of_others_is_always_traced(traced: list[str], key: Any, tmp_path: Path) -> None:
-    assert source.source_key(of_package(2.0, key), INPUTS) is None
+    assert layout.source_key(of_package(2.0, key), INPUTS) is None
     run(tmp_path, of_package(2.0, key))
     run(tmp_path, of_package(2.0, key))
     assert len(traced) == 2
@@ -93,15 +93,15 @@ def test_what_is_made_for_something_of_others_is_always_traced(traced: list[str]
 
 def test_equations_of_others_are_always_traced(traced: list[str], tmp_path: Path) -> None:
     equations = Equations("own", lambda values: {"y": values["x"]}, {"x": 0}, key="own")
-    assert source.source_key(equations, INPUTS) is None
+    assert layout.source_key(equations, INPUTS) is None
     run(tmp_path, equations)
     run(tmp_path, equations)
     assert len(traced) == 2
 
 
 def test_the_source_of_a_package_that_changes_is_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    package_source = source.package_source.__wrapped__
-    monkeypatch.setattr(source, "PACKAGE", tmp_path)
+    package_source = layout.package_source.__wrapped__
+    monkeypatch.setattr(layout, "PACKAGE", tmp_path)
     assert package_source() is None
     (tmp_path / "a.py").write_text("a = 1\n")
     os.utime(tmp_path / "a.py", (1e9, 1e9))

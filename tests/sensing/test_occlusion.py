@@ -10,8 +10,8 @@ import pytest
 from tests.support.scenes import truth
 
 from trackbench.base.types import Array, Mask, Truth
-from trackbench.sensing import occlusion
-from trackbench.sensing.occlusion import crosses, occluded
+from trackbench.sensing import view
+from trackbench.sensing.view import crosses, occluded
 
 
 def scattered(objects: int, runs: int, steps: int, seed: int) -> Truth:
@@ -67,7 +67,7 @@ def test_as_by_brute_force(objects: int, runs: int, monkeypatch: pytest.MonkeyPa
     origin = np.random.default_rng(5).uniform(-2, 2, (2, 40))
     expected = slow(of, origin)
     assert 0.05 < expected.mean() < 0.5
-    monkeypatch.setattr(occlusion, "CHUNK", 1000)
+    monkeypatch.setattr(view, "CHUNK", 1000)
     np.testing.assert_array_equal(occluded(of, np.arange(40), origin), expected)
 
 

@@ -8,8 +8,8 @@ from tests.support.scenes import fixed_observer, truth
 from trackbench.base.streams import stream
 from trackbench.base.types import Observer
 from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
-from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.view import sensor_motion
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
 LIDAR = {"rate_hz": 10, "position_sigma_m": 0.15}

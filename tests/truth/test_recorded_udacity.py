@@ -11,7 +11,7 @@ from tests.support.udacity import recorded_lines, synthetic_lines
 
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw, LoadedTruth
-from trackbench.truth.recorded.udacity_file import parse
+from trackbench.truth.recorded.udacity import parse
 from trackbench.truth.sources import RecordingTruth
 
 KINDS = {"roof": "lidar", "front": "radar"}

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trackbench.base import user_cache
+from trackbench.base import files
+from trackbench.base.files import cache_folder
 from trackbench.base.types import Progress, Truth
-from trackbench.base.user_cache import cache_folder
 from trackbench.truth import Draw, LoadedTruth, cache, highway
 from trackbench.truth.sources import HighwayTruth
 
@@ -119,7 +119,7 @@ def test_failed_write_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPat
     def full(source: str, target: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(user_cache.os, "replace", full)
+    monkeypatch.setattr(files.os, "replace", full)
     assert "No space left" in load(CONFIG).notes[0]
     assert list(folder.iterdir()) == []
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from trackbench import results
 from trackbench.api.display import Report
 from trackbench.api.scenario import listed
-from trackbench.base.errors import InputError
-from trackbench.base.words import counted
+from trackbench.base.errors import InputError, counted
 from trackbench.compare import Limit, ResultSet, comparison, find
 from trackbench.compare import compare as compare_sets
 from trackbench.report.comparison import document

@@ -6,8 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from trackbench import results
-from trackbench.base.errors import InputError, nearest
-from trackbench.base.words import counted
+from trackbench.base.errors import InputError, counted, nearest
 
 if TYPE_CHECKING:
     from trackbench.api.display import Report, ReportFigure

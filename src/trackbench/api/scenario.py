@@ -9,9 +9,8 @@ from typing import Any
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.load import scenario_of
+from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.recorded_checks import same_every_run
-from trackbench.scenario.select import select_trackers
 
 #: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
 Named = Path | str | Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""The errors that a user can cause, each shown as one clear message."""
+"""The errors that a user can cause, each shown as one clear message, and words of messages."""
 
 from __future__ import annotations
 
@@ -70,3 +70,8 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     if close:
         return f"did you mean {close[0]!r}?"
     return "choose from: " + ", ".join(known) if known else "there is none to choose from"
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 run", "2 runs"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

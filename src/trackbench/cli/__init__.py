@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from trackbench.base.garbage import collect_rarely
+from trackbench.base.process import collect_rarely
 
 
 def main() -> None:

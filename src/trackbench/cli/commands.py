@@ -16,8 +16,8 @@ import click
 
 from trackbench import __version__
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
-from trackbench.base.input_files import is_utf8
-from trackbench.base.interruption import INTERRUPTED
+from trackbench.base.files import is_utf8
+from trackbench.base.process import INTERRUPTED
 from trackbench.base.subjects import Command, offered, resolve
 from trackbench.base.user_code import place_of
 from trackbench.cli import standard_streams

@@ -11,8 +11,7 @@ import click
 from rich.console import Console
 
 from trackbench import results
-from trackbench.base.errors import InputError
-from trackbench.base.words import counted
+from trackbench.base.errors import InputError, counted
 from trackbench.cli.run import FAILED_EXPECTATION
 
 

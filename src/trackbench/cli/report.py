@@ -10,9 +10,8 @@ import click
 from rich.console import Console
 
 from trackbench import results
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import offered, resolve
-from trackbench.base.words import counted
 from trackbench.cli.choices import NearestChoice
 from trackbench.document.palette import tracker_colours
 

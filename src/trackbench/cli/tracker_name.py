@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-from trackbench.base import input_files
+from trackbench.base import files
 from trackbench.base.errors import InputError
 
 
@@ -26,7 +26,7 @@ def require_tracker(named: str) -> None:
 def _classes(file: Path) -> list[str]:
     """The classes of a module as a command names them; nothing in it is run."""
     try:
-        module = ast.parse(input_files.read_bytes(file, input_files.SCENARIO))
+        module = ast.parse(files.read_bytes(file, files.SCENARIO))
     except (SyntaxError, ValueError):
         return [f"{file.stem}:Class"]
     names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]

@@ -11,8 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from trackbench.base.errors import InputError
-from trackbench.base.words import counted
+from trackbench.base.errors import InputError, counted
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.groups import ScenarioResults
 from trackbench.scenario.config import ScenarioConfig

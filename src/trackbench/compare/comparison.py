@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from trackbench.base.errors import InputError
-from trackbench.base.input_files import read_bytes
+from trackbench.base.files import read_bytes
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part

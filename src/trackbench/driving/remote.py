@@ -16,7 +16,7 @@ from trackbench.driving.processes import NO_ANSWER, TrackerProcess
 from trackbench.driving.steppers import Stepper, local
 from trackbench.driving.tracks import TracksStepper, checked_tracks, local_tracks
 from trackbench.engine.choice import Engine
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.faults import fault_of
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked, unpack
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig

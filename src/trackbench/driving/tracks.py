@@ -13,7 +13,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_run
 from trackbench.driving.faults import fault_of
 from trackbench.engine.choice import Engine
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.multi import MultiObjectTracker, build_multi

@@ -6,9 +6,8 @@ import logging
 from typing import Any, Literal, get_args
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.engine.equations import Compute, by_numpy
+from trackbench.engine.equations import Compute, EngineUsed, by_numpy
 from trackbench.engine.machine import unavailable
-from trackbench.engine.used import EngineUsed
 from trackbench.filters import Filter
 
 Engine = Literal["numpy", "fused"]

@@ -23,10 +23,9 @@ from trackbench.engine.beliefs import (
     taken_apart,
     untold,
 )
-from trackbench.engine.elsewhere import form_of, is_traced, settled
-from trackbench.engine.equations import Equations, Values
+from trackbench.engine.equations import EngineUsed, Equations, Values
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.user_equations import form_of, is_traced, settled
 from trackbench.filters import (
     AnyBelief,
     Belief,

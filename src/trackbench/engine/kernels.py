@@ -14,13 +14,12 @@ import numpy.typing as npt
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
-from trackbench.engine.elsewhere import of_elsewhere
 from trackbench.engine.equations import Equations, Values, by_numpy
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
-from trackbench.engine.layout import Input, KernelLayout
+from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
 from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
-from trackbench.engine.source import packed, source_key, unpacked
 from trackbench.engine.trace import trace
+from trackbench.engine.user_equations import has_user_equations
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
@@ -121,7 +120,7 @@ class Kernels:
             begin = time.perf_counter()
             self._found[made_for] = self._made(equations, inputs)
             self.seconds += time.perf_counter() - begin
-            if self._found[made_for] is not None and of_elsewhere(equations.key):
+            if self._found[made_for] is not None and has_user_equations(equations.key):
                 self._unproven.add(made_for)
         kernel = self._found[made_for]
         ways = (

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.user_cache import cache_folder, write_whole
+from trackbench.base.files import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.

@@ -8,9 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from trackbench.engine.content import Content
-from trackbench.engine.elsewhere import from_elsewhere
 from trackbench.engine.equations import Values
+from trackbench.engine.user_equations import SourceFingerprint, is_user_type
 from trackbench.filters import Filter, InteractingMultipleModel
 from trackbench.models.motion import MotionModel
 
@@ -73,8 +72,8 @@ def form(value: Any) -> Hashable:
         # How the modes switch is an input.
         return tuple(map(form, value.filters))
     if isinstance(value, MotionModel):
-        if from_elsewhere(type(value)):
-            return Content(value)
+        if is_user_type(type(value)):
+            return SourceFingerprint(value)
         kept = [(name, _form(item, _each_has_its_own(value, name))) for name, item in _fields(value).items()]
         return type(value), tuple(kept)
     if is_dataclass(value) and not isinstance(value, type):
@@ -89,7 +88,7 @@ def _fields(model: MotionModel) -> Mapping[str, Any]:
 
 def _each_has_its_own(model: MotionModel, name: str) -> bool:
     """Whether an array is an option of each member, and not one that is the same for all."""
-    return name in getattr(model, "driving_noise", ()) or not from_elsewhere(type(model))
+    return name in getattr(model, "driving_noise", ()) or not is_user_type(type(model))
 
 
 def _numbers(value: Any, at: str, arrays: bool) -> dict[str, Any]:

@@ -22,8 +22,8 @@ from trackbench.filters.base import (
     either,
     stepped,
 )
-from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
+from trackbench.filters.smoothers import future
 from trackbench.models.motion import MotionModel
 
 #: The least probability of a mode: one that underflowed to zero could never come back where modes do not switch.

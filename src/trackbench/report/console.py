@@ -9,7 +9,7 @@ from functools import cached_property
 from rich.console import Console
 from rich.text import Text
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from pydantic import ValidationError
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.base.input_files import read_bytes
+from trackbench.base.files import read_bytes
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tables import Tables

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.results.metric_value import Part
 from trackbench.results.truth_audit import TruthAudit
 

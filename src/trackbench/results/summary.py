@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from trackbench.engine.used import ComputedBy
+from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import Part
 from trackbench.results.scenario_summary import ReferenceSummary, ScenarioSummary, SensorSummary, TruthSummary
 from trackbench.results.score_summary import ScoreSummary

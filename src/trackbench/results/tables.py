@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError
-from trackbench.base.input_files import require_regular
+from trackbench.base.files import require_regular
 from trackbench.results.table_check import TableLayout, require_table
 
 

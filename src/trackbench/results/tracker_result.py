@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
-from trackbench.engine.used import ComputedBy
+from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, Part, flat_metrics, nested_metrics
 
 #: How a tracker associates that knows the true origin of each detection.

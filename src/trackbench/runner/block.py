@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Estimate, Gaussian, Progress, Scan, no_
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.steppers import Offline, Stepper, masked
 from trackbench.engine.choice import compute_by, seconds_on_kernels
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES

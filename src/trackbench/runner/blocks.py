@@ -13,7 +13,7 @@ from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
-from trackbench.scenario.modules import own_folder
+from trackbench.scenario.load import own_folder
 
 
 class PendingBlocks:

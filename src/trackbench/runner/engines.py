@@ -6,11 +6,11 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.driving.steppers import Stepper
 from trackbench.driving.tracks import TracksStepper
+from trackbench.engine.equations import ComputedBy, EngineUsed, joined
 from trackbench.engine.machine import unavailable
-from trackbench.engine.used import ComputedBy, EngineUsed, joined
 from trackbench.runner.work import Work
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import Any
 
+from trackbench.base.errors import counted
 from trackbench.base.execution import InProcess
 from trackbench.base.types import Progress, no_progress
-from trackbench.base.words import counted
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Failure, Result

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.engine.used import ComputedBy
+from trackbench.engine.equations import ComputedBy
 from trackbench.metrics import Metric
 from trackbench.models.sensors import Sensor
 from trackbench.results import Summary, TrackerResult

@@ -13,7 +13,7 @@ from trackbench.base.types import FALSE_ALARM, Array, Indices, Progress, Scan, T
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start_tracks
 from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.traffic import (
     Associations,
     TrackHistory,

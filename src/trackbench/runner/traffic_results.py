@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.engine.used import ComputedBy
+from trackbench.engine.equations import ComputedBy
 from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
 from trackbench.metrics.traffic import TRACK_METRICS, RunRatio

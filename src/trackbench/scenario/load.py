@@ -1,18 +1,18 @@
-"""A scenario file, read and validated."""
+"""From a file to a checked scenario."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
-from trackbench.base import input_files
+from trackbench.base import files
 from trackbench.base.config import KeyPath
 from trackbench.base.config.explain import explain
-from trackbench.base.errors import InputError, InputErrors
-from trackbench.base.words import counted
+from trackbench.base.errors import InputError, InputErrors, counted, nearest
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
@@ -89,7 +89,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
 
 def _read(path: Path) -> str:
     try:
-        raw = input_files.read_bytes(path, input_files.SCENARIO)
+        raw = files.read_bytes(path, files.SCENARIO)
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
     try:
@@ -122,3 +122,53 @@ def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
         path = (*path, step)
         node = node[step] if is_index else node.get(part) if isinstance(node, dict) else None
     return path
+
+
+def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
+    """The scenario with some of its trackers, and the expectations that can still be judged.
+
+    Args:
+        loaded: the scenario.
+        names: of trackers; that of a sweep stands for all of its points.
+
+    Raises:
+        InputError: there is no tracker of a name.
+    """
+    config = loaded.config
+    for name in names:
+        if name not in config.trackers and name not in loaded.sweeps:
+            problem = f"no tracker {name!r} in this scenario; {nearest(name, [*config.trackers, *loaded.sweeps])}"
+            raise InputError(problem, key="--trackers", file=loaded.path)
+    wanted = {point for name in names for point in loaded.sweeps.get(name, (name,))}
+    kept = {name: tracker for name, tracker in config.trackers.items() if name in wanted}
+    if not kept:
+        raise InputError("name at least one tracker", key="--trackers", file=loaded.path)
+    expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
+    chosen = config.model_copy(update={"trackers": kept, "expect": expect})
+    return replace(loaded, config=chosen, selected=tuple(names))
+
+
+def own_modules(loaded: Scenario) -> list[Path]:
+    """The modules beside a scenario that it names, as in ``use: my_tracker:Tracker``."""
+    folder = loaded.path.resolve().parent
+    files = (folder / f"{name}.py" for name in _named(loaded) if name.isidentifier())
+    return list(dict.fromkeys(file for file in files if file.is_file()))
+
+
+def own_folder(loaded: Scenario) -> Path | None:
+    """The scenario's folder, if there are modules or packages in it that the scenario names."""
+    folder = loaded.path.resolve().parent
+    tops = {name.partition(".")[0] for name in _named(loaded)}
+    there = any((folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file() for top in tops)
+    return folder if there else None
+
+
+def _named(loaded: Scenario) -> Iterator[str]:
+    """What stands before the colon in every text of the scenario that has one."""
+    waiting: list[Any] = [loaded.document.value]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, dict | list):
+            waiting += node.values() if isinstance(node, dict) else node
+        elif isinstance(node, str) and ":" in node:
+            yield node.partition(":")[0]

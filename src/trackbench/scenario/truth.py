@@ -9,11 +9,10 @@ from pathlib import Path
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.types import Progress, no_progress
-from trackbench.scenario.load import Scenario
-from trackbench.scenario.modules import own_folder
+from trackbench.scenario.load import Scenario, own_folder
 from trackbench.sensing.view import reach
 from trackbench.truth import Draw, LoadedTruth, TruthSource
-from trackbench.truth.limits import LARGEST
+from trackbench.truth.jumps import LARGEST
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:

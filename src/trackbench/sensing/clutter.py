@@ -11,8 +11,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.sensing.scans import IdealSensor, with_noise
-from trackbench.sensing.schedule import silent
-from trackbench.sensing.view import field_of_view
+from trackbench.sensing.view import field_of_view, silent
 
 
 class FalseAlarms(NamedTuple):

@@ -15,8 +15,7 @@ from trackbench.models.sensors import Sensor
 from trackbench.sensing.clutter import false_alarms
 from trackbench.sensing.resolution import resolve
 from trackbench.sensing.scans import IdealSensor, arrivals, measured
-from trackbench.sensing.schedule import silent
-from trackbench.sensing.view import field_of_view
+from trackbench.sensing.view import field_of_view, silent
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
 #: caused it.

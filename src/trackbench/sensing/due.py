@@ -10,10 +10,8 @@ import numpy.typing as npt
 
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, Indices, Mask, Truth
 from trackbench.models.sensors import Sensor
-from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.scans import IdealSensor
-from trackbench.sensing.schedule import silent
-from trackbench.sensing.view import field_of_view, in_view, polar
+from trackbench.sensing.view import SensorMotion, field_of_view, in_view, polar, sensor_motion, silent
 
 
 class Due(NamedTuple):

@@ -12,9 +12,15 @@ from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
-from trackbench.sensing.geometry import SensorMotion, sensor_motion
-from trackbench.sensing.schedule import firing_steps, silent
-from trackbench.sensing.view import detection_probability, in_view, polar
+from trackbench.sensing.view import (
+    SensorMotion,
+    detection_probability,
+    firing_steps,
+    in_view,
+    polar,
+    sensor_motion,
+    silent,
+)
 from trackbench.truth.base import Recorded
 
 

@@ -1,16 +1,115 @@
-"""Which objects a sensor has in view, and how likely it detects them."""
+"""When and what a sensor sees: schedule, geometry, field of view, occlusion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from trackbench.base.types import Array, FieldOfView, Indices, Mask, Truth
+from trackbench.base.types import Array, FieldOfView, Indices, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.models.sensors import Radar, Sensor
-from trackbench.sensing.geometry import SensorMotion
-from trackbench.sensing.occlusion import occluded
+from trackbench.models.sensors import Mount, Radar, Sensor
+
+#: Instants are multiples of a step that is not exact in binary, s.
+TOLERANCE = 5e-7
+
+
+def firing_steps(config: Sensor, time: Array) -> npt.NDArray[np.intp]:
+    """Indices of the truth steps at which the sensor measures: the first at or after each instant of its rate.
+
+    On a regular grid whose rate that of the sensor divides, these are the instants themselves.
+    """
+    assert config.rate_hz is not None
+    due = np.arange(config.phase_s, time[-1] + TOLERANCE, 1.0 / config.rate_hz)
+    return np.unique(np.searchsorted(time, due - TOLERANCE))
+
+
+def silent(config: Sensor, time: Array) -> Mask:
+    """Whether the sensor is silent at each time; a dropout holds from its first instant to before its last."""
+    mask = np.zeros(np.shape(time), dtype=bool)
+    for dropout in config.dropouts:
+        mask |= (time >= dropout.from_s - TOLERANCE) & (time < dropout.to_s - TOLERANCE)
+    return mask
+
+
+class SensorMotion(NamedTuple):
+    """Pose and velocity of a sensor in the fixed frame."""
+
+    pose: Array
+    """``(3, steps)`` x m, y m, yaw rad."""
+    velocity: Array
+    """``(2, steps)`` m/s."""
+
+
+def sensor_motion(observer: Observer, mount: Mount) -> SensorMotion:
+    """The motion of a sensor fixed to the observer: its velocity includes that of the observer's rotation."""
+    c, s = np.cos(observer.yaw), np.sin(observer.yaw)
+    arm_x, arm_y = c * mount.x_m - s * mount.y_m, s * mount.x_m + c * mount.y_m
+    yaw = observer.yaw + np.deg2rad(mount.yaw_deg)
+    pose = np.stack([observer.px + arm_x, observer.py + arm_y, yaw])
+    turn = observer.yaw_rate
+    return SensorMotion(pose, np.stack([observer.vx - turn * arm_y, observer.vy + turn * arm_x]))
+
+
+#: Lines of sight that are held at a time.
+CHUNK = 200_000
+#: Points of a box that are looked at, in half lengths and half widths: its centre and its corners.
+POINTS = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=float)
+
+
+def occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
+    """Whether other objects hide an object: their boxes cross the lines of sight to its centre and its corners.
+
+    Args:
+        truth: the motion, and the sizes.
+        steps: ``(instants,)`` of the truth.
+        origin: ``(2, instants)`` x, y where the sensor is, m.
+
+    Returns:
+        ``(instants, objects, runs or 1)``.
+    """
+    objects, runs = truth.px.shape[1:]
+    size = max(1, CHUNK // (len(POINTS) * objects * runs))
+    found = np.empty((len(steps), objects, runs), dtype=bool)
+    for first in range(0, len(steps), size):
+        part = slice(first, first + size)
+        found[part] = _occluded(truth, steps[part], origin[:, part])
+    return found
+
+
+def crosses(start: Array, end: Array, half_length: Array | float, half_width: Array | float) -> Mask:
+    """Whether segments ``(2, ...)`` meet a box at the origin, whose sides lie along the axes.
+
+    Source: Ericson (2005), "Real-Time Collision Detection", section 5.3.3: no axis separates the two.
+    """
+    mx, my = (start + end) / 2
+    dx, dy = (end - start) / 2
+    along, across = np.abs(dx), np.abs(dy)
+    found = (np.abs(mx) <= half_length + along) & (np.abs(my) <= half_width + across)
+    return np.asarray(found & (np.abs(mx * dy - my * dx) <= half_length * across + half_width * along))
+
+
+def _occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
+    px, py, heading = truth.px[steps], truth.py[steps], truth.heading[steps]
+    c, s = np.cos(heading), np.sin(heading)
+    half_length, half_width = truth.length / 2, truth.width / 2
+    ahead, left = (POINTS[:, i, None, None, None] * half[:, None] for i, half in enumerate((half_length, half_width)))
+    x, y = px + c * ahead - s * left, py + s * ahead + c * left
+    ox, oy = (np.broadcast_to(values[None, :, None, None], x.shape) for values in origin)
+    blocked = np.zeros(x.shape, dtype=bool)
+    for other in range(len(truth.ids)):
+        cx, cy, co, so = (values[:, other, None] for values in (px, py, c, s))
+        start, end = (
+            np.stack([co * (a - cx) + so * (b - cy), co * (b - cy) - so * (a - cx)]) for a, b in ((ox, oy), (x, y))
+        )
+        crossed = crosses(start, end, half_length[other], half_width[other])
+        crossed &= truth.alive[steps, other][:, None, None]
+        crossed[:, :, other] = False
+        blocked |= crossed
+    return np.asarray(blocked.all(axis=0))
+
 
 #: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
 FALSE_ALARM_PROBABILITY = 1e-6

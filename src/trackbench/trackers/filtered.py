@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.engine.choice import Engine, used
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.filters import Filter
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial

@@ -10,9 +10,9 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.base.units import difference
-from trackbench.engine.elsewhere import form_of, is_traced, settled
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.options import form, numbers, with_numbers, within
+from trackbench.engine.user_equations import form_of, is_traced, settled
 from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
 from trackbench.models.sensors import Sensor

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.files import cache_folder, write_whole
 from trackbench.base.types import Observer, Truth
-from trackbench.base.user_cache import cache_folder, write_whole
 from trackbench.truth.config import HighwayOptions
 
 #: To be raised whenever the same configuration leads to another truth, or is stored in another way.

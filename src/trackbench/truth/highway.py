@@ -19,15 +19,12 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit, by_euler
-from trackbench.truth.bodies import target_bodies, truth_bodies
+from trackbench.truth.bodies import lane_edges, target_bodies, truth_bodies, with_sizes
 from trackbench.truth.config import FixedObserver, HighwayOptions
 from trackbench.truth.frames import Frames, held
-from trackbench.truth.instants import at_instants
+from trackbench.truth.instants import Recorder, at_instants
 from trackbench.truth.jumps import summarised
-from trackbench.truth.recorder import Recorder
-from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
-from trackbench.truth.sizes import with_sizes
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")

@@ -15,7 +15,7 @@ from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVeloc
 from trackbench.truth.audit import exact
 from trackbench.truth.config import MovingObserver, ScriptedOptions
 from trackbench.truth.config.scripted import Piece, ScriptedObject, ScriptedStart
-from trackbench.truth.limits import require_possible
+from trackbench.truth.jumps import require_possible
 
 Generators = Sequence[np.random.Generator]
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-from trackbench.base.execution.blas import one_blas_thread
-from trackbench.base.execution.serial import InProcess
+from trackbench.base.execution.task import InProcess, one_blas_thread
 
 log = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.execution.task import Task
-from trackbench.base.interruption import uninterrupted
+from trackbench.base.process import uninterrupted
 
 try:
     import dask

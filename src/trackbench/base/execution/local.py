@@ -15,8 +15,7 @@ from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool
 
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.garbage import collect_rarely
-from trackbench.base.interruption import allow_termination, uninterrupted
+from trackbench.base.process import allow_termination, collect_rarely, uninterrupted
 
 DIED = "worker processes died twice; --workers 1 may show what they died of"
 #: Between two looks whether the process that started a worker is still there, s.

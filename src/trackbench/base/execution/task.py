@@ -1,20 +1,22 @@
-"""What is sent to another process: a function with the constant that its calls share."""
+"""A piece of work, the executor of this process, and the threads of BLAS."""
 
 from __future__ import annotations
 
+import logging
 import pickle
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.execution.blas import one_blas_thread
 
 #: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
 _ONE_AT_A_TIME = Lock()
@@ -118,3 +120,55 @@ def _found_in(package: str, places: tuple[Path, ...]) -> bool:
     return package != "trackbench" and any(
         (place / f"{package}.py").is_file() or (place / package).is_dir() for place in places
     )
+
+
+class InProcess(Executor):
+    """Runs each call in this process, at the time at which its result is asked for."""
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """A future whose ``result()`` makes the call."""
+        return _Later(partial(call, *args, **kwargs))
+
+    def __str__(self) -> str:
+        return "in this process"
+
+
+class _Later(Future[Any]):
+    def __init__(self, call: Callable[[], Any]) -> None:
+        super().__init__()
+        self._call = call
+
+    def result(self, timeout: float | None = None) -> Any:
+        if not self.done() and self.set_running_or_notify_cancel():
+            try:
+                self.set_result(self._call())
+            except Exception as error:
+                self.set_exception(error)
+        return super().result(timeout)
+
+
+log = logging.getLogger(__name__)
+
+_limited = ContextVar("limited", default=False)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Limit BLAS to one thread; also a decorator.
+
+    The products of a filter are so small that a second thread costs more than it saves, and many times more where the
+    processor is shared.
+    """
+    if _limited.get():
+        yield
+        return
+    # Takes some 10 ms, which only the commands that compute shall wait for.
+    from threadpoolctl import threadpool_limits
+
+    token = _limited.set(True)
+    try:
+        with threadpool_limits(1, user_api="blas"):
+            log.info("linear algebra (BLAS) is limited to one thread")
+            yield
+    finally:
+        _limited.reset(token)

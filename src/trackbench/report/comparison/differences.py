@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, GateResult, OverallChange
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone

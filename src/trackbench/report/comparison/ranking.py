@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore, RankedTracker
 from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.report.numbers import decimals, fixed, joined
 from trackbench.results import TruthAudit, TruthSummary
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Section, Status, TrackerStyle
 from trackbench.document.palette import tracker_colours
 from trackbench.document.styles import tracker_styles

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.results import Result

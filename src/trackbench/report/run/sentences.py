@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses

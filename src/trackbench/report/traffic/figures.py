@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, panel_title
 from trackbench.document.drawing import DASHED, INK, WIDTH

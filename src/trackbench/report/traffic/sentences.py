@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, interval, percent
 from trackbench.report.run.pairs import Pair, Pairs

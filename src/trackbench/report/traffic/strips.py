@@ -9,7 +9,7 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
 from trackbench.document.drawing import GRID, INK, WIDTH

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
-from trackbench.base.input_files import read_bytes
+from trackbench.base.files import read_bytes
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.models.sensors import Sensor

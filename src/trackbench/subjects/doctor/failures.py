@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from trackbench.base.errors import TrackbenchError
+from trackbench.base.errors import TrackbenchError, counted
 from trackbench.base.types import Estimate
-from trackbench.base.words import counted
 from trackbench.driving.alone import NOT_COPIED
 from trackbench.subjects.doctor.check_list import STEPS_ASKED
 from trackbench.subjects.doctor.covariance_origin import indefinite, indefinite_entries, indefinite_shown, named

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Observer, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.doctor.site import Carrier, SensorSite
 from trackbench.subjects.doctor.turned import rotation
 

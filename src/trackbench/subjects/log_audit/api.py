@@ -12,12 +12,12 @@ from typing import Any, Self
 from trackbench import results
 from trackbench.api.display import Report
 from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.base.errors import counted
 from trackbench.base.types import Progress, no_progress
-from trackbench.base.words import counted
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
-from trackbench.scenario.modules import own_modules
+from trackbench.scenario.load import own_modules
 from trackbench.subjects.log_audit.as_json import to_json
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log
 from trackbench.subjects.log_audit.corrections import corrected

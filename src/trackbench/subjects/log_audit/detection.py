@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.subjects.log_audit.blocks import BlockInterval, blocks_of
 from trackbench.subjects.log_audit.noise import Band, band_edges
 from trackbench.subjects.log_audit.sensor_log import SensorLog
-from trackbench.truth.recorded.cycles import Cycles
+from trackbench.truth.recorded.drive import Cycles
 
 #: The field of view is taken as narrower than stated if more than this share of the chances outside it gave nothing.
 OUTSIDE = 0.02

@@ -25,7 +25,7 @@ from trackbench.subjects.log_audit.simple_findings import (
     unit_finding,
 )
 from trackbench.subjects.log_audit.units_check import WrongUnit, wrong_units
-from trackbench.truth.recorded.cycles import Cycles
+from trackbench.truth.recorded.drive import Cycles
 
 #: A clock drifts if its offset changes by more than this during the log, s.
 DRIFT_S = 0.005

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Observer
 from trackbench.base.units import difference
 from trackbench.models.sensors import Mount, Radar, Sensor
-from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.view import sensor_motion
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.assemble import carrier, fixed
 from trackbench.truth.recorded.drive import Log

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.clocks import Clock
 from trackbench.subjects.log_audit.detection import Detections

@@ -10,7 +10,7 @@ import pyarrow as pa
 import rerun as rr
 
 from trackbench.base.errors import InputError
-from trackbench.base.input_files import require_regular
+from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
 from trackbench.results.table_check import require_table
 from trackbench.subjects.recording.chunks import SUMMARY as COMPONENT

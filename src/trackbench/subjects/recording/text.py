@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.metrics.verdict_words import MEANING, conditions_off
 from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult, sensor_words
 from trackbench.results.scenario_summary import SensorSummary

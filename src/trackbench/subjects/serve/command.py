@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from trackbench.base.errors import InputError
-from trackbench.base.interruption import INTERRUPTED
+from trackbench.base.process import INTERRUPTED
 from trackbench.cli.completion import served_trackers
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import log_to_stderr

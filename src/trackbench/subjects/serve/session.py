@@ -20,8 +20,7 @@ from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.scenario import Scenario
-from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.schedule import silent
+from trackbench.sensing.view import sensor_motion, silent
 from trackbench.subjects.serve.protocol import Marker
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.trackers.config import FilterConfig, PluginConfig

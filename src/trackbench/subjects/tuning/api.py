@@ -13,7 +13,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
-from trackbench.scenario.select import select_trackers
+from trackbench.scenario.load import select_trackers
 from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.evaluation import Bench
 from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective

@@ -10,7 +10,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.execution import executor
-from trackbench.base.interruption import INTERRUPTED
+from trackbench.base.process import INTERRUPTED
 from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
 from trackbench.cli.engine import engine_option
 from trackbench.cli.isolation import isolation_options

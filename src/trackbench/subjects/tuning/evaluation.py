@@ -16,10 +16,10 @@ from trackbench.base.types import Indices, Progress, no_progress
 from trackbench.driving.faults import fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, chosen
-from trackbench.engine.used import EngineUsed, joined
+from trackbench.engine.equations import EngineUsed, joined
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
-from trackbench.scenario.modules import own_folder
+from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
 from trackbench.subjects.tuning.given import PackedGiven
 from trackbench.subjects.tuning.hidden import score_hidden

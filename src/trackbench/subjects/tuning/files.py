@@ -13,7 +13,7 @@ from trackbench.document.drawing import svg_file
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
-from trackbench.scenario.modules import own_modules
+from trackbench.scenario.load import own_modules
 from trackbench.scenario.shipped import shown_name
 from trackbench.subjects.tuning.api import TunePlan
 from trackbench.subjects.tuning.as_json import to_json

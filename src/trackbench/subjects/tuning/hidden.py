@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
 from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.traffic_sums import PATHS

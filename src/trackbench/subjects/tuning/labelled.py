@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.driving.steppers import Offline, masked
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.metrics.breakdown import DOF
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
 from trackbench.subjects.tuning.held_out import MeasureComparison, direction

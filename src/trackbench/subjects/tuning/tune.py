@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.engine.used import ComputedBy
+from trackbench.engine.equations import ComputedBy
 from trackbench.runner.engines import log_left_to_numpy
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator

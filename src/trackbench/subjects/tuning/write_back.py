@@ -19,7 +19,7 @@ from trackbench.scenario.source import parse
 from trackbench.scenario.sweep import expand_sweeps
 from trackbench.subjects.tuning.entry import plain
 from trackbench.subjects.tuning.parameters import Values
-from trackbench.truth.recorded.files import find
+from trackbench.truth.recorded.rows import find
 
 START, TUNED = "_start", "_tuned"
 #: Columns of a line.

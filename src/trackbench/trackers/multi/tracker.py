@@ -11,8 +11,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
 from trackbench.engine.choice import Engine, compute_by, used
-from trackbench.engine.equations import Compute
-from trackbench.engine.used import EngineUsed
+from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, Filter, bare
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.config import AdvanceAt, AssumedSensors

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
-from trackbench.truth.config.observer import FixedObserver, MovingObserver
-from trackbench.truth.config.recording import RecordingOptions
+from trackbench.truth.config.recording import FixedObserver, MovingObserver, RecordingOptions
 from trackbench.truth.config.scripted import ScriptedOptions
 
 __all__ = [

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 
 from trackbench.base.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
 from trackbench.truth.base import MAX_SCENES, SteppedTruth
-from trackbench.truth.config.observer import FixedObserver
+from trackbench.truth.config.recording import FixedObserver
 
 LARGEST_SEED = 2**32 - 1
 

@@ -10,8 +10,8 @@ from pydantic import Field
 from trackbench.base.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
-from trackbench.truth.config.observer import MovingObserver
-from trackbench.truth.limits import Position, Speed, Velocity
+from trackbench.truth.config.recording import MovingObserver
+from trackbench.truth.jumps import Position, Speed, Velocity
 
 #: The kinds of motion that a piece can have, and the keys that each adds.
 KINDS: dict[str, tuple[str, ...]] = {

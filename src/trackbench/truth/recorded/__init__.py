@@ -57,8 +57,8 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
 
 def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """Read the files of a recording; see :func:`load`."""
-    from trackbench.truth.recorded import table, udacity_file
+    from trackbench.truth.recorded import table, udacity
 
     if config.format == "udacity":
-        return udacity_file.load(config, kinds, folder)
+        return udacity.load(config, kinds, folder)
     return table.load(config, kinds, folder)

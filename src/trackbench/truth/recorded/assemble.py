@@ -6,14 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Observer, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.base.words import counted
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingOptions
-from trackbench.truth.recorded.cycles import Cycles, cycles
-from trackbench.truth.recorded.drive import Drive, Log, Motion
+from trackbench.truth.recorded.drive import Cycles, Drive, Log, Motion, cycles
 
 
 def truth(config: RecordingOptions, drive: Drive, times: Array) -> Truth:

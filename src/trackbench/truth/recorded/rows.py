@@ -1,9 +1,10 @@
-"""Rows of a table from a CSV or Parquet file, as numbers and names."""
+"""The rows of a recorded file."""
 
 from __future__ import annotations
 
 import csv
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
@@ -13,9 +14,62 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.base.files import read_bytes
 from trackbench.base.types import Array
-from trackbench.truth import limits
-from trackbench.truth.recorded.files import read_text
+from trackbench.truth import jumps
+
+_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
+
+
+def find(path: str, folder: Path, key: str) -> Path:
+    """The file that a scenario names.
+
+    Args:
+        path: as the scenario gives it; environment variables are filled in.
+        folder: the scenario's, where a relative path starts; then the working directory.
+        key: the scenario's key, for error messages.
+
+    Raises:
+        InputError: a variable is not set, or there is no such file.
+    """
+    expanded = Path(os.path.expandvars(path)).expanduser()
+    unset = _VARIABLE.search(str(expanded))
+    if unset is not None:
+        name = unset.group(1).strip("{}")
+        raise InputError(f"the environment variable {name} is not set; {_meaning(name)}", key=key)
+    for place in (folder / expanded, expanded):
+        if place.is_file():
+            return place
+    place = folder / expanded
+    if place.is_dir():
+        raise InputError(f"{expanded} is a folder; name a file in it", key=key)
+    names = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
+    hint = f"; {nearest(place.name, names)}" if names else ""
+    raise InputError(f"there is no file {expanded}{hint}", key=key)
+
+
+def read_text(file: Path) -> str:
+    """The text of a file in UTF-8.
+
+    Raises:
+        InputError: it cannot be read, is empty or is not UTF-8.
+    """
+    raw = read_bytes(file)
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x})", file=file, line=line) from None
+    if not text.strip():
+        raise InputError("the file is empty", file=file)
+    return text
+
+
+def _meaning(name: str) -> str:
+    if name == "TRACKBENCH_DATA":
+        return "it is the folder that holds recordings, such as udacity/obj_pose-laser-radar-synthetic-input.txt"
+    return "set it, or write the path without it"
+
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
@@ -45,13 +99,13 @@ class Rows(NamedTuple):
         Args:
             column: its name.
             factor: from its unit.
-            quantity: a key of ``limits.LARGEST``.
+            quantity: a key of ``jumps.LARGEST``.
             optional: whether it may be empty.
         """
         values = np.empty(len(self))
         for row, value in enumerate(self.columns[column]):
             values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value) * factor
-            problem = limits.why_too_large(values[row], quantity)
+            problem = jumps.why_too_large(values[row], quantity)
             if problem is not None:
                 raise self.error(row, f"{column} is {str(value)[:20]!r}: {problem}")
         return values
@@ -72,7 +126,7 @@ class Rows(NamedTuple):
             if _empty(value):
                 raise self.error(row, f"{column} is empty, where the name of an object is expected")
             names.append(str(value).strip())
-            problem = limits.why_no_name(names[-1])
+            problem = jumps.why_no_name(names[-1])
             if problem is not None:
                 raise self.error(row, f"{column}: {problem}")
         return names

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.truth import limits
+from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     MOTION_QUANTITIES,
@@ -21,7 +21,7 @@ from trackbench.truth.config.columns import (
     TruthColumns,
     Units,
 )
-from trackbench.truth.recorded import files, rows
+from trackbench.truth.recorded import rows
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
 from trackbench.truth.recorded.rows import Rows
 
@@ -38,7 +38,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    file = files.find(config.path, folder, "truth.path")
+    file = rows.find(config.path, folder, "truth.path")
     observer = columns.observer
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.given.values(), *(c for e in inside for c in _own(e, columns))]
@@ -47,13 +47,13 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
-    if seconds.max() > limits.LONGEST:
+    if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
-        raise table.error(row, f"{columns.time}: {limits.why_too_long(seconds[row])}")
+        raise table.error(row, f"{columns.time}: {jumps.why_too_long(seconds[row])}")
     motions, order = _motions(table, columns, seconds, units)
     carrier = None
     if observer is not None and observer.path is not None:
-        other = files.find(observer.path, folder, "truth.columns.observer.path")
+        other = rows.find(observer.path, folder, "truth.columns.observer.path")
         time = observer.time or columns.time
         source = rows.read(other, config.format, [time, *observer.given.values()])
         times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
@@ -65,7 +65,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     for name, entry in config.measurements.items():
         source, own_file = table, entry.path is not None
         if entry.path is not None:
-            other = files.find(entry.path, folder, f"truth.readings.{name}.path")
+            other = rows.find(entry.path, folder, f"truth.readings.{name}.path")
             source = rows.read(other, config.format, _own(entry, columns))
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))

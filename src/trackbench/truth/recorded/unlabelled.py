@@ -9,19 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.base.words import counted
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.truth import limits
+from trackbench.truth import jumps
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import POLAR, MeasurementColumns
-from trackbench.truth.recorded import files, rows
+from trackbench.truth.recorded import rows
 from trackbench.truth.recorded.assemble import carrier, fixed
-from trackbench.truth.recorded.cycles import cycles
-from trackbench.truth.recorded.drive import Motion, row_order
+from trackbench.truth.recorded.drive import Motion, cycles, row_order
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
 
@@ -58,7 +56,7 @@ def load(
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
     tables = {
-        name: rows.read(files.find(entry.path or "", folder, f"truth.readings.{name}.path"), config.format, _own(entry))
+        name: rows.read(rows.find(entry.path or "", folder, f"truth.readings.{name}.path"), config.format, _own(entry))
         for name, entry in config.measurements.items()
     }
     stamps = {
@@ -69,9 +67,9 @@ def load(
     found = {}
     for name, entry in config.measurements.items():
         at = seconds_from(start, stamps[name])
-        if at.max() > limits.LONGEST:
+        if at.max() > jumps.LONGEST:
             row = int(np.argmax(at))
-            raise tables[name].error(row, f"{entry.time}: {limits.why_too_long(at[row])}")
+            raise tables[name].error(row, f"{entry.time}: {jumps.why_too_long(at[row])}")
         found[name] = _scans(tables[name], entry, at + entry.time_offset_s, config, kinds[name])
     times = np.unique(np.concatenate([of.time for of in found.values()]))
     motion = None if config.ego is None else _ego(config, folder, start)
@@ -87,7 +85,7 @@ def _ego(config: RecordingOptions, folder: Path, start: Decimal) -> Motion:
     """The motion of what carries the sensors."""
     columns = config.ego
     assert columns is not None
-    file = files.find(columns.path or "", folder, "truth.ego.path")
+    file = rows.find(columns.path or "", folder, "truth.ego.path")
     table = rows.read(file, config.format, [columns.time or "", *columns.given.values()])
     stamps = time_stamps(table, columns.time or "", config.units.factor("time", columns.units.get("time")))
     return observer_motion(table, columns, seconds_from(start, stamps), config.units)

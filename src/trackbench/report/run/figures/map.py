@@ -11,9 +11,8 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
-from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
 from trackbench.document.drawing import INK, MUTED, WIDTH

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.errors import counted
 from trackbench.base.types import Array
-from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
 from trackbench.document.drawing import WIDTH

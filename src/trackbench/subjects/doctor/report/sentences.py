@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.report.numbers import percent
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, Finding

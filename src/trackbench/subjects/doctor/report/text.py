@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import Finding, known_faults
 from trackbench.subjects.doctor.report.sentences import consequences, facts, mark, not_made, roots, verdict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.subjects.log_audit.audit import LogAudit
 from trackbench.subjects.log_audit.corrections import corrected

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.report.numbers import decimals, fixed
 from trackbench.results import Summary
 

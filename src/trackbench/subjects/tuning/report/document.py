@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trackbench.base.words import counted
+from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.report.numbers import joined
 from trackbench.subjects.tuning.outcome import headline, remarks

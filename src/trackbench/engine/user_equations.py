@@ -1,16 +1,25 @@
-"""What equations from elsewhere depend on, so that a change of it is noticed."""
+"""Equations of models and sensors that are not the package's own, and all that they depend on.
+
+What is traced is called once, and stands for all calls. So such a function is traced only if a second call gives the
+same and leaves everything as it was.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import sys
 from collections import deque
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
+from copy import deepcopy
 from functools import cached_property, partial
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+
+from trackbench.engine.equations import Values
+from trackbench.engine.graph import Untraceable
+from trackbench.engine.symbols import Symbol
 
 #: Packages whose source does not change, and whose objects are not looked through.
 LIBRARIES = frozenset({"trackbench", "pydantic", "pydantic_core", "numpy", "scipy", *sys.stdlib_module_names})
@@ -19,7 +28,7 @@ LIBRARIES = frozenset({"trackbench", "pydantic", "pydantic_core", "numpy", "scip
 EMPTY = CellType()
 
 
-class Content:
+class SourceFingerprint:
     """All that the equations of a model or of a class depend on: what it keeps, its source, and the names in that.
 
     Two that are equal are the same to them. What cannot be looked through is equal to itself alone.
@@ -35,7 +44,7 @@ class Content:
         self._hash = hash(self._parts)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Content) and self._parts == other._parts
+        return isinstance(other, SourceFingerprint) and self._parts == other._parts
 
     def __hash__(self) -> int:
         return self._hash
@@ -130,3 +139,76 @@ def _of_class(kind: type) -> list[Any]:
 
 def _of_library(kind: Any) -> bool:
     return str(getattr(kind, "__module__", "builtins")).partition(".")[0] in LIBRARIES
+
+
+T = TypeVar("T")
+
+
+def is_user_type(kind: type) -> bool:
+    """Whether a class is none of the bench's own."""
+    return not kind.__module__.startswith("trackbench.")
+
+
+def form_of(kind: type) -> Hashable:
+    """What equations of a class depend on: which it is; of one of a user, its source too."""
+    return SourceFingerprint(kind) if is_user_type(kind) else kind
+
+
+def has_user_equations(key: Hashable) -> bool:
+    """Whether equations of such a key call a function that is none of the bench's own."""
+    return isinstance(key, SourceFingerprint) or (isinstance(key, tuple) and any(map(has_user_equations, key)))
+
+
+def is_traced(values: Values) -> bool:
+    """Whether a function is called with symbols."""
+    return any(isinstance(value, Symbol) for value in values.values())
+
+
+def settled(
+    function: Callable[[T, Values], Values],
+    own: T,
+    with_values: Callable[[T, Values], T],
+    models: Callable[[T], Iterable[Any]],
+    sensors: Iterable[type] = (),
+) -> Callable[[Values], Values]:
+    """A function of a filter or motion model and of values, as one of values that can be traced.
+
+    Args:
+        function: of what ``with_values`` gives, and of the values.
+        own: the filter or model.
+        with_values: puts the options that are among the values in place of its own.
+        models: the motion models of it.
+        sensors: the kinds on which the function depends too.
+    """
+    kinds = [*map(type, models(own)), *sensors]
+    known = not any(map(is_user_type, kinds))
+
+    def of_values(values: Values) -> Values:
+        if known or not is_traced(values):
+            return function(with_values(own, values), values)
+        # Trace a copy, so that the model is not changed.
+        apart = with_values(deepcopy(own), values)
+        keepers = [*models(apart), *kinds]
+        first = function(apart, values)
+        # What is computed at the first call and kept, such as a cached property, is there at the second.
+        before = SourceFingerprint(keepers)
+        again = function(apart, values)
+        if not _same(first, again):
+            raise Untraceable("a second call gives something else: it draws random numbers, or counts")
+        if SourceFingerprint(keepers) != before:
+            raise Untraceable("a model or sensor keeps something from call to call")
+        return again
+
+    return of_values
+
+
+def _same(first: Values, again: Values) -> bool:
+    return first.keys() == again.keys() and all(_alike(first[name], again[name]) for name in again)
+
+
+def _alike(one: Any, other: Any) -> bool:
+    if isinstance(one, Symbol) and isinstance(other, Symbol):
+        return np.array_equal(one.nodes, other.nodes)
+    if isinstance(one, Symbol) or isinstance(other, Symbol) or one is None or other is None:
+        return one is other
+    return np.array_equal(one, other, equal_nan=True)
