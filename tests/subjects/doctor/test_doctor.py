@@ -16,9 +16,9 @@ from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.models import models
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor, Examination
-from trackbench.subjects.doctor.findings import Finding, faults_of
+from trackbench.subjects.doctor.findings import CHECKS, COMMON, KINDS, TRAFFIC_CHECKS, Finding, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes, varied
-from trackbench.subjects.doctor.root_causes import CONSEQUENCES, rank
+from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -150,11 +150,18 @@ def test_a_tracker_of_one_sensor_has_nothing() -> None:
 
 
 def test_every_fault_has_a_fix_and_a_drive() -> None:
-    assert sorted(faults_of("trackbench.subjects.doctor")) == sorted(NAMES)
-    explained = {fault for faults in CONSEQUENCES.values() for fault in faults}
-    assert explained | set(CONSEQUENCES) <= set(NAMES)
-    shown = [fault for drive in drive_configs().values() for fault in drive.shows]
-    assert sorted(shown) == sorted(NAMES)
+    faults = faults_of(CHECKS)
+    assert sorted(faults) == sorted(NAMES)
+    assert {fault.drive for fault in faults.values()} <= set(drive_configs())
+
+
+@pytest.mark.parametrize("package", [CHECKS, TRAFFIC_CHECKS])
+def test_kinds_and_consequences_are_known(package: str) -> None:
+    faults = faults_of(package)
+    named = {name for fault in faults.values() for name in (*fault.consequences, *fault.always)}
+    assert named <= {"every", *faults, *KINDS, *COMMON}
+    assert {item for items in COMMON.values() for item in items} <= {*faults_of(CHECKS), *KINDS}
+    assert {kind for fault in faults.values() for kind in fault.kinds} <= set(KINDS)
 
 
 def test_consequences_come_after_their_root_cause() -> None:

@@ -17,12 +17,18 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.driving.steppers import masked
 from trackbench.models.sensors import Mount, Radar
 from trackbench.subjects.doctor.assumptions import Assumptions
-from trackbench.subjects.doctor.check_list import checks
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.drives import Setting, simulate_drives
-from trackbench.subjects.doctor.examine import PARTS, Doctor, Examination
-from trackbench.subjects.doctor.failures import steps
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.findings import (
+    CHECKS,
+    CheckResult,
+    DoctorCheck,
+    Finding,
+    PartResult,
+    checks_of,
+    questions,
+)
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
 from trackbench.subjects.doctor.report.sentences import verdict
 from trackbench.subjects.doctor.report.text import text
@@ -117,7 +123,7 @@ def test_a_tracker_that_needs_a_detection_in_every_scan() -> None:
     found = examined("no misses")
     assert found.findings == []
     assert found.healthy
-    needing = {name for name, check in checks().items() if check.misses and name != "late"}
+    needing = {name for name, check in questions().items() if check.misses and name != "late"}
     assert {name.partition(".")[0] for name in not_made(found)} == needing
     made = {check.name for check in found.checks if check.passed}
     assert made >= {"expectation.lidar", "azimuth_wrapping", "long_gap", "uneven_steps", "output"}
@@ -213,8 +219,14 @@ def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
     np.testing.assert_allclose(moved.covariance[0, [0, 2]], [1.25, 0.5])
 
 
-def test_every_check_has_a_part_and_every_part_a_check() -> None:
-    assert {check.part for check in checks().values()} == {part.__name__ for part in (*PARTS, steps)}
+def test_every_check_has_questions_and_no_two_have_one_in_common() -> None:
+    names = [question.name for check in checks_of(CHECKS) for question in check.questions]
+    assert all(check.questions for check in checks_of(CHECKS))
+    assert len(names) == len(set(names)) == len(questions())
+
+
+def record(name: str) -> DoctorCheck[Any]:
+    return next(one for one in checks_of(CHECKS) if one.name == name)
 
 
 @pytest.mark.slow
@@ -241,7 +253,7 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
         [check("process_noise", False), check("noise_per_step", False)],
         [Finding("q_too_large", 0.9, ""), Finding("q_constant_per_step", 0.9, "")],
     )
-    applied = assumed.applied(found, assumed.left_out("process_noise", ["radar"]), "process_noise")
+    applied = assumed.applied(found, assumed.left_out(record("process_noise"), ["radar"]), record("process_noise"))
     assert [one.fault for one in applied.findings] == left
     assert [one.name for one in applied.checks if one.passed is False] == [
         name for name in ("process_noise", "noise_per_step") if name != skip
@@ -250,7 +262,9 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
 
 def test_the_findings_of_one_sensor_can_be_skipped() -> None:
     found = PartResult([], [Finding("r_too_large", 0.9, "", sensor=name) for name in ("lidar", "radar")])
-    assert [one.sensor for one in Assumptions(skip=("gain.radar",)).applied(found, [], "gain").findings] == ["lidar"]
+    assert [one.sensor for one in Assumptions(skip=("gain.radar",)).applied(found, [], record("gain")).findings] == [
+        "lidar"
+    ]
 
 
 @pytest.mark.parametrize(

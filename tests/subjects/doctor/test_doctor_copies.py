@@ -16,7 +16,7 @@ from trackbench.driving.alone import Alone, CannotCopy
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import fresh
 from trackbench.driving.steppers import masked
-from trackbench.subjects.doctor.failures import failure_findings
+from trackbench.subjects.doctor.checks.steps import failure_findings
 from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS

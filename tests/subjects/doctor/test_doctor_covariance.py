@@ -13,7 +13,8 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.noise_powers import noise_powers
-from trackbench.subjects.doctor.checks.own_covariance import one_gain, stated_covariance
+from trackbench.subjects.doctor.checks.one_gain import one_gain
+from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import PartResult

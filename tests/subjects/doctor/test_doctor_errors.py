@@ -10,7 +10,7 @@ import pytest
 
 from trackbench.base.types import Scan
 from trackbench.subjects.doctor.checks import drives
-from trackbench.subjects.doctor.failures import failure_findings
+from trackbench.subjects.doctor.checks.steps import failure_findings
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.trackers.answers import TOO_LARGE, TrackerFault
 

@@ -16,10 +16,10 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.base.types import Scan
 from trackbench.driving.steppers import masked
+from trackbench.subjects.doctor.checks.steps import CannotRun, failure_findings, require_runnable
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.failed_step import circumstances, jumping_angle
-from trackbench.subjects.doctor.failures import CannotRun, failure_findings, require_runnable
 from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.probes import AXES, GENERAL, Probe, Probes
 from trackbench.subjects.doctor.root_causes import rank

@@ -20,7 +20,7 @@ from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.validity import repeatability
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
-from trackbench.subjects.doctor.kind_of_filter import learned_offsets
+from trackbench.subjects.doctor.kind_of_filter import learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import TrackerSession
@@ -107,7 +107,7 @@ def test_process_noise_that_is_left_out_is_not_just_small() -> None:
 
 @pytest.mark.parametrize(("make", "expected"), [(PlainEkf, True), (PlainUkf, False), (OTHERS["imm"], True)])
 def test_an_ekf_predicts_the_measurement_of_its_mean(make, expected: bool) -> None:
-    assert _under_test(make).linearises is expected
+    assert _under_test(make).once(linearises) is expected
 
 
 def _trial(mean, covariance, kind: str = "radar") -> Trial:
@@ -147,9 +147,9 @@ def test_a_filter_that_says_that_it_draws_may_draw() -> None:
 def test_sampling_noise_is_seen_of_a_seeded_filter() -> None:
     """The mean of N samples has the standard error N^-1/2; a Kalman filter has none."""
     few = type("Few", (ParticleFilter,), {"count": 500})
-    noise = _under_test(partial(few, seed=1), {"lidar": SENSORS["lidar"]}).sampling_noise
+    noise = _under_test(partial(few, seed=1), {"lidar": SENSORS["lidar"]}).once(sampling_noise)
     assert 0.3 / np.sqrt(500) < noise < 10 / np.sqrt(500)
-    assert _under_test(PlainEkf).sampling_noise == 0.0
+    assert _under_test(PlainEkf).once(sampling_noise) == 0.0
 
 
 def test_a_velocity_in_kilometres_per_hour_is_said_as_such() -> None:

@@ -13,11 +13,11 @@ from trackbench.subjects.doctor import step_count
 from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.checks.prediction import prediction
 from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
 from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor, Examination, reference
-from trackbench.subjects.doctor.failures import _least, failure_findings, steps
-from trackbench.subjects.doctor.findings import CheckResult, Finding
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.report.text import text
 from trackbench.subjects.doctor.rollout import rollout
@@ -124,8 +124,9 @@ def test_an_eigenvalue_that_rounding_explains_is_zero(least: float, said: str) -
 
 def test_the_evidence_is_of_the_drive_that_is_named_or_that_failed() -> None:
     drives = simulate_drives(SENSORS, 0)
-    showing = [drive for drive in drives if drive.config.shows]
-    fault = showing[-1].config.shows[0]
+    visible = {fault.drive: name for name, fault in faults_of(CHECKS).items()}
+    showing = [drive for drive in drives if drive.name in visible]
+    fault = visible[showing[-1].name]
     failed = [CheckResult(showing[-1].name, "", False, "")]
     named = Finding("too_far_off", 0.9, "", shown_by="long_run")
     assert shown_drives([named], [], drives) == {"long_run": [named]}

@@ -16,14 +16,13 @@ from click.testing import CliRunner
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.subjects.doctor.findings import faults_of
+from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, faults_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
-from trackbench.subjects.doctor.traffic.ranking import CONSEQUENCES
 from trackbench.subjects.templates.plug_in import new
 from trackbench.testing.kinds import Identities
 
-FAULTS = set(faults_of("trackbench.subjects.doctor.traffic"))
+FAULTS = set(faults_of(TRAFFIC_CHECKS))
 
 
 def first_fault(sensor: str, make: Make) -> str:
@@ -183,7 +182,3 @@ def test_a_scenario_says_which_identities_its_trackers_have(target: str, identit
 def test_the_oracle_is_not_examined() -> None:
     with pytest.raises(InputError, match="told the true origins"):
         subject("traffic/dense_highway#oracle", {})
-
-
-def test_causes_and_consequences_are_known_faults() -> None:
-    assert set(CONSEQUENCES) | {fault for faults in CONSEQUENCES.values() for fault in faults} <= FAULTS

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
 
-from trackbench.subjects.doctor.check_list import KnownCheck, checks
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.base.errors import InputError
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult, Question, questions
 
 
 @dataclass(frozen=True)
@@ -20,45 +22,65 @@ class Assumptions:
     still: str = ""
     """Why no observer moves; nothing where one does."""
 
-    def left_out(self, part: str, sensors: Sequence[str], why: str | None = None) -> list[CheckResult]:
-        """The checks of a part that are not made, with the reason.
+    def left_out(self, check: DoctorCheck[Any], sensors: Sequence[str], why: str | None = None) -> list[CheckResult]:
+        """The questions of a check that are not asked, with the reason.
 
         Args:
-            part: the function that makes them.
-            sensors: those for each of which it makes some.
+            check: its record.
+            sensors: those for each of which it asks some.
             why: of all others of it too.
         """
-        found = []
-        for name, check in _of(part).items():
-            reason = why if self._reason(check) is None else self._reason(check)
-            for one in [f"{name}.{sensor}" for sensor in sensors] if check.each_sensor else [name]:
-                if name in self.skip or one in self.skip:
-                    found.append(CheckResult(one, check.asks, None, "skipped (--skip)", skipped=True))
+        results = []
+        for question in check.questions:
+            reason = self._reason(question) or why
+            names = [f"{question.name}.{sensor}" for sensor in sensors] if question.each_sensor else [question.name]
+            for name in names:
+                if question.name in self.skip or name in self.skip:
+                    results.append(CheckResult(name, question.asks, None, "skipped (--skip)", skipped=True))
                 elif reason is not None:
-                    found.append(CheckResult(one, check.asks, None, reason))
-        return found
+                    results.append(CheckResult(name, question.asks, None, reason))
+        return results
 
-    def applied(self, result: PartResult, left_out: Sequence[CheckResult], part: str) -> PartResult:
-        """The result of a part, with the checks that are not made in place of what was found by them."""
-        names = {check.name for check in left_out}
-        made = [check for check in result.checks if check.name not in names]
-        return PartResult([*made, *left_out], [one for one in result.findings if not self._drops(one, part)])
+    def applied(self, result: PartResult, left_out: Sequence[CheckResult], check: DoctorCheck[Any]) -> PartResult:
+        """The result of a check, with the questions that are not asked in place of their answers."""
+        names = {one.name for one in left_out}
+        made = [one for one in result.checks if one.name not in names]
+        return PartResult([*made, *left_out], [one for one in result.findings if not self._drops(one, check)])
 
-    def _reason(self, check: KnownCheck) -> str | None:
-        if check.misses and self.no_misses:
+    def _reason(self, question: Question) -> str | None:
+        if question.misses and self.no_misses:
             return "it needs scans without a detection (--no-misses)"
-        return f"it needs an observer that moves ({self.still})" if check.motion and self.still else None
+        return f"it needs an observer that moves ({self.still})" if question.motion and self.still else None
 
-    def _drops(self, finding: Finding, part: str) -> bool:
-        """Whether a finding is that of a check that is not made."""
-        for name, check in _of(part).items():
-            if finding.fault in check.finds and (name in self.skip or self._reason(check) is not None):
-                return True
-        return any(f"{name}.{finding.sensor}" in self.skip for name in _of(part))
+    def _drops(self, finding: Finding, check: DoctorCheck[Any]) -> bool:
+        """Whether a finding is that of a question that is not asked."""
+        return any(
+            f"{question.name}.{finding.sensor}" in self.skip
+            or (finding.fault in question.finds and (question.name in self.skip or self._reason(question) is not None))
+            for question in check.questions
+        )
 
 
 NONE = Assumptions()
 
 
-def _of(part: str) -> dict[str, KnownCheck]:
-    return {name: check for name, check in checks().items() if check.part == part}
+def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip") -> None:
+    """Refuse a name that is no check's.
+
+    Args:
+        names: of checks, or of one of a sensor: ``gain.radar``.
+        sensors: their names.
+        key: what is said to have the wrong name.
+
+    Raises:
+        InputError: there is no such check; the message has the nearest name.
+    """
+    of_sensors = list(sensors)
+    valid: list[str] = []
+    for name, question in questions().items():
+        valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
+    for name in names:
+        if name not in valid:
+            (close,) = get_close_matches(name, valid, n=1, cutoff=0.0)
+            message = f"there is no check {name!r}: did you mean {close!r}? `trackbench list checks` shows all"
+            raise InputError(message, key=key)

@@ -94,7 +94,7 @@ def doctor_command(
       3 nothing could be asked   4 cannot write
     """
     from trackbench.driving.faults import TrackFault
-    from trackbench.subjects.doctor.failures import CannotRun
+    from trackbench.subjects.doctor.checks.steps import CannotRun
     from trackbench.subjects.doctor.other_kind import other_kind
     from trackbench.subjects.doctor.report.text import text
     from trackbench.subjects.doctor.subject import subject
@@ -142,7 +142,7 @@ class Stated(NamedTuple):
 
     def require_fit(self, examined: ExaminedTracker) -> None:
         """Refuse what its examination does not have."""
-        from trackbench.subjects.doctor.check_list import require_known
+        from trackbench.subjects.doctor.assumptions import require_known
 
         if not examined.multi_object:
             require_known(self.skip, examined.sensors, "--skip")

@@ -29,8 +29,6 @@ class DriveConfig(Config):
     """One entry of drives.yaml."""
 
     description: str
-    shows: list[str] = Field(default_factory=list)
-    """The faults that are visible in it."""
     truth: ScriptedTruth
     runs: int = Field(4, ge=1)
     rates_hz: list[Positive] | None = None

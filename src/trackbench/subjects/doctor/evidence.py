@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import TestDrive
-from trackbench.subjects.doctor.findings import CheckResult, Finding
+from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
 from trackbench.subjects.doctor.rollout import Rollout, one_run
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.trial import Trial
@@ -95,7 +95,8 @@ def _drive_of(finding: Finding, failed: Collection[str], drives: Sequence[TestDr
     """The drive that the finding names, or the first that failed and has such faults to show."""
     if any(drive.name == finding.shown_by for drive in drives):
         return finding.shown_by
-    return next((one.name for one in drives if one.name in failed and finding.fault in one.config.shows), None)
+    shown_in = known_faults()[finding.fault].drive
+    return next((one.name for one in drives if one.name in failed and one.name == shown_in), None)
 
 
 def evidence_run(

@@ -19,32 +19,12 @@ from trackbench.base.files import read_bytes
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.models.sensors import Sensor
-from trackbench.subjects.doctor.assumptions import Assumptions
-from trackbench.subjects.doctor.check_list import require_known
-from trackbench.subjects.doctor.checks.covariance_update import covariance_update
-from trackbench.subjects.doctor.checks.drives import drives
-from trackbench.subjects.doctor.checks.expectation import expectation
-from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.gate import gate
-from trackbench.subjects.doctor.checks.innovations import innovations
-from trackbench.subjects.doctor.checks.instants import instants
-from trackbench.subjects.doctor.checks.integers import integers
-from trackbench.subjects.doctor.checks.late import late
-from trackbench.subjects.doctor.checks.models import models
-from trackbench.subjects.doctor.checks.noise_powers import noise_powers
-from trackbench.subjects.doctor.checks.output import output
-from trackbench.subjects.doctor.checks.own_covariance import one_gain, stated_covariance
-from trackbench.subjects.doctor.checks.prediction import prediction, spreading
-from trackbench.subjects.doctor.checks.process_noise import process_noise
-from trackbench.subjects.doctor.checks.sigma_points import no_time
-from trackbench.subjects.doctor.checks.start import confidence, first_position
-from trackbench.subjects.doctor.checks.validity import repeatability, validity
-from trackbench.subjects.doctor.checks.velocity import velocity
-from trackbench.subjects.doctor.checks.wrapping import wrapping
+from trackbench.subjects.doctor.assumptions import Assumptions, require_known
+from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance_fault
+from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
-from trackbench.subjects.doctor.failures import CannotRun, require_runnable, steps
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.root_causes import rank
@@ -56,47 +36,6 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
 
-Part = Callable[[TrackerUnderTest], PartResult]
-#: In this order: first estimates, predictions, single measurements, whole tracks; `validity` comes last, because it
-#: reports on the estimates of all others.
-PARTS: tuple[Part, ...] = (
-    repeatability,
-    output,
-    first_position,
-    stated_covariance,
-    confidence,
-    integers,
-    no_time,
-    prediction,
-    velocity,
-    spreading,
-    process_noise,
-    noise_powers,
-    expectation,
-    one_gain,
-    gain,
-    covariance_update,
-    instants,
-    models,
-    wrapping,
-    gate,
-    innovations,
-    late,
-    drives,
-    validity,
-)
-
-#: These need a tracker that predicts and updates; one that returns the last measurement does not.
-FOR_FILTERS = (
-    *(stated_covariance, no_time, prediction, velocity, spreading, process_noise, noise_powers, expectation),
-    *(one_gain, gain, covariance_update, instants, wrapping, innovations),
-)
-
-#: These take the covariance that is returned for the tracker's own.
-OF_COVARIANCE = (confidence, no_time, spreading, process_noise, noise_powers, one_gain, gain, covariance_update)
-
-#: These ask for the estimate at a missed scan: the prediction that updates are compared with.
-ASK_AT_MISSES = (*FOR_FILTERS, output, gate, validity)
 NO_PREDICTION = (
     "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
     "estimate, or state by --no-misses that there are no missed scans"
@@ -229,51 +168,52 @@ class Doctor:
             make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
         )
         require_runnable(tracker)
+        *checks, last = checks_of(CHECKS)
         results = []
-        for number, part in enumerate(PARTS):
-            if part is drives:
+        for number, check in enumerate(checks):
+            if check.every_drive:
                 count.left(in_drives)
             try:
-                with tracker.recording_failures(part.__name__):
-                    results.append(self._made(part, tracker))
+                with tracker.recording_failures(check.name):
+                    results.append(self._made(check, tracker))
             except TrackFault:
                 # Its process has ended, and no tracker can be made any more.
                 ended = "the tracker's process had ended"
-                results += [PartResult(self._not_made(of, tracker, ended)) for of in PARTS[number:]]
+                results += [PartResult(self._not_made(left, ended)) for left in checks[number:]]
                 break
-        results.append(self._made(steps, tracker))
+        results.append(self._made(last, tracker))
         findings = [finding for result in results for finding in result.findings]
         if not findings and tracker.output_checks.estimates == 0:
             raise CannotRun("it gave no estimate at any scan")
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
 
-    def _made(self, part: Part, tracker: TrackerUnderTest) -> PartResult:
-        """The checks of a part, those that are not made with the reason."""
-        left_out = self._not_made(part, tracker)
-        asked = self._not_made(part, tracker, "")
-        if asked and {check.name for check in asked} == {check.name for check in left_out}:
+    def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
+        """The result of a check; what is not asked has the reason."""
+        left_out = self._not_made(check)
+        every = self._not_made(check, "")
+        if every and {one.name for one in every} == {one.name for one in left_out}:
             return PartResult(left_out)
-        if part in FOR_FILTERS and tracker.memoryless:
+        if check.of_filters and tracker.memoryless:
             why = "it predicts no motion, and its position is that of the last measurement"
-            return PartResult(self._not_made(part, tracker, why))
-        if part in OF_COVARIANCE and self._states_another(tracker):
+            return PartResult(self._not_made(check, why))
+        if check.of_own_covariance and self._states_another(tracker):
             why = "the covariance that is returned is not the tracker's own (stated_covariance)"
-            return PartResult(self._not_made(part, tracker, why))
-        made = part(tracker)
-        if part in ASK_AT_MISSES and tracker.silent_at_misses:
+            return PartResult(self._not_made(check, why))
+        made = check.make(tracker)
+        if check.asks_at_misses and tracker.silent_at_misses:
             made.checks = [replace(one, result=NO_PREDICTION) if one.passed is None else one for one in made.checks]
-        return self._assumptions.applied(made, left_out, part.__name__)
+        return self._assumptions.applied(made, left_out, check)
 
     def _states_another(self, tracker: TrackerUnderTest) -> bool:
         """Whether the covariance that a tracker returns is found not to be its own."""
-        made = not self._not_made(stated_covariance, tracker) and not tracker.memoryless
-        return made and tracker.stated_covariance_fault is not None
+        check = next(one for one in checks_of(CHECKS) if one.name == "stated_covariance")
+        return not (self._not_made(check) or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
 
-    def _not_made(self, part: Part, tracker: TrackerUnderTest, why: str | None = None) -> list[CheckResult]:
-        """The checks of a part that are not made by what the user states, or all of them for another reason."""
-        if part is instants and len(self.sensors) < 2:
+    def _not_made(self, check: DoctorCheck[Any], why: str | None = None) -> list[CheckResult]:
+        """The questions of a check that are not asked by what the user states, or all of them for another reason."""
+        if len(self.sensors) < check.least_sensors:
             return []
-        return self._assumptions.left_out(part.__name__, list(self._late if part is late else self.sensors), why)
+        return self._assumptions.left_out(check, list(self._late if check.late_sensors else self.sensors), why)
 
     @one_blas_thread()
     def evidence(

@@ -1,21 +1,60 @@
-"""Known faults, the findings of an examination and the results of its checks."""
+"""The records of checks and faults, the findings of an examination and the results of its checks.
+
+A check is one module of ``checks/``: its function, and its record in ``CHECKS`` with all that is known of it and of the
+faults that it names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.resources import files
-from typing import Any, NamedTuple
+from importlib import import_module
+from typing import Any, Generic, NamedTuple, ParamSpec
 
-import yaml
 from pydantic import ConfigDict, TypeAdapter
 
 from trackbench.subjects.doctor.exhibits import Exhibit
 
+#: The packages whose modules are checks: of trackers of one object, and of several.
+CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic.checks"
+P = ParamSpec("P")
+
+
+#: Groups of faults, by which a fault names its consequences.
+KINDS = {
+    "numerical": "Invalid outputs. What is sure of them has begun at a good estimate, and has no other cause.",
+    "exact": "Found without a model of the tracker, or by one that fits it exactly: no other fault looks like them.",
+    "motion": "Found without a measurement: the use of one sensor's measurements does not change them.",
+    "driven": "What the estimates of drives show of any fault.",
+    "root": "Never a consequence.",
+    "gain": "What a wrong gain is called, with a Jacobian, with sigma points, and by what its update adds.",
+    "noise": "A measurement noise that is wrong.",
+    "growth": "A process noise that is wrong.",
+    "offset": "Measurements that are off by a constant, a factor or a time.",
+    "step": "What a wrong mean or covariance can look like after a step, or after many.",
+    "points": "Sigma points that are wrong.",
+    "angle": "Angles that are not wrapped.",
+    "ego": "Of the sensor's own pose and velocity.",
+}
+_MEASURED = ("gain", "step", "points", "numerical", "course_not_wrapped", "overconfident_start")
+_AXES = (*_MEASURED, "angle", "ego", "noise", "growth", "arctan_quadrant", "wrong_dt", "velocity_unit")
+#: Consequences that several faults have.
+COMMON = {
+    # Of measurements that are predicted or read wrongly.
+    "measured": _MEASURED,
+    # Of a wrong step of the state, after which the innovations of all measurements are wrong too.
+    "stepped": (*_MEASURED, "noise", "growth", "offset", "angle"),
+    # Of a wrong covariance.
+    "covariance": ("gain", "noise", "growth", "step", "azimuth_not_wrapped", "overconfident_start"),
+    # Of swapped or mirrored axes.
+    "axes": _AXES,
+}
+
 
 class KnownFault(NamedTuple):
-    """An entry of faults.yaml."""
+    """A fault that a check names."""
 
     title: str
     """The fault in a few words."""
@@ -23,19 +62,106 @@ class KnownFault(NamedTuple):
     """Where in the tracker's code to look."""
     fix: str
     """How to fix it."""
+    kinds: tuple[str, ...] = ()
+    """Of ``KINDS``."""
+    rank: int = 100
+    """Its place among the causes; those with a lower one are tried first."""
+    consequences: tuple[str, ...] = ()
+    """Names and kinds of the faults that it can cause of the same sensor, and names of ``COMMON``."""
+    always: tuple[str, ...] = ()
+    """The same, whatever their sensor and although they are exact. ``every``: all but those that are a ``root``."""
+    drive: str | None = None
+    """The test drive in which it is visible."""
+
+    def causes(self, name: str, fault: KnownFault) -> bool:
+        """Whether it can cause another fault of the same sensor."""
+        return _includes(self.consequences, name, fault) or self.always_causes(name, fault)
+
+    def always_causes(self, name: str, fault: KnownFault) -> bool:
+        """Whether it can cause another fault of any sensor."""
+        return _includes(self.always, name, fault)
+
+
+def _includes(faults: tuple[str, ...], name: str, fault: KnownFault) -> bool:
+    if "every" in faults:
+        return "root" not in fault.kinds
+    included = {item for entry in faults for item in COMMON.get(entry, (entry,))}
+    return not included.isdisjoint({name, *fault.kinds})
+
+
+class Question(NamedTuple):
+    """One of the questions that a check answers, as ``trackbench list checks`` shows it."""
+
+    name: str
+    asks: str
+    each_sensor: bool = False
+    """Whether it is asked for each sensor: its name is followed by a dot and that of the sensor."""
+    misses: bool = False
+    """Whether it needs scans without a detection."""
+    motion: bool = False
+    """Whether it needs an observer that moves."""
+    finds: tuple[str, ...] = ()
+    """The faults that it alone finds, where its check has several questions."""
+
+
+@dataclass(frozen=True)
+class DoctorCheck(Generic[P]):
+    """All that is known of a check."""
+
+    make: Callable[P, PartResult]
+    place: int
+    """In an examination: first estimates, predictions, single measurements, whole tracks. Those that report on all
+    estimates (900) and on the failed steps of all others (1000) come last."""
+    questions: tuple[Question, ...] = ()
+    of_filters: bool = False
+    """Whether it needs a tracker that predicts and updates; one that returns the last measurement does not."""
+    of_own_covariance: bool = False
+    """Whether it takes the covariance that is returned for the tracker's own."""
+    asks_at_misses: bool = False
+    """Whether it asks for the estimate at a missed scan: the prediction that updates are compared with."""
+    least_sensors: int = 1
+    every_drive: bool = False
+    """Whether it takes the tracker through every test drive."""
+    late_sensors: bool = False
+    """Whether it is made only for the sensors whose measurements come late."""
+    faults: Mapping[str, KnownFault] = field(default_factory=dict)
+    """By name, those that it finds and no check before it has in its record."""
+
+    @property
+    def name(self) -> str:
+        return self.make.__name__
+
+
+def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
+    """The records in all modules of a package, in the order in which the checks are made."""
+    return _checks_in(package, tuple(import_module(package).__path__))
 
 
 @cache
-def known_faults() -> Mapping[str, KnownFault]:
+def _checks_in(package: str, folders: tuple[str, ...]) -> tuple[DoctorCheck[Any], ...]:
+    modules = [import_module(f"{package}.{module.name}") for module in pkgutil.iter_modules(folders)]
+    return tuple(sorted((check for module in modules for check in module.CHECKS), key=lambda check: check.place))
+
+
+def faults_of(package: str) -> dict[str, KnownFault]:
+    """Those that the checks of a package name."""
+    return {name: fault for check in checks_of(package) for name, fault in check.faults.items()}
+
+
+def known_faults() -> dict[str, KnownFault]:
     """Every fault that the doctor can name: of trackers of one object, then of several."""
-    return {**faults_of("trackbench.subjects.doctor"), **faults_of("trackbench.subjects.doctor.traffic")}
+    return {**faults_of(CHECKS), **faults_of(TRAFFIC_CHECKS)}
 
 
-@cache
-def faults_of(package: str) -> Mapping[str, KnownFault]:
-    """Those in the faults.yaml of a package, in its order."""
-    text = files(package).joinpath("faults.yaml").read_text(encoding="utf-8")
-    return {name: KnownFault(**entry) for name, entry in yaml.safe_load(text).items()}
+def questions() -> dict[str, Question]:
+    """What is asked of a tracker of one object, by name, in the order in which it is asked."""
+    return {question.name: question for check in checks_of(CHECKS) for question in check.questions}
+
+
+def listed_checks() -> Iterator[tuple[str, str]]:
+    """Name and question of every check, for ``trackbench list``."""
+    for name, question in questions().items():
+        yield name, question.asks + (" For each sensor." if question.each_sensor else "")
 
 
 @dataclass(frozen=True)

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from trackbench.base.types import Scan
-from trackbench.driving.steppers import masked
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import TrackerSession, finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
 
-if TYPE_CHECKING:
-    from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-
-#: Time of the additional prediction that shifts the random numbers of a tracker that draws some at every step, s.
-ADDITIONAL_STEP = 1e-3
 #: Difference by it from which on a tracker has samples, in standard deviations of its estimate. Filters without samples
 #: differ by less, because nearly the same motion is predicted in one step or in two.
 SAMPLED = 3e-3
@@ -32,14 +24,6 @@ CLEAR = 0.3
 NONE = 0.03
 #: Offset of the measurements for a tracker that may learn it, in their standard deviations; and for how long, s.
 OFFSET, LEARNING = 3.0, 4.0
-
-
-def with_additional_step(scans: list[Scan]) -> list[Scan]:
-    """The scans with a prediction shortly before the one two thirds on: the same to a Kalman filter, other random
-    numbers from there on to a filter that draws some."""
-    at = 2 * len(scans) // 3
-    later = scans[at]
-    return [*scans[:at], masked(later._replace(time=later.time - ADDITIONAL_STEP)), *scans[at:]]
 
 
 def sampling_noise(tracker: TrackerUnderTest) -> float:

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.steppers import masked
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor import kind_of_filter
 from trackbench.subjects.doctor.assumptions import NONE, Assumptions
 from trackbench.subjects.doctor.drives import TestDrive
-from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
 from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
-from trackbench.subjects.doctor.stated_covariance import stated_covariance_fault
 from trackbench.subjects.doctor.trial import Trial, averaged
-from trackbench.subjects.doctor.update_consistency import update_faults
 from trackbench.trackers.answers import Tracker
 
 #: How long a probe's target is followed before time 0, s.
@@ -30,6 +27,10 @@ WARM_UP = 3.0
 LEAST_SCANS = 30
 #: How often a tracker is asked whose copies draw different random numbers.
 REPEATS = 16
+#: Time of the additional prediction that shifts the random numbers of a tracker that draws some at every step, s.
+ADDITIONAL_STEP = 1e-3
+
+Answer = TypeVar("Answer")
 
 
 class TrackerUnderTest:
@@ -71,6 +72,14 @@ class TrackerUnderTest:
         self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
         self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}
         self._predictions: dict[tuple[Probe, float], Estimate | None] = {}
+        self._answers: dict[Callable[[TrackerUnderTest], Any], Any] = {}
+
+    def once(self, ask: Callable[[TrackerUnderTest], Answer]) -> Answer:
+        """What a function tells of the tracker; it is called once."""
+        if ask not in self._answers:
+            self._answers[ask] = ask(self)
+        answer: Answer = self._answers[ask]
+        return answer
 
     @contextmanager
     def recording_failures(self, where: str) -> Iterator[None]:
@@ -112,7 +121,7 @@ class TrackerUnderTest:
         earlier = 0.1 if replica and self.assumptions.no_misses else 0.0
         scans = self.approach(probe, sensor_set, WARM_UP + earlier)
         if replica and not self.assumptions.no_misses:
-            scans = kind_of_filter.with_additional_step(scans)
+            scans = _with_additional_step(scans)
         estimates: list[Estimate | None] = []
         with self.recording_failures(probe.name):
             for scan in scans:
@@ -246,26 +255,6 @@ class TrackerUnderTest:
         return bool(getattr(self.make(), "stochastic", False))
 
     @cached_property
-    def sampling_noise(self) -> float:
-        """As :func:`kind_of_filter.sampling_noise`."""
-        return kind_of_filter.sampling_noise(self)
-
-    @cached_property
-    def linearises(self) -> bool | None:
-        """As :func:`kind_of_filter.linearises`."""
-        return kind_of_filter.linearises(self)
-
-    @cached_property
-    def stated_covariance_fault(self) -> Finding | None:
-        """As :func:`stated_covariance.stated_covariance_fault`."""
-        return stated_covariance_fault(self)
-
-    @cached_property
-    def update_faults(self) -> dict[str, Finding]:
-        """As :func:`update_consistency.update_faults`."""
-        return update_faults(self)
-
-    @cached_property
     def memoryless(self) -> bool:
         """Whether the tracker predicts no motion, and its position is that of the last measurement."""
         for trial in (trial for trials in self.trials.values() for trial in trials):
@@ -281,3 +270,11 @@ class TrackerUnderTest:
             if estimate is None or np.hypot(*(estimate.mean[:2] - measured)) > 5e-3 * np.hypot(*offset[:2]):
                 return False
         return any(self.trials.values())
+
+
+def _with_additional_step(scans: list[Scan]) -> list[Scan]:
+    """The scans with a prediction shortly before the one two thirds on: the same to a Kalman filter, other random
+    numbers from there on to a filter that draws some."""
+    at = 2 * len(scans) // 3
+    later = scans[at]
+    return [*scans[:at], masked(later._replace(time=later.time - ADDITIONAL_STEP)), *scans[at:]]

@@ -19,6 +19,9 @@ GAIN_STEP = 0.05
 DRAWN_STEP = 1.5
 #: Curvature of the measurement model above which correct gains may differ from that of the Jacobian, in sigma.
 CURVED = 0.3
+#: Innovation that counts as zero, in standard deviations of the measurement. The second-order terms of a sigma-point
+#: filter stay below a third of one.
+ZERO = 0.75
 #: A gain below this, relative to the largest, counts as zero.
 NO_GAIN = 1e-6
 

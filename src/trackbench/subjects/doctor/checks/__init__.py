@@ -1,1 +1,5 @@
-"""The checks of an examination: each looks for one family of faults."""
+"""The checks of an examination: each looks for one family of faults.
+
+A module here is found by itself. It has functions that make checks of a tracker under test, and their records in
+``CHECKS``.
+"""

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.right_answers import named, reduction_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
@@ -148,3 +148,53 @@ def _position_sigma(update: TrialUpdate) -> float:
 
 def _predicted_sigma(update: TrialUpdate) -> float:
     return float(np.sqrt(np.trace(update.trial.prediction.covariance[:2, :2])))
+
+
+CHECKS = (
+    DoctorCheck(
+        covariance_update,
+        place=160,
+        questions=(
+            Question(
+                "covariance_update",
+                "Does a measurement reduce the predicted covariance?",
+                each_sensor=True,
+                misses=True,
+            ),
+        ),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "covariance_not_reduced": KnownFault(
+                "measurements do not reduce the covariance",
+                "Where the covariance is updated after a measurement, and where it is stored.",
+                "P = (I - K H) P, or Joseph's form, in every update, and store it; a copy that is changed is not the "
+                "state's.",
+                kinds=("step",),
+                rank=16,
+                consequences=("stepped", "wrong_dt"),
+                always=(
+                    "wrong_dt",
+                    "process_noise_omitted",
+                    "q_too_small",
+                    "q_too_large",
+                    "q_constant_per_step",
+                    "q_wrong_power_of_dt",
+                ),
+                drive="own_model",
+            ),
+            "process_noise_twice": KnownFault(
+                "the process noise is added twice",
+                "Where Q is added in the prediction, and again before the update.",
+                "Add Q once, in the prediction; sigma points that have the noise in an augmented state need none "
+                "besides.",
+                kinds=("gain", "growth"),
+                rank=38,
+                consequences=("gain_inconsistent", "covariance_update_wrong", "q_too_large"),
+                always=("q_too_large",),
+                drive="own_model",
+            ),
+        },
+    ),
+)

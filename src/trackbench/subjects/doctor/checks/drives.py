@@ -8,9 +8,9 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.metrics.consistency import mean_bounds
-from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.drives import TestDrive, drive_configs
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
@@ -86,7 +86,7 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     judged = []
     for drive, reference in tracker.drives:
-        question = f"Is the tracker as near to its target as it states ({drive.config.description})?"
+        question = _question(drive.config.description)
         try:
             estimates = rollout(tracker.make, drive.scans, tracker.output_checks, drive.name)
         except StepFailed as failure:
@@ -110,6 +110,10 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     if judged:
         result.findings += _too_far_off(judged) + _covariance_unbelievable(judged)
     return result
+
+
+def _question(description: str) -> str:
+    return f"Is the tracker as near to its target as it states ({description})?"
 
 
 def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:
@@ -241,3 +245,36 @@ def _errors(estimates: Rollout, drive: TestDrive) -> Errors:
         nees[part] = np.full(known.shape, np.nan)
         nees[part][known] = np.einsum("ni,nij,nj->n", e, np.linalg.pinv(p), e)
     return Errors(np.where(known, np.hypot(error[0], error[1]), np.nan), nees)
+
+
+CHECKS = (
+    DoctorCheck(
+        drives,
+        place=230,
+        every_drive=True,
+        questions=tuple(
+            Question(name, _question(drive.description), motion=drive.carrier.moves)
+            for name, drive in drive_configs().items()
+        ),
+        faults={
+            "too_far_off": KnownFault(
+                "the estimate is too far off",
+                "In the named drive at the named time; first at the checks that fail besides.",
+                "Run that drive (the report shows it), and compare the predicted with the measured values at that "
+                "time.",
+                kinds=("driven",),
+                rank=49,
+                consequences=("covariance_unbelievable",),
+                drive="manoeuvre",
+            ),
+            "covariance_unbelievable": KnownFault(
+                "the stated covariance does not fit the errors",
+                "At Q and R, and at what happens to the covariance in the named drive at the named time.",
+                "Compare the variance that is stated with the squared errors; what is not predicted has to add its "
+                "share to it.",
+                kinds=("driven",),
+                drive="long_gap",
+            ),
+        },
+    ),
+)

@@ -9,16 +9,14 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.checks.systematic import systematic_error
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
+from trackbench.subjects.doctor.systematic import systematic_error
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.trial import ZERO, Trial
 from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
 
-#: Innovation that counts as zero, in standard deviations of the measurement. The second-order terms of a sigma-point
-#: filter stay below a third of one.
-ZERO = 0.75
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
 #: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
@@ -34,7 +32,7 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
         if not trials:
             result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
             continue
-        _examine(sensor, trials, ZERO + ERRORS * tracker.sampling_noise, result)
+        _examine(sensor, trials, ZERO + ERRORS * tracker.once(sampling_noise), result)
     if not tracker.assumptions.still:
         result.checks.append(_ego_motion(tracker, result.findings))
     else:
@@ -147,3 +145,102 @@ def _moves(trial: Trial, kind: str) -> bool:
 
 def _question(sensor: str) -> str:
     return f"Does the tracker predict the right measurement of {sensor} for its own estimate?"
+
+
+CHECKS = (
+    DoctorCheck(
+        expectation,
+        place=130,
+        questions=(
+            Question("expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True),
+            Question(
+                "ego_motion",
+                "Do the measurements of a moving observer count for where it is and how it moves?",
+                motion=True,
+                finds=("ego_motion_ignored",),
+            ),
+        ),
+        of_filters=True,
+        asks_at_misses=True,
+        faults={
+            "doppler_sign": KnownFault(
+                "the range rate has the wrong sign",
+                "Where the range rate is predicted, and where the measurement is read.",
+                "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the "
+                "sensor.",
+                kinds=("exact",),
+                rank=13,
+                consequences=("measured",),
+                drive="radial_approach",
+            ),
+            "speed_for_range_rate": KnownFault(
+                "the range rate is predicted as the speed",
+                "Where the third component of a radar's measurement is predicted.",
+                "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its "
+                "length.",
+                kinds=("exact",),
+                rank=14,
+                consequences=("measured",),
+                drive="tangential_pass",
+            ),
+            "degrees_for_radians": KnownFault(
+                "degrees and radians are mixed up",
+                "Where azimuths, yaws and their standard deviations are read.",
+                "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at "
+                "all.",
+                kinds=("exact",),
+                rank=9,
+                consequences=("measured", "noise", "angle", "arctan_quadrant"),
+                drive="azimuth_crossing",
+            ),
+            "ego_motion_ignored": KnownFault(
+                "the sensor's own pose or velocity is left out",
+                "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
+                "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
+                "target's velocity.",
+                kinds=("exact", "ego"),
+                rank=10,
+                consequences=("measured", "noise", "arctan_quadrant"),
+                drive="moving_observer",
+            ),
+            "sensor_pose_ignored": KnownFault(
+                "the pose of a sensor that stands still is left out",
+                "Where measurements are converted to the fixed frame, and where they are predicted.",
+                "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
+                "mounting together.",
+                kinds=("exact", "ego"),
+                rank=11,
+                consequences=("measured", "noise", "angle", "polar_start", "arctan_quadrant"),
+                drive="stationary",
+            ),
+            "measurement_ignored": KnownFault(
+                "the measurements of a sensor are never used",
+                "Where the tracker chooses its update by the sensor's name or kind.",
+                "Check that scan.kind is compared with the right word, that the gain is not zero, and that no gate "
+                "rejects all.",
+                kinds=("exact",),
+                rank=44,
+                consequences=("nonfinite",),
+                drive="manoeuvre",
+            ),
+            "sensor_bias": KnownFault(
+                "the measurements of a sensor have a constant bias",
+                "Where the measurements of this sensor are read, and where its mounting is applied.",
+                "Look for an offset that is added or missing (calibration, mounting), and correct it.",
+                kinds=("offset",),
+                rank=31,
+                consequences=("numerical", "gain", "overconfident_start"),
+                drive="own_model",
+            ),
+            "scale_error": KnownFault(
+                "the measurements of a sensor are scaled by a constant",
+                "Where the measurements of this sensor are read, and where units are converted.",
+                "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
+                kinds=("offset",),
+                rank=32,
+                consequences=("numerical", "gain", "overconfident_start"),
+                drive="radial_approach",
+            ),
+        },
+    ),
+)

@@ -8,12 +8,13 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.implied_models import ImpliedModel, SamplingErrors, averaged_models, implied
-from trackbench.subjects.doctor.kind_of_filter import learned_offsets
+from trackbench.subjects.doctor.kind_of_filter import learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
@@ -37,7 +38,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         name, question = f"gain.{sensor}", f"Do the gains for {sensor} fit its geometry and its stated noise?"
-        if sensor in tracker.update_faults:
+        if sensor in tracker.once(update_faults):
             why = "the mean and the covariance do not change by one gain, so that no model follows from them"
             result.checks.append(CheckResult(name, question, None, why))
             continue
@@ -68,7 +69,7 @@ def _implied(
 ) -> tuple[list[ImpliedModel], SamplingErrors]:
     """The implied models of the trials; of a tracker with samples, averaged over two sets of them."""
     rows = [implied(trial) for trial in linear]
-    if tracker.sampling_noise == 0.0:
+    if tracker.once(sampling_noise) == 0.0:
         found = [row for row in rows if row is not None]
         return found, SamplingErrors(*np.zeros((3, len(SENSOR_MODELS[tracker.sensors[sensor].type].components))))
     others = {(one.name, one.sensor_set): one for one in tracker.replicas[sensor]}
@@ -108,7 +109,7 @@ def _jacobian(
         return []
     share, worst, i, text = max(found, key=lambda one: one[0])
     confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
-    if tracker.linearises is False:
+    if tracker.once(linearises) is False:
         return [not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
     gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
     j = int(np.argmax(np.abs(gap)))
@@ -272,3 +273,76 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     rows_of = "rows of the implied Jacobian"
     said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
+
+
+CHECKS = (
+    DoctorCheck(
+        gain,
+        place=150,
+        questions=(
+            Question("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
+        ),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "jacobian_wrong": KnownFault(
+                "a Jacobian is wrong",
+                "Where the derivative of the measurement model or of the motion model is written out.",
+                "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
+                kinds=("gain",),
+                rank=41,
+                consequences=("numerical", "noise", "growth", "angle"),
+                drive="tangential_pass",
+            ),
+            "r_too_small": KnownFault(
+                "the measurement noise is too small",
+                "Where R of this sensor is set.",
+                "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, "
+                "rad and m/s.",
+                kinds=("noise",),
+                rank=46,
+                consequences=("numerical", "overconfident_start"),
+                drive="own_model",
+            ),
+            "r_too_large": KnownFault(
+                "the measurement noise is too large",
+                "Where R of this sensor is set.",
+                "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, "
+                "rad and m/s.",
+                kinds=("noise",),
+                rank=47,
+                consequences=("numerical",),
+                drive="own_model",
+            ),
+            "measurement_noise_omitted": KnownFault(
+                "the measurement noise is missing from the innovation covariance",
+                "Where the innovation covariance S is computed.",
+                "S = H P H^T + R, or the sum over the sigma points plus R.",
+                kinds=("noise",),
+                rank=15,
+                consequences=("stepped", "polar_start", "wrong_dt"),
+                drive="own_model",
+            ),
+            "measurement_noise_twice": KnownFault(
+                "the measurement noise is added twice",
+                "Where the innovation covariance S is computed, and where R is handed to it.",
+                "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
+                kinds=("noise",),
+                rank=43,
+                consequences=("numerical",),
+                drive="own_model",
+            ),
+            "sigma_points_not_redrawn": KnownFault(
+                "the update uses sigma points without the process noise",
+                "Between the prediction and the update, where the moved points are used again.",
+                "Draw new points from the predicted mean and covariance, or let the noise be part of the points "
+                "(augmented state).",
+                kinds=("gain",),
+                rank=37,
+                consequences=("numerical", "noise", "growth", "gain_inconsistent", "jacobian_wrong"),
+                drive="uneven_steps",
+            ),
+        },
+    ),
+)

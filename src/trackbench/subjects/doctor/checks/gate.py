@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -109,3 +109,23 @@ def _moved(probe: Probe, error: np.ndarray, away: float) -> Probe:
     outward = outward / max(float(np.hypot(*outward)), 1e-9)
     shift = error + away * outward
     return probe._replace(target=(px + shift[0], py + shift[1], vx, vy))
+
+
+CHECKS = (
+    DoctorCheck(
+        gate,
+        place=200,
+        questions=(Question("gate", "Is a target that is elsewhere after a gap taken up again?"),),
+        asks_at_misses=True,
+        faults={
+            "gate_never_reopens": KnownFault(
+                "a gate that has rejected the target rejects it for ever",
+                "Where a measurement is held against a gate.",
+                "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
+                "again.",
+                kinds=("step",),
+                drive="gap_in_a_turn",
+            ),
+        },
+    ),
+)

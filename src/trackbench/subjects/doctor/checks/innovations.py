@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.evidence import SensorInnovations, evidence_run
-from trackbench.subjects.doctor.findings import CheckResult, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, PartResult, Question
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: The drive in which the azimuth passes pi.
@@ -51,3 +51,14 @@ def _autocorrelation(whitened: Array) -> float:
     both: Mask = np.asarray(known[1:] & known[:-1])
     power = float(np.sum(now[:, both] ** 2))
     return float(np.sum(now[:, both] * before[:, both])) / power if power > 0.0 else 0.0
+
+
+CHECKS = (
+    DoctorCheck(
+        innovations,
+        place=210,
+        questions=(Question("innovations", "Are all angles in the innovations wrapped?", each_sensor=True),),
+        of_filters=True,
+        asks_at_misses=True,
+    ),
+)

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Scan
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named, update_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -145,3 +145,48 @@ def _lag(one: Array, other: Array) -> list[float]:
     """The time by which another estimate is ahead along the velocity, s."""
     speed = float(np.hypot(*one[2:]))
     return [float((other - one)[:2] @ one[2:]) / speed**2] if speed > MOVING else []
+
+
+CHECKS = (
+    DoctorCheck(
+        instants,
+        place=170,
+        questions=(
+            Question(
+                "same_instant",
+                "Do two sensors' measurements of one instant both count?",
+                finds=("second_measurement_dropped",),
+            ),
+            Question(
+                "same_time",
+                "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
+                misses=True,
+                finds=("time_offset",),
+            ),
+        ),
+        of_filters=True,
+        least_sensors=2,
+        asks_at_misses=True,
+        faults={
+            "second_measurement_dropped": KnownFault(
+                "of two measurements at one instant only the first is used",
+                "Where a scan with the time of the last one (a time step of zero) returns early.",
+                "With a time step of zero leave out the prediction alone, and make the update.",
+                kinds=("exact",),
+                rank=28,
+                consequences=("measurement_ignored",),
+                always=("measurement_ignored",),
+                drive="uneven_steps",
+            ),
+            "time_offset": KnownFault(
+                "the time of a sensor's measurements is off by a constant",
+                "Where the time of a scan is read, and where a latency is taken off or added.",
+                "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
+                kinds=("offset",),
+                rank=27,
+                consequences=("measured", "growth", "angle", "sensor_bias", "scale_error"),
+                drive="tangential_pass",
+            ),
+        },
+    ),
+)

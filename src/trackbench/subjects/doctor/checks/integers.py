@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import with_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -80,3 +80,24 @@ def _constant(values: Sequence[Array]) -> bool:
 
 def _numbers(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
+
+
+CHECKS = (
+    DoctorCheck(
+        integers,
+        place=60,
+        questions=(Question("integers", "Are the estimates fractions, as the measurements are?"),),
+        faults={
+            "integer_state_matrix": KnownFault(
+                "the state or the covariance is in an array of integers",
+                "Where these arrays are made, as by np.array([0, 0, 0, 0]) or dtype=int.",
+                "Make them of floats: np.zeros(4), np.array([0.0, ...]); assigning to an array of integers truncates.",
+                kinds=("exact",),
+                rank=2,
+                consequences=("stepped", "wrong_dt", "measurement_ignored"),
+                always=("measurement_ignored",),
+                drive="own_model",
+            ),
+        },
+    ),
+)

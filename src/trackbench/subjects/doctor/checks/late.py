@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -97,3 +97,24 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
 
 def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
     return session.step(masked(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
+
+
+CHECKS = (
+    DoctorCheck(
+        late,
+        place=220,
+        questions=(
+            Question("late", "Are late measurements held against where the target was?", each_sensor=True, misses=True),
+        ),
+        late_sensors=True,
+        faults={
+            "late_processed_as_new": KnownFault(
+                "a late measurement is processed as if it were new",
+                "Where the time since the last scan is computed, and where the time of a scan is read.",
+                "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is "
+                "not its time.",
+                drive="uneven_steps",
+            ),
+        },
+    ),
+)

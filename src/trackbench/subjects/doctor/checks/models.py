@@ -15,7 +15,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult, Question
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.units_ratio import conversion
@@ -116,3 +116,12 @@ def _differences(model: Callable[[Array], Array], x: Array) -> Array:
         step[j] = STEP * max(1.0, abs(float(x[j])))
         columns.append((model(x + step) - model(x - step)) / (2 * step[j]))
     return np.stack(columns, axis=1)
+
+
+CHECKS = (
+    DoctorCheck(
+        models,
+        place=180,
+        questions=(Question("models", "Are the Jacobians that the tracker provides right?"),),
+    ),
+)

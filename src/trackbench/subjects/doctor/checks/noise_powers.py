@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -136,3 +136,34 @@ def _shown(power: Power) -> OverTime:
     return OverTime(
         "Process noise of a step", "length of the step, s", steps, (course,), right_name=f"with dt^{power.right}"
     )
+
+
+CHECKS = (
+    DoctorCheck(
+        noise_powers,
+        place=120,
+        questions=(
+            Question(
+                "noise_powers",
+                "Do the entries of the process noise go with the same powers of the time step?",
+                misses=True,
+            ),
+        ),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "q_wrong_power_of_dt": KnownFault(
+                "an entry of the process noise has a wrong power of the time step",
+                "Where Q is written out.",
+                "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, "
+                "dt^2 / 2, dt for a continuous white noise.",
+                kinds=("motion", "growth"),
+                rank=21,
+                consequences=("numerical", "gain", "noise", "growth", "overconfident_start"),
+                always=("numerical",),
+                drive="uneven_steps",
+            ),
+        },
+    ),
+)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -77,3 +77,34 @@ def output(tracker: TrackerUnderTest) -> PartResult:
 
 def _numbers(state: Array) -> str:
     return "(" + ", ".join(f"{value:.3g}" for value in state) + ")"
+
+
+CHECKS = (
+    DoctorCheck(
+        output,
+        place=20,
+        questions=(Question("output", "Is the estimate px, py, vx, vy in the fixed frame?"),),
+        asks_at_misses=True,
+        faults={
+            "axis_swapped": KnownFault(
+                "two axes are swapped",
+                "Where measurements are read and where the estimate is returned (px, py, vx, vy).",
+                "x is along the boresight and y to its left; the azimuth starts at x; the estimate's order is px, py, "
+                "vx, vy.",
+                kinds=("exact",),
+                rank=7,
+                consequences=("axes",),
+                drive="tangential_pass",
+            ),
+            "axis_mirrored": KnownFault(
+                "an axis points the wrong way",
+                "Where the measurements of this sensor are read.",
+                "y is to the left of the boresight, and azimuths are counter-clockwise.",
+                kinds=("exact",),
+                rank=8,
+                consequences=("axes",),
+                drive="azimuth_crossing",
+            ),
+        },
+    ),
+)

@@ -11,7 +11,8 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.kind_of_filter import linearises
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named, predicted
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -195,7 +196,9 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult([CheckResult("spreading", question, passed, text)])
     if not passed:
         worst = min(off, key=lambda r: r[0])
-        where = "an entry of the transition's Jacobian" if tracker.linearises is not False else "a moved sigma point"
+        where = (
+            "an entry of the transition's Jacobian" if tracker.once(linearises) is not False else "a moved sigma point"
+        )
         text = (
             f"the covariance of position and velocity grows {worst[0]:.2g} to {worst[1]:.2g} times as much as the "
             f"uncertain velocity causes: {where} (d px / d vx = dt) is wrong"
@@ -259,3 +262,55 @@ def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:
         least.append(grown / (step * before))
         most.append(grown / (step * (before + later) / 2))
     return min(least), max(most)
+
+
+CHECKS = (
+    DoctorCheck(
+        prediction,
+        place=80,
+        questions=(
+            Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),
+        ),
+        of_filters=True,
+        asks_at_misses=True,
+        faults={
+            "wrong_dt": KnownFault(
+                "the time step is wrong",
+                "Where the time since the last scan is computed and stored.",
+                "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with "
+                "the state.",
+                kinds=("motion",),
+                rank=20,
+                consequences=("measured", "growth", "time_offset"),
+                drive="uneven_steps",
+            ),
+            "missed_scan_not_predicted": KnownFault(
+                "there is no prediction at a missed scan",
+                "Where a scan without a measurement (scan.valid is False) returns early.",
+                "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
+                kinds=("exact",),
+                rank=17,
+                consequences=("stepped",),
+                drive="uneven_steps",
+            ),
+            "velocity_unit": KnownFault(
+                "the velocity is in another unit than m/s",
+                "Where the estimate is returned, or where the velocity is made from positions and times.",
+                "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
+                kinds=("motion",),
+                rank=6,
+                consequences=("stepped", "ego", "wrong_dt", "doppler_sign", "speed_for_range_rate"),
+                always=("ego", "doppler_sign", "speed_for_range_rate"),
+                drive="tangential_pass",
+            ),
+        },
+    ),
+    DoctorCheck(
+        spreading,
+        place=100,
+        questions=(Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+    ),
+)

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
@@ -180,3 +180,70 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
 def _speed_variance(estimate: Estimate) -> float:
     direction = estimate.mean[2:] / max(float(np.hypot(*estimate.mean[2:])), 1e-9)
     return float(direction @ estimate.covariance[2:, 2:] @ direction)
+
+
+CHECKS = (
+    DoctorCheck(
+        process_noise,
+        place=110,
+        questions=(
+            Question(
+                "process_noise",
+                "Is the process noise that of a road vehicle?",
+                misses=True,
+                finds=("q_too_small", "q_too_large", "process_noise_omitted"),
+            ),
+            Question(
+                "noise_per_step",
+                "Does the process noise of a step depend on its length?",
+                misses=True,
+                finds=("q_constant_per_step",),
+            ),
+        ),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "q_too_small": KnownFault(
+                "the process noise is too small",
+                "Where Q is computed.",
+                "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 "
+                "for cars).",
+                kinds=("motion", "growth"),
+                rank=48,
+                consequences=("numerical",),
+                drive="manoeuvre",
+            ),
+            "q_too_large": KnownFault(
+                "the process noise is too large",
+                "Where Q is computed; check the powers of dt too.",
+                "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 "
+                "for cars).",
+                kinds=("motion", "growth"),
+                rank=22,
+                consequences=("numerical",),
+                always=("predicted_covariance_not_psd", "covariance_not_psd"),
+                drive="own_model",
+            ),
+            "q_constant_per_step": KnownFault(
+                "the process noise does not depend on the time step",
+                "Where Q is computed, or set once.",
+                "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is "
+                "zero for dt = 0.",
+                kinds=("motion", "growth"),
+                rank=25,
+                consequences=("gain", "growth", "points", "overconfident_start"),
+                drive="uneven_steps",
+            ),
+            "process_noise_omitted": KnownFault(
+                "the process noise is missing from the predicted covariance",
+                "Where the covariance is predicted.",
+                "P = F P F^T + Q, or the sum over the moved points plus Q.",
+                kinds=("motion", "growth"),
+                rank=33,
+                consequences=("numerical", "q_too_small", "overconfident_start"),
+                drive="manoeuvre",
+            ),
+        },
+    ),
+)

@@ -17,8 +17,8 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.subjects.doctor.kind_of_filter import after_gap
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.kind_of_filter import after_gap, linearises, sampling_noise
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -153,7 +153,7 @@ def _weights(found: Sequence[Unmoved], text: str) -> Finding | None:
 
 def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | None:
     """A variance grows where another shrinks: a process noise only adds, and a factor changes all alike."""
-    limit = COVARIANCE + 3.0 * tracker.sampling_noise
+    limit = COVARIANCE + 3.0 * tracker.once(sampling_noise)
     mixed = [one for one in found if one.least < -limit and one.most > limit and one.still]
     if len(mixed) < 0.7 * len(found):
         return None
@@ -179,7 +179,7 @@ def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> F
     factors = np.array([one.covariance for one in found])
     factor = float(np.median(factors))
     error = float(np.std(factors) / np.sqrt(len(factors)))
-    if not (factor < 1 - COVARIANCE - 3 * error or factor > FADING + 3 * error) or tracker.linearises:
+    if not (factor < 1 - COVARIANCE - 3 * error or factor > FADING + 3 * error) or tracker.once(linearises):
         return None
     if not all(one.still for one in found) or np.median([one.covariance_apart for one in found]) > 2 * COVARIANCE:
         return None
@@ -256,3 +256,50 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     )
     shown_by, exhibit = tracker.probes.general[0].name, None if worst is None else worst[1]
     return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by, exhibit=exhibit)
+
+
+CHECKS = (
+    DoctorCheck(
+        no_time,
+        place=70,
+        questions=(Question("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "sigma_weights_wrong": KnownFault(
+                "the weights of the sigma points do not sum to one",
+                "Where the weights of the mean are computed, and where they are multiplied by the points.",
+                "W_0 = lambda / (n + lambda) and 1 / (2 (n + lambda)) for each of the 2n others; beta belongs to the "
+                "covariance alone.",
+                kinds=("exact",),
+                rank=3,
+                consequences=("stepped", "wrong_dt", "velocity_unit", "arctan_quadrant"),
+                always=("numerical", "arctan_quadrant", "course_not_wrapped", "angle_mean_not_circular"),
+                drive="long_run",
+            ),
+            "sigma_spread_wrong": KnownFault(
+                "the spread of the sigma points does not fit their weights",
+                "Where n + lambda is computed for the points, and for the weights.",
+                "Points at the mean +- columns of sqrt((n + lambda) P), with the n, alpha and kappa that the weights "
+                "are made of.",
+                kinds=("points",),
+                rank=5,
+                consequences=("stepped", "wrong_dt"),
+                always=("numerical", "course_not_wrapped", "angle_mean_not_circular"),
+                drive="long_run",
+            ),
+            "sigma_points_misdrawn": KnownFault(
+                "the sigma points do not have the covariance that they are drawn from",
+                "Where the matrix root of the covariance is taken and its vectors are added to the mean.",
+                "Add the columns of the lower Cholesky factor (its rows, if the factor is the upper one), not the "
+                "rows.",
+                kinds=("points",),
+                rank=4,
+                consequences=("stepped", "wrong_dt"),
+                always=("numerical", "course_not_wrapped", "angle_mean_not_circular"),
+                drive="long_run",
+            ),
+        },
+    ),
+)

@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.first_estimates import FirstEstimate, first_estimates
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named
@@ -184,3 +184,50 @@ def _nees(first: FirstEstimate) -> Array:
     error, covariance = first.estimate.mean - first.truth, first.estimate.covariance
     p = 0.5 * (covariance + covariance.T)
     return np.array([error[part] @ np.linalg.pinv(p[part, part]) @ error[part] for part in (slice(0, 2), slice(2, 4))])
+
+
+CHECKS = (
+    DoctorCheck(
+        first_position,
+        place=30,
+        questions=(Question("start", "Do tracks start at the target?", each_sensor=True),),
+        faults={
+            "arctan_quadrant": KnownFault(
+                "arctan is used instead of arctan2",
+                "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
+                "track.",
+                "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one "
+                "behind.",
+                kinds=("exact",),
+                rank=12,
+                consequences=("measured", "angle"),
+                always=("nonfinite",),
+                drive="azimuth_crossing",
+            ),
+            "polar_start": KnownFault(
+                "a polar measurement is used as a Cartesian position",
+                "Where the first state of a track is computed from a radar measurement.",
+                "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the "
+                "sensor's pose.",
+                rank=45,
+                consequences=("overconfident_start", "sensor_bias"),
+                drive="radial_approach",
+            ),
+        },
+    ),
+    DoctorCheck(
+        confidence,
+        place=50,
+        questions=(Question("start_confidence", "Is the first covariance as large as the first errors?"),),
+        of_own_covariance=True,
+        faults={
+            "overconfident_start": KnownFault(
+                "the first covariance is too small",
+                "Where the first covariance of a track is set.",
+                "Give what the first measurements do not determine the spread of real targets: 20 m/s for the "
+                "velocity of cars.",
+                drive="stationary",
+            ),
+        },
+    ),
+)

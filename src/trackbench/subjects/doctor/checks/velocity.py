@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.right_answers import named, predicted, update_shown
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -105,3 +105,29 @@ def _ratio(before: Estimate, after: Estimate) -> list[float]:
     if not (finite(before) and finite(after)) or np.hypot(*before.mean[2:]) < MOVING:
         return []
     return [float(np.hypot(*after.mean[2:]) / np.hypot(*before.mean[2:]))]
+
+
+CHECKS = (
+    DoctorCheck(
+        velocity,
+        place=90,
+        questions=(
+            Question("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
+        ),
+        of_filters=True,
+        asks_at_misses=True,
+        faults={
+            "velocity_not_kept": KnownFault(
+                "the velocity changes where nothing says so",
+                "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a "
+                "step.",
+                "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise "
+                "for it.",
+                kinds=("step",),
+                rank=26,
+                consequences=("stepped", "wrong_dt"),
+                drive="tangential_pass",
+            ),
+        },
+    ),
+)

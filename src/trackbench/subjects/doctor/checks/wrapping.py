@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.subjects.doctor.checks.turned_update import FAR, OTHER_TURN, TURN, Jump, beyond_pi, jumps_of
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.turned_update import FAR, OTHER_TURN, TURN, Jump, beyond_pi, jumps_of
 
 #: Error of the velocity after 3 s without noise, as a share of the speed, of a target that is as good as lost, and the
 #: least ratio to that of the turned target.
@@ -150,3 +150,60 @@ def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ..
         return None, np.inf
     error = float(np.hypot(*(trial.prediction.mean - probe.truth(0.0))[2:]))
     return trial, error if np.isfinite(error) else float(np.hypot(*probe.target[2:]))
+
+
+CHECKS = (
+    DoctorCheck(
+        wrapping,
+        place=190,
+        questions=(
+            Question(
+                "azimuth_wrapping",
+                "Is the update of a target with the azimuth pi the same as with any other?",
+                finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
+            ),
+            Question(
+                "course_wrapping",
+                "Is the update of a target with the course pi the same as with any other?",
+                finds=("course_not_wrapped",),
+            ),
+        ),
+        of_filters=True,
+        asks_at_misses=True,
+        faults={
+            "azimuth_not_wrapped": KnownFault(
+                "an angle is not wrapped to (-pi, pi]",
+                "Where the innovation, or the difference of sigma points from their mean, is computed.",
+                "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 "
+                "pi) - pi.",
+                kinds=("exact", "angle"),
+                rank=42,
+                consequences=("numerical",),
+                drive="azimuth_crossing",
+            ),
+            "angle_mean_not_circular": KnownFault(
+                "angles of sigma points are averaged or subtracted across pi",
+                "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
+                "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap "
+                "every difference from the mean.",
+                kinds=("exact", "angle"),
+                rank=18,
+                consequences=("measured", "noise", "angle"),
+                always=("azimuth_not_wrapped",),
+                drive="azimuth_crossing",
+            ),
+            "course_not_wrapped": KnownFault(
+                "a difference of courses in the state is not wrapped to (-pi, pi]",
+                "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences "
+                "from it.",
+                "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences "
+                "from one point.",
+                kinds=("exact", "angle"),
+                rank=19,
+                consequences=("stepped",),
+                always=("predicted_covariance_not_psd", "covariance_not_psd"),
+                drive="long_run",
+            ),
+        },
+    ),
+)

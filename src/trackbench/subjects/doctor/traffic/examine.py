@@ -14,25 +14,14 @@ from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Progress, no_progress
 from trackbench.models.sensors import Sensor
+from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Examination
-from trackbench.subjects.doctor.failures import CannotRun
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
+from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.simplified import simplified
-from trackbench.subjects.doctor.traffic.checks import (
-    begins,
-    empty_scan,
-    false_alarms,
-    following,
-    leaving,
-    order,
-    together,
-)
-from trackbench.subjects.doctor.traffic.gate import gate
-from trackbench.subjects.doctor.traffic.ranking import ranked
+from trackbench.subjects.doctor.traffic.checks.tracks import begins, together
 from trackbench.subjects.doctor.traffic.scenes import Make, Site
-from trackbench.subjects.doctor.traffic.stated import stated_figures
 
-PARTS = (following, gate, false_alarms, leaving, order, empty_scan, stated_figures)
 Outcome = TypeVar("Outcome")
 Scene = tuple[str, Callable[[Make], PartResult]]
 
@@ -80,13 +69,13 @@ class TrafficDoctor:
                 checks += result.checks
                 findings += result.findings
                 progress(done, len(scenes))
-        return Examination(name, ranked(_of_sensors(findings, used)), checks)
+        return Examination(name, rank(_of_sensors(findings, used), TRAFFIC_CHECKS), checks)
 
 
 def _scenes(sites: list[Site]) -> Iterator[Scene]:
     for site in sites:
-        for part in PARTS:
-            yield part.__name__, partial(_of_one, part, site, len(sites) > 1)
+        for check in checks_of(TRAFFIC_CHECKS):
+            yield check.name, partial(_of_one, check, site, len(sites) > 1)
     if len(sites) > 1:
         yield together.__name__, partial(together, sites=sites)
 
@@ -98,13 +87,14 @@ def _played(scene: str, part: Callable[[Make], Outcome], make: Make) -> Outcome:
         raise CannotRun(f"in the scene {scene}: {error or type(error).__name__}") from error
 
 
-def _of_one(part: Callable[[Make, Site], PartResult], site: Site, several: bool, make: Make) -> PartResult:
-    """The part with a sensor, which its checks and findings name where there are several."""
-    found = part(make, site)
+def _of_one(check: DoctorCheck[[Make, Site]], site: Site, several: bool, make: Make) -> PartResult:
+    """The result of a check with a sensor, which its answers and findings name where there are several."""
+    result, asks = check.make(make, site), {question.name: question.asks for question in check.questions}
+    checks = [replace(one, question=asks[one.name]) for one in result.checks]
     if not several:
-        return found
-    checks = [replace(check, name=f"{check.name}.{site.name}") for check in found.checks]
-    return PartResult(checks, [replace(finding, sensor=site.name) for finding in found.findings])
+        return PartResult(checks, result.findings)
+    named = [replace(one, name=f"{one.name}.{site.name}") for one in checks]
+    return PartResult(named, [replace(finding, sensor=site.name) for finding in result.findings])
 
 
 def _of_sensors(findings: list[Finding], sites: list[Site]) -> list[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 from trackbench.base.types import Array, FieldOfView, Scan, Tracks
 from trackbench.driving.tracks import TracksStepper, tracks_of_run
 from trackbench.models.sensors import Sensor
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
 
 #: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.
 RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
@@ -139,3 +140,10 @@ def distances(tracks: Tracks, positions: Array) -> Array:
     """``(K, n)`` m, of tracks to positions ``(2, n)``."""
     away = tracks.mean[:2, :, None] - positions[:2, None, :]
     return np.asarray(np.hypot(away[0], away[1]))
+
+
+def note(result: PartResult, name: str, passed: bool, text: str, fault: str, question: str = "") -> None:
+    """Add a check, and its finding where it failed; a question that is not given is that of the check's record."""
+    result.checks.append(CheckResult(name, question, bool(passed), text))
+    if not passed:
+        result.findings.append(Finding(fault, 0.9, text[0].upper() + text[1:] + "."))

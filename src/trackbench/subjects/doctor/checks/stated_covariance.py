@@ -7,18 +7,15 @@ order of the state. So the order in which a covariance is returned follows from 
 from __future__ import annotations
 
 from itertools import permutations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
-from trackbench.subjects.doctor.findings import Finding
-
-if TYPE_CHECKING:
-    from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-    from trackbench.subjects.doctor.trial import TrialUpdate
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import TrialUpdate
 
 #: Change of a covariance that is none but rounding, relative to its variances.
 SAME = 1e-9
@@ -31,6 +28,18 @@ OF_VELOCITY = 0.05
 OFF, NEAR = 0.2, 0.1
 #: The second over the first: the gains of a wrong Jacobian are off with every order.
 RATIO = 0.2
+
+
+def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
+    """Look whether the covariances change, and whether the gains are made of them, whole and in the order returned."""
+    question = "Is the covariance computed, whole, and in the order of the estimate?"
+    if not any(tracker.trials.values()):
+        return PartResult([CheckResult("stated_covariance", question, None, "there was no estimate to update")])
+    fault = tracker.once(stated_covariance_fault)
+    if fault is not None:
+        return PartResult([CheckResult("stated_covariance", question, False, fault.evidence)], [fault])
+    text = "it changes, and neither a zero nor another order is told by the gains"
+    return PartResult([CheckResult("stated_covariance", question, True, text)])
 
 
 def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
@@ -138,3 +147,48 @@ def _apart(update: TrialUpdate, order: tuple[int, ...] | range) -> float:
     p: Array = trial.prediction.covariance[np.ix_(order, order)]
     scale = trial.sigma / np.sqrt(np.diag(p))[:, None]
     return relative_error(update.gain, linearised_gain(trial, update.used, p), scale)
+
+
+CHECKS = (
+    DoctorCheck(
+        stated_covariance,
+        place=40,
+        questions=(
+            Question(
+                "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
+            ),
+        ),
+        of_filters=True,
+        asks_at_misses=True,
+        faults={
+            "covariance_constant": KnownFault(
+                "the covariance never changes",
+                "Where the covariance is set and returned.",
+                "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, "
+                "with fixed gains K too.",
+                kinds=("step",),
+                rank=34,
+                consequences=("stepped",),
+                drive="long_gap",
+            ),
+            "covariance_diagonal": KnownFault(
+                "only the diagonal of the covariance is returned",
+                "Where the estimate is returned.",
+                "Return the whole 4 x 4 covariance, with that of position and velocity.",
+                kinds=("step",),
+                rank=35,
+                consequences=("stepped",),
+                drive="manoeuvre",
+            ),
+            "covariance_order": KnownFault(
+                "the covariance is returned in another order than the estimate",
+                "Where the estimate is returned.",
+                "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
+                kinds=("step",),
+                rank=36,
+                consequences=("stepped",),
+                drive="manoeuvre",
+            ),
+        },
+    ),
+)

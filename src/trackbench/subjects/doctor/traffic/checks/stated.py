@@ -8,9 +8,8 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Scan, Tracks
-from trackbench.subjects.doctor.findings import CheckResult, PartResult
-from trackbench.subjects.doctor.traffic.checks import note
-from trackbench.subjects.doctor.traffic.scenes import DETECTION, OBJECTS, Follower, Make, Site, moved, nearest
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.traffic.scenes import DETECTION, OBJECTS, Follower, Make, Site, moved, nearest, note
 
 #: Statements whose misses are compared; at the first a miss says almost nothing.
 LITTLE, PROBABILITIES = 0.05, (0.5, DETECTION)
@@ -32,9 +31,8 @@ def stated_figures(make: Make, site: Site) -> PartResult:
         return found
     asked = [track.odds(), *(track.odds(track.miss(stated)) for stated in (LITTLE, *PROBABILITIES))]
     told = [odds for odds in asked if odds]
-    question = "Does a miss count as the sensor's detection probability says?"
     if len(told) < len(asked):
-        found.checks.append(CheckResult("detection_probability", question, None, "one miss ends the track"))
+        found.checks.append(CheckResult("detection_probability", "", None, "one miss ends the track"))
         return found
     before, little = told[:2]
     after = dict(zip(PROBABILITIES, told[2:], strict=True))
@@ -46,12 +44,12 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     off = max(abs(one - stated) for stated, one in implied.items())
     told_of = " and ".join(f"{one:.2f} where {stated:g} is stated" for stated, one in implied.items())
     said = f"a miss lowers the odds of existence as if the detection probability were {told_of}"
-    note(found, "detection_probability", question, off < PROBABILITY, said, "pd_misstated")
+    note(found, "detection_probability", off < PROBABILITY, said, "pd_misstated")
     factors = _clutter_factors(track, certain) if off < PROBABILITY else []
     if factors:
         factor = max(factors, key=lambda one: abs(np.log(one)))
         note(
-            found, "clutter", "Does a detection count as the stated clutter says?",
+            found, "clutter",
             abs(np.log(factor)) < np.log(FACTOR),
             f"a detection raises the odds of existence as if the clutter were {factor:.3g} times what is stated",
             "clutter_misstated",
@@ -125,3 +123,33 @@ class _Track:
     def hit(self, measurement: Array, clutter: float) -> Scan:
         """A scan with one."""
         return self.scans[-1]._replace(measurement=measurement[:, None], clutter_density=clutter)
+
+
+CHECKS = (
+    DoctorCheck(
+        stated_figures,
+        place=70,
+        questions=(
+            Question("detection_probability", "Does a miss count as the sensor's detection probability says?"),
+            Question("clutter", "Does a detection count as the stated clutter says?"),
+        ),
+        faults={
+            "pd_misstated": KnownFault(
+                "a miss does not count as the sensor's detection probability says",
+                "Where the probability of a miss is computed.",
+                "Use scan.detection_probability, times the probability of the gate; or state no existence, if it is "
+                "none.",
+                rank=4,
+                always=("never_deletes", "double_tracks", "confirms_too_late", "clutter_misstated"),
+            ),
+            "clutter_misstated": KnownFault(
+                "a detection does not count as the stated clutter says",
+                "Where the likelihood of a detection is divided by the density of false alarms.",
+                "Use scan.clutter_density: false alarms per unit volume of the measurement space (m, rad, m/s) and "
+                "scan.",
+                rank=5,
+                always=("gate_too_large", "confirms_too_soon", "confirms_too_late", "double_tracks"),
+            ),
+        },
+    ),
+)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Mask, Scan, Tracks
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.subjects.doctor.traffic.scenes import NEAR, OBJECTS, RATE, Follower, Make, Site, distances, moved
+from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.traffic.scenes import NEAR, OBJECTS, RATE, Follower, Make, Site, distances, moved, note
 
 #: Longest time until a track is confirmed whose object every scan detects, and until one without detections ends, s.
 LATEST, LONGEST = 1.0, 3.0
@@ -36,11 +36,11 @@ def following(make: Make, site: Site) -> PartResult:
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
     found = PartResult()
     note(
-        found, "confirmation", "Is an object that every scan detects soon a track?", waited <= LATEST,
+        found, "confirmation", waited <= LATEST,
         f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s",
         "confirms_too_late",
     )  # fmt: skip
-    _once(found, "double_tracks", "Has each object one track?", count)
+    _once(found, "double_tracks", count)
     return found
 
 
@@ -51,7 +51,7 @@ def together(make: Make, sites: Sequence[Site]) -> PartResult:
     scans = [scan for instant in zip(*parts, strict=True) for scan in instant]
     found = PartResult()
     count = _on_objects(Follower(make).follow(scans), scans)
-    _once(found, "double_tracks.together", "Has each object one track for all sensors together?", count)
+    _once(found, "double_tracks.together", count, "Has each object one track for all sensors together?")
     return found
 
 
@@ -66,7 +66,7 @@ def false_alarms(make: Make, site: Site) -> PartResult:
         ids |= set(follower.step(site.scan(k / RATE, site.detections(place, 0.0, random), random)).ids.tolist())
     found = PartResult()
     note(
-        found, "false_alarms", "Does a single detection make no track?", len(ids) <= FALSE_TRACKS * count,
+        found, "false_alarms", len(ids) <= FALSE_TRACKS * count,
         f"{len(ids)} tracks of {count} false alarms, each at another place", "confirms_too_soon",
     )  # fmt: skip
     return found
@@ -89,7 +89,7 @@ def leaving(make: Make, site: Site) -> PartResult:
         f"and for {lasted[1]:.1f} s of {away:g} s of empty scans",
     )
     note(
-        found, "deletion", "Does a track end when its object has gone?", max(lasted) <= LONGEST, " ".join(said),
+        found, "deletion", max(lasted) <= LONGEST, " ".join(said),
         "never_deletes",
     )  # fmt: skip
     earlier = {one for tracks in (before, *fewer) for one in tracks.ids.tolist()} - set(none[-1].ids.tolist())
@@ -104,7 +104,7 @@ def leaving(make: Make, site: Site) -> PartResult:
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
     if count:
         note(
-            found, "identities", "Has a new object a new identity?", not again,
+            found, "identities", not again,
             f"of the identities of {count} new tracks {again} were those of earlier ones", "ids_reused",
         )  # fmt: skip
     return found
@@ -123,7 +123,7 @@ def order(make: Make, site: Site) -> PartResult:
         changed = changed or _difference(Follower(make).follow(scans), Follower(make).follow(mixed))
     found = PartResult()
     note(
-        found, "order", "Does the order of the detections change nothing?", not changed,
+        found, "order", not changed,
         f"the same detections in another order give {changed or 'the same tracks'}", "order_dependent",
     )  # fmt: skip
     return found
@@ -169,24 +169,17 @@ def empty_scan(make: Make, site: Site) -> PartResult:
                 f"in this time is {np.median(error):.2g} m from where it should be"
             )
     note(
-        found, "empty_scan", "Are tracks predicted to an empty scan?", seen and worst < 0.5,
+        found, "empty_scan", seen and worst < 0.5,
         said if seen else "at empty scans there are no tracks", "empty_scan_not_predicted",
     )  # fmt: skip
     return found
 
 
-def note(result: PartResult, name: str, question: str, passed: bool, said: str, fault: str) -> None:
-    """Add a check, and its finding where it failed."""
-    result.checks.append(CheckResult(name, question, bool(passed), said))
-    if not passed:
-        result.findings.append(Finding(fault, 0.9, said[0].upper() + said[1:] + "."))
-
-
-def _once(found: PartResult, name: str, question: str, count: Array) -> None:
+def _once(found: PartResult, name: str, count: Array, question: str = "") -> None:
     # Of the object in the middle: a second track of one alone may come of a single outlying detection.
     twice = float(np.median((count > 1).mean(axis=0)))
     said = f"an object has two tracks or more for {100 * twice:.0f} % of the time"
-    note(found, name, question, twice <= TOLERATED, said, "double_tracks")
+    note(found, name, twice <= TOLERATED, said, "double_tracks", question)
 
 
 def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
@@ -212,3 +205,102 @@ def _until_none(follower: Follower, scans: Sequence[Scan]) -> list[Tracks]:
 
 def _later(scans: Sequence[Scan], by: float) -> list[Scan]:
     return [scan._replace(time=scan.time + by, arrival_time=scan.arrival_time + by) for scan in scans]
+
+
+CHECKS = (
+    DoctorCheck(
+        following,
+        place=10,
+        questions=(
+            Question("double_tracks", "Has each object one track?"),
+            Question("confirmation", "Is an object that every scan detects soon a track?"),
+        ),
+        faults={
+            "confirms_too_late": KnownFault(
+                "tracks are confirmed too late",
+                "Where a tentative track becomes a confirmed one.",
+                "Ask for fewer detections (3 of 5), or for a lower score or probability of existence (0.95).",
+            ),
+            "double_tracks": KnownFault(
+                "an object has two tracks",
+                "Where a detection starts a new track.",
+                "Let only those detections start one that no track is likely to have caused, and merge tracks that "
+                "coincide.",
+                rank=7,
+                always=("confirms_too_soon",),
+            ),
+        },
+    ),
+    DoctorCheck(
+        false_alarms,
+        place=30,
+        questions=(Question("false_alarms", "Does a single detection make no track?"),),
+        faults={
+            "confirms_too_soon": KnownFault(
+                "tracks are confirmed too soon",
+                "Where a tentative track becomes a confirmed one.",
+                "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
+                "reach.",
+                rank=8,
+                always=("double_tracks",),
+            ),
+        },
+    ),
+    DoctorCheck(
+        leaving,
+        place=40,
+        questions=(
+            Question("identities", "Has a new object a new identity?"),
+            Question("deletion", "Does a track end when its object has gone?"),
+        ),
+        faults={
+            "never_deletes": KnownFault(
+                "tracks are not deleted",
+                "Where a track without detections is looked at.",
+                "Delete a track after about a second in view without a detection, or when its existence has become "
+                "improbable.",
+            ),
+            "ids_reused": KnownFault(
+                "identities are used again",
+                "Where a new track gets its id.",
+                "Count up through the whole run; do not number the tracks by their place in the list.",
+            ),
+        },
+    ),
+    DoctorCheck(
+        order,
+        place=50,
+        questions=(Question("order", "Does the order of the detections change nothing?"),),
+        faults={
+            "order_dependent": KnownFault(
+                "the order of the detections changes the tracks",
+                "Where detections are assigned to tracks one after the other.",
+                "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
+                rank=2,
+                always=(
+                    "gate_too_large",
+                    "double_tracks",
+                    "ids_reused",
+                    "confirms_too_late",
+                    "confirms_too_soon",
+                    "never_deletes",
+                    "empty_scan_not_predicted",
+                ),
+            ),
+        },
+    ),
+    DoctorCheck(
+        empty_scan,
+        place=60,
+        questions=(Question("empty_scan", "Are tracks predicted to an empty scan?"),),
+        faults={
+            "empty_scan_not_predicted": KnownFault(
+                "tracks are not predicted to an empty scan",
+                "Where a scan without detections returns early.",
+                "Predict at every scan, empty ones too, and count the miss.",
+                rank=3,
+                always=("never_deletes", "pd_misstated", "ids_reused"),
+            ),
+        },
+    ),
+)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,11 @@ from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, relative_error
-from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
-
-if TYPE_CHECKING:
-    from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-    from trackbench.subjects.doctor.trial import Trial, TrialUpdate
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
 RIGHT = 0.05
@@ -64,6 +63,23 @@ class UpdateErrors(NamedTuple):
     """The same, held against that of the applied gain."""
 
 
+def one_gain(tracker: TrackerUnderTest) -> PartResult:
+    """Hold the updates of the mean and of the covariance against those of the right gain."""
+    result = PartResult()
+    for name, trials in tracker.trials.items():
+        question = f"Do the mean and the covariance change by one gain with {name}?"
+        fault = tracker.once(update_faults).get(name)
+        if fault is not None:
+            result.findings.append(fault)
+            result.checks.append(CheckResult(f"one_gain.{name}", question, False, fault.evidence))
+        elif trials:
+            text = "where one of the two is that of the right gain, the other is too"
+            result.checks.append(CheckResult(f"one_gain.{name}", question, True, text))
+        else:
+            result.checks.append(CheckResult(f"one_gain.{name}", question, None, "there was no estimate to update"))
+    return result
+
+
 def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
     """By sensor."""
     errors = {
@@ -76,7 +92,7 @@ def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
         if len(of) >= 3 and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
     }
     # Samples move both, each by itself.
-    return {} if found and (tracker.repeats > 1 or tracker.sampling_noise > 0.0) else found
+    return {} if found and (tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0) else found
 
 
 def _errors(trial: Trial) -> UpdateErrors | None:
@@ -261,3 +277,40 @@ def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
         added = (one.update.estimate.covariance - one.right_covariance) / spread
         squares.append(float(np.sum(added * removed) / np.sum(removed**2)))
     return float(np.sqrt(max(0.0, np.median(squares))))
+
+
+CHECKS = (
+    DoctorCheck(
+        one_gain,
+        place=140,
+        questions=(
+            Question("one_gain", "Do the mean and the covariance change by one gain?", each_sensor=True, misses=True),
+        ),
+        of_filters=True,
+        of_own_covariance=True,
+        asks_at_misses=True,
+        faults={
+            "gain_inconsistent": KnownFault(
+                "the gain is not that of the tracker's own covariance and the stated models",
+                "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
+                "points or samples.",
+                "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move "
+                "the mean by K y once.",
+                kinds=("gain",),
+                rank=40,
+                consequences=("numerical", "noise", "growth", "angle", "overconfident_start"),
+                drive="tangential_pass",
+            ),
+            "covariance_update_wrong": KnownFault(
+                "the updated covariance is not that of the applied gain",
+                "Where the covariance is updated after a measurement.",
+                "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
+                "moves the mean.",
+                kinds=("step",),
+                rank=39,
+                consequences=("numerical", "noise", "growth", "angle", "overconfident_start"),
+                drive="own_model",
+            ),
+        },
+    ),
+)

@@ -7,8 +7,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.findings import PartResult
-from trackbench.subjects.doctor.traffic.checks import note
+from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.traffic.scenes import (
     NEAR,
     OBJECTS,
@@ -19,6 +18,7 @@ from trackbench.subjects.doctor.traffic.scenes import (
     distances,
     moved,
     nearest,
+    note,
 )
 
 #: A detection that no gate should leave out, by its probability, and a squared distance that none should let in.
@@ -41,14 +41,14 @@ def gate(make: Make, site: Site) -> PartResult:
     found = PartResult()
     if kept:
         note(
-            found, "gate_inside", "Does a track take a detection that is likely to be its own?",
+            found, "gate_inside",
             float(np.mean(kept)) > 0.5,
             f"{sum(kept)} of {len(kept)} tracks take one at the {100 * INSIDE:.0f} % point of their innovation",
             "gate_too_small",
         )  # fmt: skip
     if taken:
         note(
-            found, "gate_outside", "Does a track leave out a detection that cannot be its own?",
+            found, "gate_outside",
             float(np.mean(taken)) < 0.5,
             f"{sum(taken)} of {len(taken)} tracks take one {np.sqrt(OUTSIDE):.0f} standard deviations away",
             "gate_too_large",
@@ -85,3 +85,40 @@ def _step(make: Make, site: Site, one: Array, component: int, distance: float) -
     steps = np.hypot(*(after.mean[:2, behind] - tracks.mean[:2, before]))
     count = int((distances(tracks, moved(one, scan.time)[:, None]) < NEAR).sum())
     return float(steps.max(initial=0.0) / np.hypot(*(expected.gain @ away)[:2])), count
+
+
+CHECKS = (
+    DoctorCheck(
+        gate,
+        place=20,
+        questions=(
+            Question("gate_outside", "Does a track leave out a detection that cannot be its own?"),
+            Question("gate_inside", "Does a track take a detection that is likely to be its own?"),
+        ),
+        faults={
+            "gate_too_small": KnownFault(
+                "the gate is too small",
+                "Where the squared distance of a detection is held against a threshold.",
+                "Take the point of chi-square with as many degrees of freedom as the measurement has, at 0.99 or more.",
+                rank=1,
+                always=(
+                    "double_tracks",
+                    "pd_misstated",
+                    "clutter_misstated",
+                    "confirms_too_late",
+                    "confirms_too_soon",
+                    "never_deletes",
+                    "empty_scan_not_predicted",
+                ),
+            ),
+            "gate_too_large": KnownFault(
+                "the gate lets in what cannot be the track's own",
+                "Where the squared distance of a detection is held against a threshold.",
+                "Gate by the squared distance in units of the innovation's covariance, at 0.9999 of chi-square or "
+                "less.",
+                rank=6,
+                always=("double_tracks", "never_deletes", "ids_reused", "confirms_too_soon"),
+            ),
+        },
+    ),
+)
