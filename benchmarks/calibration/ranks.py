@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
-from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, interval, sign_flip
-from trackbench.compare.ranking import Pairings, ranking
+from trackbench.compare.ranking import FEWEST_SCENARIOS, Pairings, interval, ranking, sign_flip
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, differences
 from trackbench.metrics.intervals import holm, ratio, root

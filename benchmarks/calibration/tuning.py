@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import trackbench as tb
-from trackbench.api.listener import Listener
+from trackbench.api.plan import Listener
 from trackbench.base.execution import InProcess
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.objectives import OBJECTIVES

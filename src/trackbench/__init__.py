@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from trackbench.api.compare import compare
     from trackbench.api.result import ReportableResult as Result
     from trackbench.api.run import run
-    from trackbench.api.scenario import load
-    from trackbench.api.scene import sense, truth
+    from trackbench.api.scenario import load, sense, truth
     from trackbench.base.errors import InputError, TrackbenchError
     from trackbench.base.types import Estimate, Scan, Tracks, Truth
     from trackbench.scenario import Scenario
@@ -69,8 +68,8 @@ _CORE = {
     "compare": "api.compare:compare",
     "load": "api.scenario:load",
     "run": "api.run:run",
-    "sense": "api.scene:sense",
-    "truth": "api.scene:truth",
+    "sense": "api.scenario:sense",
+    "truth": "api.scenario:truth",
 }
 
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.compare.comparison import Entrant, EntrantScore
-from trackbench.compare.mean_ranks import ALL_SIGNS, fewest_scenarios, interval, sign_flip
-from trackbench.compare.ranking import Pairings, ranking
+from trackbench.compare.ranking import ALL_SIGNS, Pairings, fewest_scenarios, interval, ranking, sign_flip
 
 
 def test_the_p_value_is_that_of_scipy() -> None:

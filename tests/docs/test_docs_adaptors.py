@@ -16,9 +16,8 @@ from trackbench.base.errors import InputError
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.adaptors.filterpy_options import FilterPyOptions, FilterPySensor
+from trackbench.subjects.adaptors.options import FilterPyOptions, FilterPySensor, StoneSoupOptions, StoneSoupSensor
 from trackbench.subjects.adaptors.stonesoup_models import MEASURED
-from trackbench.subjects.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
 from trackbench.trackers.published import create
 
 PAGE = DOCS / "adaptors.md"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from trackbench.document.axes import logarithmic, panel_title
+from trackbench.document.drawing import logarithmic, panel_title
 from trackbench.document.margins import fit_margins, shortened, text_width
 
 WIDTH, HEIGHT = 430.0, 250.0

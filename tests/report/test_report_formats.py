@@ -27,9 +27,8 @@ from trackbench.document import (
     Table,
     TrackerStyle,
 )
-from trackbench.document.csv import to_csv
 from trackbench.document.drawing import INK, MUTED, pdf_file, svg_file
-from trackbench.document.files import FORMATS, Format, files, text
+from trackbench.document.files import FORMATS, Format, files, text, to_csv
 from trackbench.document.html import to_html
 from trackbench.document.latex import escape, table_to_latex
 from trackbench.document.markdown import to_markdown

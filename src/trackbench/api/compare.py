@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from trackbench import results
-from trackbench.api.display import Report
+from trackbench.api.result import Report
 from trackbench.api.scenario import listed
 from trackbench.base.errors import InputError, counted
 from trackbench.compare import Limit, ResultSet, comparison, find

@@ -1,15 +1,16 @@
-"""A result that shows itself."""
+"""A result, a report and a figure that show themselves in a notebook."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from html import escape
+from pathlib import Path
+from typing import Any, Self
 
 from trackbench import results
 from trackbench.base.errors import InputError, counted, nearest
-
-if TYPE_CHECKING:
-    from trackbench.api.display import Report, ReportFigure
+from trackbench.document import Cell, Document, Figure, Table
+from trackbench.document.files import files_by_ending, require_ending, text
 
 
 class ReportableResult(results.Result):
@@ -42,8 +43,6 @@ class ReportableResult(results.Result):
         Raises:
             InputError: there is none of this name.
         """
-        from trackbench.api.display import ReportFigure
-
         for figure in self._report.document.figures:
             if figure.name == name:
                 return ReportFigure(figure)
@@ -51,7 +50,6 @@ class ReportableResult(results.Result):
 
     @cached_property
     def _report(self) -> Report:
-        from trackbench.api.display import Report
         from trackbench.report.result import result_document
 
         return Report(result_document(self))
@@ -64,7 +62,93 @@ class ReportableResult(results.Result):
         )
 
     def _repr_html_(self) -> str:
-        from trackbench.api.display import table_html
         from trackbench.report.result import ranking_table
 
         return table_html(ranking_table(self))
+
+
+#: Of a report in a notebook, pixels; it scrolls.
+HEIGHT = 640
+FIGURE_ENDINGS = (".svg", ".pdf")
+
+
+class Report:
+    """A report. A notebook shows it as a page, ``print`` as text."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    def __repr__(self) -> str:
+        return f"<{self.document.kind} {self.document.title}>"
+
+    def __str__(self) -> str:
+        return text(self.document)
+
+    def _repr_html_(self) -> str:
+        from trackbench.document.html import to_html
+
+        # A page has styles of its own, which the notebook's must not meet.
+        page = escape(to_html(self.document), quote=True)
+        return f'<iframe srcdoc="{page}" width="100%" height="{HEIGHT}" style="border: 0"></iframe>'
+
+    def save(self, path: Path | str) -> None:
+        """Write it in the format of the file's ending.
+
+        Args:
+            path: ``.html``, ``.md``, ``.txt`` or ``.tex`` for the report (with LaTeX, its tables and figures go into
+                folders beside it); ``.csv`` for its tables; ``.svg`` or ``.pdf`` for its figures. Several tables or
+                figures each get a file, named after this one: ``x-ranking.csv``.
+
+        Raises:
+            InputError: the ending is none of these.
+            TrackbenchError: the file cannot be written.
+        """
+        file = Path(path)
+        require_ending(file)
+        for name, content in files_by_ending(self.document, file):
+            results.write_bytes(name, content)
+
+
+class ReportFigure:
+    """A figure of a report, which a notebook shows."""
+
+    def __init__(self, figure: Figure) -> None:
+        self.figure = figure
+
+    def __repr__(self) -> str:
+        return f"<figure {self.figure.name}: {self.figure.title}>"
+
+    def _repr_svg_(self) -> str:
+        from trackbench.document.drawing import svg_file
+
+        return svg_file(self.figure)
+
+    def save(self, path: Path | str) -> None:
+        """Write it, with its legend, as ``.svg`` or ``.pdf``.
+
+        Raises:
+            InputError: the ending is another one.
+            TrackbenchError: the file cannot be written.
+        """
+        from trackbench.document.drawing import pdf_file, svg_file
+
+        file = Path(path)
+        require_ending(file, FIGURE_ENDINGS)
+        results.write_bytes(file, pdf_file(self.figure) if file.suffix == ".pdf" else svg_file(self.figure).encode())
+
+
+def table_html(table: Table) -> str:
+    """A table for a notebook, whose styles it takes."""
+    heads = "".join(
+        f'<th title="{escape(column.explanation)}">{escape(column.heading)}</th>' for column in table.columns
+    )
+    rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
+    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+    return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def _cell(cell: Cell) -> str:
+    shown = escape(cell.text)
+    main = f"<b>{shown}</b>" if cell.strong or cell.tracker else shown
+    details = "".join(f"<br><small>{escape(detail)}</small>" for detail in cell.details)
+    return f'<td title="{escape(cell.reason)}">{main}{details}</td>'

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import overload
 
 from trackbench.api import session
-from trackbench.api.listener import Counter
-from trackbench.api.plan import Plan
+from trackbench.api.plan import Counter, Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError

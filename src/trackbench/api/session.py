@@ -7,9 +7,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from trackbench import results
-from trackbench.api.files import save_comparison
-from trackbench.api.listener import Listener, Prepared
-from trackbench.api.plan import Plan
+from trackbench.api.batch import save_comparison
+from trackbench.api.plan import Listener, Plan, Prepared
 from trackbench.base.errors import InputError
 from trackbench.results import Result
 from trackbench.scenario import Scenario

@@ -43,7 +43,7 @@ COMMANDS = {
         "trackbench.cli.validate:schema_command", "Print the JSON Schema of a scenario file, for editors."
     ),
     "completion": Command(
-        "trackbench.cli.completion:completion_command", "Print the script that lets a shell complete trackbench."
+        "trackbench.cli.options:completion_command", "Print the script that lets a shell complete trackbench."
     ),
     **dict(offered("commands")),
 }

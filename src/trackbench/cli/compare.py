@@ -60,7 +60,7 @@ def compare_command(
       0 compared   1 a regression   2 bad input or not comparable   4 cannot write
     """
     from trackbench.compare import Limit, compare, find
-    from trackbench.document.save import require_ending
+    from trackbench.document.files import require_ending
     from trackbench.document.terminal import print_document
     from trackbench.report.comparison import ENDINGS, comparison_files, document
     from trackbench.report.junit import suites_of_comparison, to_xml

@@ -12,7 +12,7 @@ import click
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry
 from trackbench.base.subjects import offered, resolve
-from trackbench.cli.choices import NearestChoice
+from trackbench.cli.options import NearestChoice
 
 if TYPE_CHECKING:
     from trackbench.metrics import Field

@@ -12,7 +12,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import offered, resolve
-from trackbench.cli.choices import NearestChoice
+from trackbench.cli.options import NearestChoice
 from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:

@@ -16,12 +16,10 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
-from trackbench.cli.engine import engine_option
-from trackbench.cli.isolation import isolation_options
+from trackbench.cli.options import engine_option, isolation_options, scenarios_argument, trackers_of_scenarios
 from trackbench.cli.run_options import check_options, followers, subject_options
 from trackbench.cli.run_output import RunOutput
-from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any, NamedTuple
 
-from trackbench.api.listener import Listener
+from trackbench.api.plan import Listener
 from trackbench.base.subjects import offered, resolve
 from trackbench.scenario import Scenario
 

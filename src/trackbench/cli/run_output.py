@@ -12,9 +12,9 @@ import click
 from rich.console import Console
 
 from trackbench import results
-from trackbench.api.listener import Listener, Prepared
+from trackbench.api.plan import Listener, Prepared
 from trackbench.base.types import Progress, Scan
-from trackbench.cli.progress import progress
+from trackbench.cli.terminal import progress
 from trackbench.results import Result
 
 if TYPE_CHECKING:

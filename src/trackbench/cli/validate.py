@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
-from trackbench.cli.completion import scenarios_argument
-from trackbench.cli.isolation import isolation_options
-from trackbench.cli.verbosity import quiet_option
+from trackbench.cli.options import isolation_options, scenarios_argument
+from trackbench.cli.terminal import quiet_option
 from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check

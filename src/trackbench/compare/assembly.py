@@ -6,11 +6,19 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.execution import one_blas_thread
-from trackbench.compare.comparability import Comparability, comparability, engine_notes, require_same_metric
+from trackbench.compare.comparability import (
+    Comparability,
+    Group,
+    ScenarioResults,
+    cells_of,
+    comparability,
+    engine_notes,
+    groups_of_cells,
+    require_same_metric,
+)
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.groups import Group, ScenarioResults, cells_of, groups_of_cells
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.ranking import Pairings, ranking, scores
 from trackbench.metrics import Metric

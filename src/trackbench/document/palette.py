@@ -6,7 +6,9 @@ other under simulated protanopia and deuteranopia. All are readable on a dark an
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+
+from trackbench.document.model import LegendEntry, TrackerStyle
 
 TRACKER_COLOURS: tuple[str, ...] = (
     "#E69F00",
@@ -56,3 +58,27 @@ def mode_colours(names: Iterable[str]) -> dict[str, str]:
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:
     """A colour for each sensor, in the order given; repeats after six."""
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
+
+
+_LINES = ("solid", (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1.5)))
+
+
+def tracker_styles(colours: Mapping[str, str]) -> dict[str, TrackerStyle]:
+    """By name, from :func:`~trackbench.document.palette.tracker_colours`; a repeated colour has another line."""
+    return {
+        name: TrackerStyle(f"t{i}", name, colour, _LINES[i // len(TRACKER_COLOURS) % len(_LINES)])
+        for i, (name, colour) in enumerate(colours.items())
+    }
+
+
+def legend_of(styles: Iterable[TrackerStyle]) -> tuple[LegendEntry, ...]:
+    """Legend lines for trackers."""
+    return tuple(
+        LegendEntry(style.name, style.colour, "line" if style.line == "solid" else "dash", style.key)
+        for style in styles
+    )
+
+
+def tooltips_of(styles: Iterable[TrackerStyle]) -> dict[str, str]:
+    """The tooltip of all that is drawn of a tracker: its name."""
+    return {style.key: style.name for style in styles}

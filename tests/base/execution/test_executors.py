@@ -17,8 +17,7 @@ import pytest
 import threadpoolctl
 from tests.base.execution.results import without_times
 
-from trackbench.api.listener import Listener
-from trackbench.api.plan import Plan
+from trackbench.api.plan import Listener, Plan
 from trackbench.api.session import prepare
 from trackbench.api.session import run as run_all
 from trackbench.base.errors import TrackbenchError

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from trackbench.api.listener import Prepared
+from trackbench.api.plan import Prepared
 from trackbench.base.types import Gaussian
 from trackbench.document.palette import tracker_colours
 from trackbench.results import Result

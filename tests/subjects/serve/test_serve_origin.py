@@ -14,7 +14,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.serve.origin import refusal, require_origin
+from trackbench.subjects.serve.server import refusal, require_origin
 
 LOOPBACK = ["127.0.0.1:4567", "localhost:4567", "LOCALHOST", "[::1]:4567", "127.0.0.2"]
 #: Of a page elsewhere, of a sandboxed frame, and what is no origin.

@@ -14,7 +14,6 @@ from tests.support.udacity import synthetic_lines, telemetry, write_scenario
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.subjects.serve.client import Client
 from trackbench.subjects.serve.protocol import (
     LONGEST,
     MANUAL,
@@ -26,6 +25,7 @@ from trackbench.subjects.serve.protocol import (
     estimate_marker,
     parse,
 )
+from trackbench.subjects.serve.server import Client
 from trackbench.subjects.serve.session import TrackerFailed, served
 
 LINE = "L\t3.122427e-01\t5.803398e-01\t1477010443000000\t6e-01\t6e-01\t5.199937e+00\t0"

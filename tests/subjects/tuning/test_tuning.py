@@ -12,7 +12,7 @@ import pytest
 from tests.support.udacity import data_folder
 
 import trackbench as tb
-from trackbench.api.listener import Listener
+from trackbench.api.plan import Listener
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess

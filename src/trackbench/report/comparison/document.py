@@ -8,8 +8,7 @@ from typing import NamedTuple
 from trackbench.compare import Comparison
 from trackbench.document import Block, Document, Item, Items, Paragraph, Section
 from trackbench.document.model import named_apart
-from trackbench.document.palette import tracker_colours
-from trackbench.document.styles import tracker_styles
+from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.report.comparison import differences, ranking
 
 _APART = "Scenarios that different metrics rank are compared apart: their trackers do not answer the same question."

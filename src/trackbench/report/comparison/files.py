@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from trackbench.compare import Comparison
-from trackbench.document import save
-from trackbench.document.files import files
-from trackbench.document.save import files_by_ending
+from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
+from trackbench.document.files import files, files_by_ending
 from trackbench.report.comparison.document import document
 from trackbench.results import to_json
 
-ENDINGS = (*save.ENDINGS, ".json")
+ENDINGS = (*DOCUMENT_ENDINGS, ".json")
 
 
 def batch_files(comparison: Comparison, folder: Path, colours: Mapping[str, str]) -> Iterator[tuple[Path, bytes]]:

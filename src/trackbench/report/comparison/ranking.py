@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore, RankedTracker
-from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
+from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
 from trackbench.report.comparison.competitors import competitors, label

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Section, Status, TrackerStyle
-from trackbench.document.palette import tracker_colours
-from trackbench.document.styles import tracker_styles
+from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.report.numbers import joined
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import TIME_LABEL, panel_title
-from trackbench.document.drawing import DASHED, INK, WIDTH
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.drawing import DASHED, INK, TIME_LABEL, WIDTH, panel_title
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, where
 from trackbench.report.run.figures.lines import draw_lines, end_of, last_values, smooth_lines, styles_of

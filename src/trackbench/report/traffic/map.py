@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import panel_title
-from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.document.drawing import INK, MUTED, WIDTH, panel_title
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.report.numbers import joined

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
-from trackbench.document.drawing import GRID, INK, WIDTH
+from trackbench.document.drawing import GRID, INK, TIME_LABEL, WIDTH, panel_title, time_axis
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.report.numbers import joined

@@ -9,10 +9,8 @@ from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanF
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
-from trackbench.subjects.adaptors.filterpy_options import FilterPyOptions, FilterPySensor
-from trackbench.subjects.adaptors.layout import Layout
-from trackbench.subjects.adaptors.options import OWN, function
-from trackbench.subjects.adaptors.reader import POSITION, Reader
+from trackbench.subjects.adaptors.layout import POSITION, Layout, Reader
+from trackbench.subjects.adaptors.options import OWN, FilterPyOptions, FilterPySensor, function
 
 
 class Kind(NamedTuple):

@@ -1,19 +1,22 @@
-"""What the trackers that run a filter of FilterPy have in common."""
+"""A tracker for each class of filters of FilterPy."""
 
 from __future__ import annotations
 
 import copy
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanFilter
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.subjects.adaptors.filterpy_kinds import SensorUse, sensing
-from trackbench.subjects.adaptors.filterpy_options import FilterPyOptions
-from trackbench.subjects.adaptors.options import function, of_sensor, takes_state
+from trackbench.base.units import difference
+from trackbench.subjects.adaptors.filterpy_kinds import KINDS, SensorUse, kind_of, sensing
+from trackbench.subjects.adaptors.layout import POSITION
+from trackbench.subjects.adaptors.options import FilterPyOptions, function, made, of_sensor, takes_state
 from trackbench.subjects.adaptors.tracker import AdaptedTracker, Updated
 
 #: The interval with which a user's function is tried, s.
@@ -93,3 +96,181 @@ class FilterPyTracker(AdaptedTracker):
         if shape != np.shape(self._filter.P):
             raise InputError(f"{option}: {reference!r} gives the shape {shape}, not {np.shape(self._filter.P)}")
         return lambda _, dt: np.asarray(call(dt), dtype=float)
+
+
+def tracker(given: Mapping[str, Any]) -> FilterPyTracker:
+    """The tracker that the options describe.
+
+    Raises:
+        InputError: they do not fit the filter; says how.
+        ValidationError: they are not valid by themselves.
+    """
+    options = FilterPyOptions.model_validate(given)
+    found = made("filter", options.filter, options.filter_options, lambda item: isinstance(item, tuple(KINDS)))
+    kind = kind_of(found, options)
+    size, named = np.size(found.x), len(options.state)
+    if size != named or np.shape(found.P) != (named, named):
+        sizes = f"x has {size} components and P the shape {np.shape(found.P)}"
+        raise InputError(f"state: names {named} components, but the filter's {sizes}")
+    return TRACKERS[kind](options, kind, copy.deepcopy(found))
+
+
+class MatrixTracker(FilterPyTracker):
+    """Runs a filter that predicts with the matrix F."""
+
+    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
+        super().__init__(options, kind, found)
+        self._f = self._matrix("transition", options.transition)
+
+    def transition(self, x: Array, dt: float) -> Array:
+        """``(n,)`` the state after ``dt``."""
+        for interval in self._intervals(dt):
+            x = self._moved(self._shaped(x), interval).reshape(-1)
+        return x
+
+    def transition_jacobian(self, x: Array, dt: float) -> Array:
+        """``(n, n)`` what the filter takes for the derivative of the transition."""
+        slope = np.eye(len(x))
+        for interval in self._intervals(dt):
+            slope = self._transition_matrix(self._shaped(x), interval) @ slope
+            x = self._moved(self._shaped(x), interval).reshape(-1)
+        return slope
+
+    def measurement_jacobian(self, x: Array, scan: Scan) -> Array:
+        """``(m, n)`` what the filter takes for the derivative of the measurement."""
+        return self._h(self._of(scan), scan)(self._shaped(x))
+
+    @abstractmethod
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        """The matrix H at a state."""
+
+    def _transition_matrix(self, x: Array, dt: float) -> Array:
+        return np.asarray(self._filter.F, dtype=float) if self._f is None else self._f(x, dt)
+
+    def _moved(self, x: Array, dt: float) -> Array:
+        return self._transition_matrix(x, dt) @ x
+
+    def _move(self, running: Any, dt: float) -> None:
+        if self._f is not None:
+            running.F = self._f(running.x, dt)
+        running.predict()
+
+
+class LinearTracker(MatrixTracker):
+    """Runs a ``KalmanFilter``: its own H, or that of a position where it has none."""
+
+    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
+        super().__init__(options, kind, found)
+        self._own_h = np.array(found.H, dtype=float) if np.any(found.H) else None
+        for how in self._sensing.values() if isinstance(self._sensing, dict) else [self._sensing]:
+            names = ("px", "py") if how.reader.take == POSITION else tuple(how.reader.take or ())
+            if self._own_h is None and how.reader.take != POSITION:
+                raise InputError(f"filter: its H is not set; the one that gives {', '.join(names)} is needed")
+            if self._own_h is not None and self._own_h.shape != (len(names), len(options.state)):
+                fits = f"not {(len(names), len(options.state))}, which maps the state to {', '.join(names)}"
+                raise InputError(f"filter: its H has the shape {self._own_h.shape}, {fits}")
+
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        own = self._own_h
+        return lambda x: how.reader.slope(x.reshape(-1), scan) if own is None else own
+
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        return lambda x: self._h(how, scan)(x) @ x
+
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
+        running.update(z, R=r, H=self._h(how, scan)(running.x))
+
+
+class ExtendedTracker(MatrixTracker):
+    """Runs an ``ExtendedKalmanFilter``."""
+
+    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
+        super().__init__(options, kind, found)
+        self._fx = None if options.fx is None else function("fx", options.fx)
+
+    def _moved(self, x: Array, dt: float) -> Array:
+        return super()._moved(x, dt) if self._fx is None else np.asarray(self._fx(x, dt), dtype=float)
+
+    def _move(self, running: Any, dt: float) -> None:
+        moved = None if self._fx is None else self._fx(running.x.copy(), dt)
+        super()._move(running, dt)
+        if moved is not None:
+            running.x = np.reshape(moved, running.x.shape)
+
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        if how.jacobian is not None:
+            return _with(how.jacobian, *_args(how, scan))
+        return lambda x: how.reader.slope(x.reshape(-1), scan)
+
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        if how.hx is not None:
+            return _with(how.hx, *_args(how, scan))
+        return lambda x: self._shaped(how.reader.expected(x.reshape(-1), scan))
+
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
+        residual = (how.residual or np.subtract) if how.own else partial(how.reader.residual, scan=scan)
+        running.update(z, self._h(how, scan), self._hx(how, scan), R=r, residual=residual)
+
+
+class UnscentedTracker(FilterPyTracker):
+    """Runs an ``UnscentedKalmanFilter``."""
+
+    def transition(self, x: Array, dt: float) -> Array:
+        """``(n,)`` the state after ``dt``."""
+        for interval in self._intervals(dt):
+            x = np.reshape(self._filter.fx(x, interval), -1)
+        return x
+
+    def _own(self, time: float) -> Any:
+        return _with_points(super()._own(time))
+
+    def _predict(self, belief: Any, elapsed: float) -> Any:
+        running = super()._predict(belief, elapsed)
+        return _with_points(running) if elapsed == 0.0 else running
+
+    def _move(self, running: Any, dt: float) -> None:
+        running.predict(dt=dt)
+
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
+        if not how.own:
+            return lambda x: how.reader.expected(x, scan)
+        fields = dict(zip(how.args, _args(how, scan), strict=True))
+        return partial(how.hx or self._filter.hx, **fields)
+
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
+        before = running.residual_z, running.z_mean
+        if how.own:
+            residual, mean = how.residual or before[0], how.mean or before[1]
+        else:
+            residual = partial(how.reader.residual, scan=scan)
+            mean = partial(_mean, angular=how.reader.angular(scan))
+        running.residual_z, running.z_mean = residual, mean
+        running.update(z, R=r, hx=self._hx(how, scan))
+        running.residual_z, running.z_mean = before
+
+
+def _args(how: SensorUse, scan: Scan) -> tuple[Any, ...]:
+    return tuple(getattr(scan, name) for name in how.args)
+
+
+def _with(call: Callable[..., Array], *args: Any) -> Callable[[Array], Array]:
+    return lambda x: np.asarray(call(x, *args), dtype=float)
+
+
+def _with_points(running: Any) -> Any:
+    """The filter with the sigma points that an update without a prediction needs."""
+    running.sigmas_f = running.points_fn.sigma_points(running.x, running.P)
+    return running
+
+
+def _mean(points: Array, weights: Array, angular: tuple[int, ...]) -> Array:
+    """Weighted mean of sigma points ``(s, m)``, as offsets from the central one: an angle has no plain mean."""
+    offsets = (points - points[0]).T
+    return np.asarray(points[0] + difference(offsets, np.zeros(()), angular) @ weights)
+
+
+TRACKERS: dict[type, type[FilterPyTracker]] = {
+    KalmanFilter: LinearTracker,
+    ExtendedKalmanFilter: ExtendedTracker,
+    UnscentedKalmanFilter: UnscentedTracker,
+}

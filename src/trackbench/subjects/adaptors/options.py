@@ -1,4 +1,4 @@
-"""What the options of the adaptors have in common."""
+"""The options of the adaptors, in common and of each library; no library is needed to read them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError, TrackbenchError, nearest
 from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.adaptors import layout
-from trackbench.subjects.adaptors.reader import ELEVATION, POSITION, components
+from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, components
 from trackbench.trackers.config import STATE_COMPONENTS
 from trackbench.trackers.initial_config import InitialConfig
 
@@ -190,3 +190,74 @@ def takes_state(option: str, reference: str, call: Callable[..., Any]) -> bool:
     if len(needed) not in (1, 2):
         raise InputError(f"{option}: {reference!r} has to take (dt) or (x, dt), not {len(needed)} arguments")
     return len(needed) == 2
+
+
+class FilterPySensor(SensorOptions):
+    """How the measurements of a sensor are given to the filter; functions are called as FilterPy calls them."""
+
+    hx: str | None = Field(None, description="own, or the function that gives the expected measurement.")
+    HJacobian: str | None = Field(None, description="The function that gives its derivative, as module:name.")
+    residual: str | None = Field(None, description="The function that subtracts two measurements, as module:name.")
+    z_mean: str | None = Field(None, description="The function that averages sigma points, as module:name.")
+    args: list[str] = Field(default_factory=list, description="Fields of the scan that hx is given beside the state.")
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        for index, name in enumerate(self.args):
+            if name not in Scan._fields:
+                yield Problem(("args", index), f"a scan has no {name!r}: {nearest(name, Scan._fields)}")
+        for key in ("HJacobian", "residual", "z_mean", "args"):
+            if key in self.model_fields_set and self.hx is None:
+                yield Problem((key,), "not used without hx")
+
+
+class FilterPyOptions(AdaptorOptions):
+    """The keys under ``options`` where a scenario says ``use: filterpy``."""
+
+    package = "filterpy"
+    library = "FilterPy"
+
+    filter: str = Field(description='the filter, or a function that makes one, as "module:name"')
+    filter_options: dict[str, Any] = Field(default_factory=dict, description="Arguments of a function that makes it.")
+    transition: str | None = Field(None, description="Function that gives F, of dt or of x and dt, as module:name.")
+    fx: str | None = Field(None, description="Function that gives the state after dt, as module:name.")
+    process_noise: str | None = Field(None, description="Function that gives Q, of dt or of x and dt, as module:name.")
+    sensors: dict[str, FilterPySensor] | None = Field(
+        None, min_length=1, description="By name or kind, how a sensor's measurements are given to the filter."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        yield from sensor_problems(self.sensors or {})
+        if self.fx is not None and self.transition is None:
+            yield Problem(("transition",), "missing: beside fx it gives the Jacobian of fx")
+
+
+class StoneSoupSensor(SensorOptions):
+    """How the measurements of a sensor are given to the updater."""
+
+    measurement_model: str | None = Field(None, description="own, or a measurement model, as module:name.")
+    pose: Literal["stated", "own"] | None = Field(None, description="Whether the model is put where the sensor is.")
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        for key in ("R", "pose"):
+            if getattr(self, key) is not None and self.measurement_model is None:
+                yield Problem((key,), "not used without measurement_model")
+
+
+class StoneSoupOptions(AdaptorOptions):
+    """The keys under ``options`` where a scenario says ``use: stonesoup``."""
+
+    package = "stonesoup"
+    library = "Stone Soup"
+
+    pair: str = Field(description='predictor and updater, or a function that makes them, as "module:name"')
+    pair_options: dict[str, Any] = Field(default_factory=dict, description="Arguments of a function that makes them.")
+    sensors: dict[str, StoneSoupSensor] | None = Field(
+        None, min_length=1, description="By name or kind, how a sensor's measurements are given to the updater."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        yield from sensor_problems(self.sensors or {})

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.subjects.adaptors.filterpy_options import FilterPyOptions
-from trackbench.subjects.adaptors.stonesoup_options import StoneSoupOptions
+from trackbench.subjects.adaptors.options import FilterPyOptions, StoneSoupOptions
 from trackbench.trackers.answers import Tracker
 
 
 def filterpy(**options: Any) -> Tracker:
     """A KalmanFilter, ExtendedKalmanFilter or UnscentedKalmanFilter of FilterPy; needs trackbench[filterpy]."""
-    from trackbench.subjects.adaptors.filterpy_filters import tracker
+    from trackbench.subjects.adaptors.filterpy_tracker import tracker
 
     return tracker(options)
 

@@ -18,19 +18,19 @@ from stonesoup.types.state import GaussianState, SqrtGaussianState
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.subjects.adaptors.options import OWN, made, named, of_sensor
-from trackbench.subjects.adaptors.reader import POSITION, Reader
+from trackbench.subjects.adaptors.layout import POSITION, Reader
+from trackbench.subjects.adaptors.options import OWN, StoneSoupOptions, StoneSoupSensor, made, named, of_sensor
 from trackbench.subjects.adaptors.stonesoup_models import (
     SensorMeasurement,
     measured,
     placed,
+    require_model,
+    require_pair,
     state,
     typed,
     vector,
     with_noise,
 )
-from trackbench.subjects.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
-from trackbench.subjects.adaptors.stonesoup_pair import require_model, require_pair
 from trackbench.subjects.adaptors.tracker import AdaptedTracker, Updated
 
 #: Stone Soup's times are dates; this one is 0 s.

@@ -18,8 +18,8 @@ import numpy as np
 from trackbench import results
 from trackbench.base.errors import InputError
 from trackbench.base.subjects import offered, resolve
-from trackbench.cli.isolation import isolation_options
-from trackbench.cli.progress import progress
+from trackbench.cli.options import isolation_options
+from trackbench.cli.terminal import progress
 from trackbench.cli.tracker_name import require_tracker
 from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse

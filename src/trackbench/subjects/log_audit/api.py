@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from trackbench import results
-from trackbench.api.display import Report
+from trackbench.api.result import Report
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import counted
 from trackbench.base.types import Progress, no_progress

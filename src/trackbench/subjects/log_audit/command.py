@@ -8,8 +8,8 @@ import click
 from rich.console import Console
 
 from trackbench import results
-from trackbench.cli.completion import scenario_paths
-from trackbench.cli.progress import progress
+from trackbench.cli.options import scenario_paths
+from trackbench.cli.terminal import progress
 
 FOUND = 1
 

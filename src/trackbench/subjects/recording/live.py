@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from trackbench.api.listener import Listener, Prepared
+from trackbench.api.plan import Listener, Prepared
 from trackbench.base.types import Scan, Truth
 from trackbench.document.palette import tracker_colours
 from trackbench.results import Result

@@ -10,9 +10,8 @@ import click
 
 from trackbench.base.errors import InputError
 from trackbench.base.process import INTERRUPTED
-from trackbench.cli.completion import served_trackers
-from trackbench.cli.isolation import isolation_options
-from trackbench.cli.verbosity import log_to_stderr
+from trackbench.cli.options import isolation_options, served_trackers
+from trackbench.cli.terminal import log_to_stderr
 from trackbench.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -78,8 +77,7 @@ def udacity_command(
         raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     import asyncio
 
-    from trackbench.subjects.serve.origin import require_origin
-    from trackbench.subjects.serve.server import serve
+    from trackbench.subjects.serve.server import require_origin, serve
     from trackbench.subjects.serve.session import served
 
     try:

@@ -1,9 +1,10 @@
-"""The WebSocket server."""
+"""The WebSocket server: who may connect, and what one client is answered."""
 
 from __future__ import annotations
 
 import asyncio
 import errno
+import ipaddress
 import itertools
 import logging
 import signal
@@ -12,6 +13,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from types import FrameType
+from urllib.parse import urlsplit
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as listen
@@ -20,10 +22,9 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.serve.client import Client
-from trackbench.subjects.serve.origin import refusal
-from trackbench.subjects.serve.protocol import MANUAL
-from trackbench.subjects.serve.session import Served, TrackerFailed
+from trackbench.subjects.serve import protocol
+from trackbench.subjects.serve.protocol import MANUAL, Control, NoData, Ping, Telemetry
+from trackbench.subjects.serve.session import Served, Session, TrackerFailed
 
 log = logging.getLogger(__name__)
 
@@ -149,3 +150,136 @@ def _refused(error: OSError, host: str, port: int) -> InputError:
     if error.errno in (errno.EADDRNOTAVAIL, None):
         return InputError(f"{host} is not an address of this machine", key="--host")
     return InputError(f"cannot listen at port {port} of {host}: {error.strerror}", key="--port")
+
+
+#: Characters of a frame that a log line shows.
+SHOWN = 60
+
+
+class Client:
+    """One connection: a data set, and another when the simulator is restarted. Knows nothing of the network."""
+
+    def __init__(self, served: Served, name: str) -> None:
+        """Start a session.
+
+        Raises:
+            TrackerFailed: there is no fresh tracker.
+        """
+        self._served = served
+        self._name = name
+        self._session = Session(served)
+        self._last: Telemetry | None = None
+        self._last_answer = protocol.MANUAL
+
+    def answer(self, frame: str | bytes) -> str | None:
+        """The frame to send back, or None where none is due. A bad frame is logged, and answered with ``manual``.
+
+        Raises:
+            TrackerFailed: the session is over.
+        """
+        try:
+            said = protocol.parse(frame)
+        except InputError as error:
+            log.warning("%s: bad frame, %s: %s", self._name, error, _shown(frame))
+            return protocol.MANUAL
+        match said:
+            case Ping(answer):
+                return answer
+            case Control():
+                log.debug("%s: no event: %s", self._name, _shown(frame))
+                return None
+            case NoData():
+                return protocol.MANUAL
+            case Telemetry():
+                return self._measured(said)
+
+    def close(self) -> None:
+        """End the session, and log what it came to."""
+        session = self._session
+        session.close()
+        if session.measurements:
+            px, py, vx, vy = session.rmse
+            text = "%s: %d measurements, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
+            log.info(text, self._name, session.measurements, session.estimates, px, py, vx, vy)
+
+    def _measured(self, telemetry: Telemetry) -> str:
+        measurement, last = telemetry.measurement, self._last
+        if measurement.kind not in self._served.sensors:
+            log.debug("%s: the scenario has no %s", self._name, measurement.kind)
+            return protocol.MANUAL
+        if telemetry == last:
+            # The simulator's clock does not wait for answers, nor run while it pauses: it may send a line twice.
+            return self._last_answer
+        if last is not None and measurement.stamp < last.measurement.stamp:
+            self.close()
+            log.info("%s: time goes backwards: starts afresh", self._name)
+            self._session = Session(self._served)
+        self._last = telemetry
+        marker = self._session.take(measurement)
+        self._last_answer = protocol.MANUAL if marker is None else protocol.estimate_marker(marker)
+        return self._last_answer
+
+
+def _shown(frame: str | bytes) -> str:
+    text = repr(frame[:SHOWN])
+    return text if len(frame) <= SHOWN else text + "..."
+
+
+EVERYWHERE = ("0.0.0.0", "::")
+
+
+def require_origin(origin: str) -> str:
+    """An origin as browsers write it.
+
+    Raises:
+        InputError: it is none.
+    """
+    parts = urlsplit(origin)
+    if not parts.scheme or not parts.netloc or origin != f"{parts.scheme}://{parts.netloc}":
+        raise InputError(f"write SCHEME://HOST[:PORT], such as http://localhost:8000, not {origin!r}")
+    return origin.lower()
+
+
+def refusal(origins: list[str], hosts: list[str], bound: str, allowed: Collection[str]) -> str | None:
+    """Why a request is refused; None if it is not.
+
+    Args:
+        origins: its Origin headers; programs that are no browsers send none.
+        hosts: its Host headers.
+        bound: the address at which the server listens, as the user named it.
+        allowed: origins of other machines.
+    """
+    for origin in origins:
+        if origin.lower() not in allowed and not _loopback(_name(origin.partition("://")[2])):
+            return f"a page of {origin!r} is not let in; --allow-origin lets it"
+    for host in hosts:
+        if not _own(_name(host), bound):
+            return f"{host!r} is no name of this server; --host names it"
+    return None
+
+
+def _own(name: str, bound: str) -> bool:
+    if _loopback(name) or name == bound.lower():
+        return True
+    # A name that was made to point here is never an address.
+    return bound in EVERYWHERE and (name == socket.gethostname().lower() or _address(name) is not None)
+
+
+def _name(netloc: str) -> str:
+    """The host without its port."""
+    try:
+        return urlsplit(f"//{netloc}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _loopback(name: str) -> bool:
+    address = _address(name)
+    return name == "localhost" or (address is not None and address.is_loopback)
+
+
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    try:
+        return ipaddress.ip_address(name)
+    except ValueError:
+        return None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from trackbench.cli.choices import NearestChoice
+from trackbench.cli.options import NearestChoice
 from trackbench.subjects.templates.plug_in import KINDS, class_name, decisions, new
 
 #: How a scenario names a new plug-in of each kind.

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from trackbench.api.listener import Listener
+from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, nearest
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine

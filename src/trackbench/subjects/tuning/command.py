@@ -11,11 +11,9 @@ from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.execution import executor
 from trackbench.base.process import INTERRUPTED
-from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
-from trackbench.cli.engine import engine_option
-from trackbench.cli.isolation import isolation_options
+from trackbench.cli.options import engine_option, isolation_options, scenarios_argument, trackers_of_scenarios
 from trackbench.cli.run_output import RunOutput
-from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.scenario.shipped import scenario_files

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from trackbench.api.display import Report
-from trackbench.api.listener import Counter
+from trackbench.api.plan import Counter
+from trackbench.api.result import Report
 from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
 from trackbench.base.errors import InputError

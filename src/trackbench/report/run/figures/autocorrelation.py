@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import MUTED
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.run.figures.columns import column, where
 

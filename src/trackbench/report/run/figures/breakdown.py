@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, TrackerStyle
-from trackbench.document.axes import LOG_ABOVE, logarithmic
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.drawing import LOG_ABOVE, logarithmic
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
 from trackbench.report.numbers import joined

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import TIME_LABEL, fit_value_axis
-from trackbench.document.drawing import DASHED, INK, MUTED
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, fit_value_axis
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.metrics.consistency import point95
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, where

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, TrackerStyle
-from trackbench.document.axes import logarithmic
+from trackbench.document.drawing import logarithmic
 from trackbench.document.margins import fit_margins, shortened, text_width
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.results import TrackerResult
 
 #: The widest name beside a point, in points: one side of it has room.

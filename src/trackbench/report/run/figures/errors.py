@@ -10,9 +10,8 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import TIME_LABEL, fit_value_axis, panel_title, time_axis
-from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
-from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
+from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import UNIT
 from trackbench.report.numbers import joined

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from trackbench.base.types import Array
 from trackbench.document import TrackerStyle
-from trackbench.document.axes import time_axis
+from trackbench.document.drawing import time_axis
 from trackbench.report.run.figures.columns import column, where
 
 #: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import panel_title
-from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.document.drawing import INK, MUTED, WIDTH, panel_title
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.report.numbers import fixed

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
-from trackbench.document.drawing import WIDTH
+from trackbench.document.drawing import TIME_LABEL, WIDTH, panel_title, time_axis
 from trackbench.document.palette import mode_colours
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.results import Result

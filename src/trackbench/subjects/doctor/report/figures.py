@@ -10,8 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import COMMON_STATE, Array, Mask
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import TIME_LABEL, time_axis
-from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
+from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, time_axis
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.report.numbers import joined, percent

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import TIME_LABEL, time_axis
-from trackbench.document.drawing import DASHED, INK, MUTED
+from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, time_axis
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.log_audit.audit import LogAudit
 from trackbench.subjects.log_audit.findings import LogFinding, spelt

@@ -14,8 +14,7 @@ from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import logarithmic
-from trackbench.document.drawing import DASHED, INK, MUTED
+from trackbench.document.drawing import DASHED, INK, MUTED, logarithmic
 from trackbench.document.margins import shortened
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.measures import NEES_DOF

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from trackbench.base.types import Array
-from trackbench.document.axes import fit_value_axis
-from trackbench.document.drawing import MUTED
+from trackbench.document.drawing import MUTED, fit_value_axis
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.metrics.consistency import point95
 

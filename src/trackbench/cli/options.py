@@ -1,17 +1,64 @@
-"""``trackbench completion``, and what a shell is offered."""
+"""Options and arguments that several commands share, and what a shell completes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import functools
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from trackbench.base.errors import InputError
-from trackbench.cli.choices import NearestChoice
+from trackbench.engine.choice import ENGINE_NAMES
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import PATTERN, at_hand
+
+
+class NearestChoice(click.Choice[str]):
+    """Says which word may be meant."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        words = [str(choice) for choice in self.choices]
+        begun = [word for word in words if word.startswith(str(value))]
+        close = begun[:1] or get_close_matches(str(value), words, n=1, cutoff=0.5)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        return super().get_invalid_choice_message(value, ctx) + hint
+
+
+#: The command gets it as ``engine``.
+engine_option = click.option(
+    "--engine",
+    type=NearestChoice(ENGINE_NAMES),
+    default="auto",
+    show_default=True,
+    metavar="NAME",
+    help="numpy, or fused (trackbench[fast]).",
+)
+
+
+def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options, and give the command ``isolation``, an :class:`trackbench.driving.Isolation`."""
+
+    @click.option(
+        "--tracker-timeout",
+        type=click.FloatRange(0, 86_400, min_open=True),
+        default=300,
+        show_default=True,
+        metavar="S",
+        help="Most that your own tracker may take for a scan, s.",
+    )
+    @click.option("--in-process", is_flag=True, help="Run it in this process, without a timeout, for a debugger.")
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, tracker_timeout: float, in_process: bool, **options: Any) -> Any:
+        from trackbench.driving.isolation import Isolation
+
+        return command(*arguments, isolation=Isolation(in_process, tracker_timeout), **options)
+
+    return wrapped
+
 
 SHELLS = ("bash", "zsh", "fish")
 

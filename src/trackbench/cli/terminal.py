@@ -1,0 +1,109 @@
+"""What a command shows on stderr while it works: a progress bar, ``--quiet`` and ``--verbose``."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.table import Column
+from rich.text import Text
+
+from trackbench.base import types
+
+
+class _Left(ProgressColumn):
+    """ "120 of 401 steps, 0:03 left"."""
+
+    def render(self, task: Task) -> Text:
+        if task.total is None:
+            return Text()
+        text = f"{task.completed:.0f} of {task.total:.0f} {task.fields['unit']}"
+        if task.time_remaining is not None:
+            minutes, seconds = divmod(round(task.time_remaining), 60)
+            hours, minutes = divmod(minutes, 60)
+            text += f", {hours}:{minutes:02}:{seconds:02} left" if hours else f", {minutes}:{seconds:02} left"
+        return Text(text, no_wrap=True)
+
+
+@contextmanager
+def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Progress]:
+    """A bar that goes away when the work is done; until it is told of a total, it only says that work goes on.
+
+    Args:
+        what: the work.
+        unit: what is counted.
+        quiet: show nothing.
+
+    Yields:
+        A function to be called with how much is done and how much there is.
+    """
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
+        BarColumn(bar_width=20),
+        _Left(),
+    )
+    # Rich may be told by its environment to write as to a terminal; what is redirected still gets no bar.
+    shown = sys.stderr.isatty() and not console.is_dumb_terminal and not quiet
+    with Progress(*columns, console=console, transient=True, expand=True, disable=not shown) as bar:
+        task = bar.add_task(escape(what), total=None, unit=unit)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+#: What every layer of trackbench says of its work goes to a logger below this one.
+LOGGER = "trackbench"
+
+
+def quiet_option(text: str) -> Callable[[Command], Command]:
+    """``--quiet`` with its meaning for a command, which gets it as ``quiet``."""
+    return click.option("-q", "--quiet", is_flag=True, help=text)
+
+
+def verbose_option(command: Command) -> Command:
+    """``--verbose``: the log of a command's work goes to stderr while it runs. The command gets nothing of it."""
+    return click.option(
+        "-v", "--verbose", is_flag=True, expose_value=False, callback=_listen, help="Say on stderr what is done."
+    )(command)
+
+
+def log_to_stderr(ctx: click.Context, name: str, formatter: logging.Formatter, level: int = logging.INFO) -> None:
+    """Send what a logger gets to stderr, until the command ends."""
+    logger, handler = logging.getLogger(name), _Stderr()
+    handler.setFormatter(formatter)
+    before = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(level)
+
+    def end() -> None:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
+
+    ctx.call_on_close(end)
+
+
+class _Stderr(logging.Handler):
+    """Writes to stderr as it is at each message: a progress bar stands in for it while it is shown."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr)
+
+
+class _Since(logging.Formatter):
+    """Each message after the time since the start."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return f"{record.relativeCreated / 1000:7.2f} s  {super().format(record)}"
+
+
+def _listen(ctx: click.Context, _: click.Parameter, verbose: bool) -> None:
+    if verbose and not ctx.resilient_parsing:
+        log_to_stderr(ctx, LOGGER, _Since())
