@@ -9,13 +9,9 @@ from typing import Any
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth, scan_of_run
-from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.recorded_checks import same_every_run
-from trackbench.scenario.truth import truth_of
-from trackbench.sensing import scans
-from trackbench.sensing.detections import sense_hidden
 
 #: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
 Named = Path | str | Mapping[str, Any]
@@ -123,6 +119,8 @@ def truth(scenario: Scenario | Named) -> Truth:
     Raises:
         InputError: something is wrong in the scenario, or a recording cannot be read.
     """
+    from trackbench.scenario.truth import truth_of
+
     return truth_of(loaded_scenario(scenario)).truth
 
 
@@ -140,6 +138,12 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     Raises:
         InputError: something is wrong in the scenario, it has no such run, or identities are hidden in several runs.
     """
+    # A scenario is loaded without them.
+    from trackbench.runner.work import work_of
+    from trackbench.scenario.truth import truth_of
+    from trackbench.sensing import scans
+    from trackbench.sensing.detections import sense_hidden
+
     loaded = loaded_scenario(scenario)
     if not isinstance(runs, range) or not runs:
         raise InputError(f"{runs!r} is no range of runs; write range(3) for the first three", key="runs")

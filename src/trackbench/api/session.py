@@ -7,7 +7,6 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from trackbench import results
-from trackbench.api.batch import save_comparison
 from trackbench.api.plan import Listener, Plan, Prepared
 from trackbench.base.errors import InputError
 from trackbench.results import Result
@@ -43,7 +42,7 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
     # The runner and the reports take their time to import, which a mistake in a scenario need not wait for.
-    from trackbench.api.batch import Batch
+    from trackbench.api.batch import Batch, save_comparison
 
     batch = Batch(prepared, plan, executor, listener)
     found = batch.run()
