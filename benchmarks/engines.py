@@ -16,7 +16,7 @@ from trackbench.metrics import BlockScores, Scorer, Target, score_together
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
-from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.block import keep_freed_memory
 from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig

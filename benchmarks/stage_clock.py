@@ -19,7 +19,7 @@ STAGES = {
     "scenario": ["trackbench.scenario.load:load_scenario", "trackbench.scenario.check:check_plugins"],
     "truth": ["trackbench.scenario.truth:PendingTruths.__init__", "trackbench.scenario.truth:PendingTruths.collect"],
     "sensing": ["trackbench.sensing.scans:sense", "trackbench.sensing.scans:ideal_sensors"],
-    "tracking": ["trackbench.runner.block:TrackerRun.advance"],
+    "tracking": ["trackbench.runner.labelled_run:LabelledRun.advance"],
     "scoring": [
         "trackbench.metrics.conditions:conditions",
         "trackbench.metrics.scorer:Scorer.scan",

@@ -12,7 +12,8 @@ from trackbench.base.execution import InProcess
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.runner.traffic import TrafficScores, run_traffic_block
+from trackbench.runner.block import run_block
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
@@ -55,7 +56,7 @@ def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval |
 def _sums(changes: Mapping[str, object], number: int) -> Array:
     scenario = tb.load(Path(__file__).with_name("traffic.yaml"), changes, runs=number)
     work = work_of(scenario, PendingTruths(scenario, InProcess()).collect())
-    blocks = [run_traffic_block(work, piece) for piece in work.pieces()]
+    blocks = [run_block(work, piece) for piece in work.pieces()]
     found = []
     for name in TRACKERS:
         scores = [block.scores[name] for block in blocks]

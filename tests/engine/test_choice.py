@@ -21,7 +21,6 @@ from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Result
 from trackbench.runner import until, work
 from trackbench.runner.block import run_block
-from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -169,9 +168,9 @@ def test_a_tracker_that_is_computed_by_both_is_named_and_told(
     assert "fused and numpy engines" in cli("inspect", "results/tiny").out
 
 
-@pytest.mark.parametrize(("text", "run_block"), [(None, run_block), (HIDDEN, run_traffic_block)])
+@pytest.mark.parametrize("text", [None, HIDDEN])
 def test_a_worker_without_the_fused_engine_computes_by_numpy_and_says_so(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch, text: str | None, run_block: Callable[..., Any]
+    tiny: Path, monkeypatch: pytest.MonkeyPatch, text: str | None
 ) -> None:
     if text is not None:
         tiny.write_text(text, encoding="utf-8")

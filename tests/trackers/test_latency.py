@@ -15,10 +15,9 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.document import Table
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import deliveries
 from trackbench.report.run import tables
 from trackbench.results import Result
-from trackbench.runner.delivery import deliveries
 from trackbench.runner.describe import describe
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -51,14 +50,14 @@ def seen(sensor: str, time: float, latency: float = 0.0) -> Scan:
 
 
 def given(scans: list[Scan], *unread: str) -> list[list[tuple[str, float, bool]]]:
-    found = deliveries(scans, lambda sensor: sensor not in unread, masked)
+    found = deliveries(scans, {one.sensor for one in scans} - {*unread})
     return [[(one.scan.sensor, one.scan.time, one.scan.asked) for one in group] for group in found]
 
 
 def test_without_latency_each_scan_is_given_at_its_instant() -> None:
     scans = [seen("a", 0), seen("b", 0), seen("a", 0.1), seen("b", 0.2)]
     assert given(scans) == [[("a", 0, False), ("b", 0, False)], [("a", 0.1, False)], [("b", 0.2, False)]]
-    groups = list(deliveries(scans, lambda sensor: sensor == "a", masked))
+    groups = list(deliveries(scans, ["a"]))
     assert [one.scan.valid.any() for group in groups for one in group] == [True, False, True, False]
 
 
@@ -79,7 +78,7 @@ def test_scans_are_given_as_they_arrive_and_estimates_are_asked_for() -> None:
         [("late", 0.2, True)],
         [("prompt", 0.3, False)],
     ]
-    asked = list(deliveries(scans, lambda _: True, masked))[1][0].scan
+    asked = list(deliveries(scans))[1][0].scan
     assert (asked.time, asked.arrival_time, asked.valid.any(), np.isnan(asked.measurement).all()) == (0.1, 0.1, 0, 1)
 
 

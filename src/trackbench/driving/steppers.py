@@ -65,11 +65,6 @@ def local(
     return Looped(make, batch)
 
 
-def masked(scan: Scan) -> Scan:
-    """The scan of a sensor that the tracker does not read: it tells the time, at which an estimate is asked for."""
-    return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))
-
-
 class _Here:
     """What ends with the bench."""
 

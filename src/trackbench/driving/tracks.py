@@ -123,13 +123,6 @@ class LoopedTracks:
         """Nothing is left to end."""
 
 
-def unread(scan: Scan) -> Scan:
-    """An empty scan in its place, of a sensor that could have detected nothing."""
-    return scan._replace(
-        measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
-    )
-
-
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
     """Those of one run, without padding."""
     there = tracks.ids[:, run] != NO_TRACK

@@ -51,8 +51,7 @@ def assemble(
         command,
         errors={name: found.error_by_scene(name) for name in found.ranked},
         detected={
-            sensor.name: sum(block.detections[sensor.name].sum() for block in blocks)
-            for sensor in work.scenes[0].sensors
+            sensor.name: sum(block.detections[sensor.name] for block in blocks) for sensor in work.scenes[0].sensors
         },
         reference=ReferenceSummary(
             kind="bound" if work.acceleration_as_drawn else "reference",
@@ -122,8 +121,8 @@ class _Assembly:
         work, run = self._work, self._work.recorded_run
         scene = work.scenes[work.recorded_scene]
         truth, instants = scene.truth, scene.instants()
-        block = next(block for block in self._blocks if block.scans is not None)
-        assert block.scans is not None
+        block = next(block for block in self._blocks if block.recorded_scans is not None)
+        assert block.recorded_scans is not None
         longest = max(work.scenes, key=lambda item: len(item.instants()))
         times = {sensor.name: sensor.time for sensor in longest.sensors}
         own = {sensor.name: sensor.time for sensor in scene.sensors}
@@ -136,7 +135,7 @@ class _Assembly:
             "breakdown": tables.breakdown_table(evaluations),
             "autocorrelation": tables.autocorrelation_table(self.found.scores),
             "truth": recorded_tables.truth_table(truth, run),
-            "measurements": recorded_tables.measurements_table(block.scans, truth.ids),
+            "measurements": recorded_tables.measurements_table(block.recorded_scans.scans, truth.ids),
             "estimates": recorded_tables.estimates_table(recorded, truth, instants, run),
             "recorded_nis": recorded_tables.recorded_nis_table(recorded, truth.ids, own),
             "roads": recorded_tables.roads_table(truth),

@@ -4,31 +4,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from trackbench.base.errors import counted
-from trackbench.driving.steppers import Stepper
-from trackbench.driving.tracks import TracksStepper
 from trackbench.engine.equations import ComputedBy, EngineUsed, joined
-from trackbench.engine.machine import unavailable
+from trackbench.runner.block import Block
 from trackbench.runner.work import Work
-
-if TYPE_CHECKING:
-    from trackbench.runner.block import Block
-    from trackbench.runner.traffic import TrafficBlock
 
 log = logging.getLogger(__name__)
 
 
-def engine_of(work: Work, stepper: Stepper | TracksStepper) -> EngineUsed | None:
-    """What computed the steps of a built-in tracker so far; None of any other."""
-    used = stepper.engine_used
-    if used is None or work.engine == work.engine_here:
-        return used
-    return used._replace(why_numpy=unavailable() or "")
-
-
-def engines_of(work: Work, blocks: Sequence[Block] | Sequence[TrafficBlock]) -> dict[str, EngineUsed]:
+def engines_of(work: Work, blocks: Sequence[Block]) -> dict[str, EngineUsed]:
     """By built-in tracker, what computed all its blocks."""
     parts = {name: [block.engines[name] for block in blocks if name in block.engines] for name in work.trackers}
     return {name: used for name, each in parts.items() if (used := joined(each)) is not None}

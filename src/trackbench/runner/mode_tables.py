@@ -11,6 +11,7 @@ import pyarrow as pa
 from trackbench.base.types import Array
 from trackbench.runner.block import Block
 from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.imm import ImmConfig
 
@@ -36,7 +37,8 @@ def mode_tables(
     means: list[Columns] = []
     single: list[Columns] = []
     for tracker, config in trackers.items():
-        sums = [block.modes[tracker] for block in blocks if tracker in block.modes]
+        outcomes = [block.outcomes[tracker] for block in blocks]
+        sums = [item.modes for item in outcomes if isinstance(item, LabelledOutcome) and item.modes is not None]
         names = _names(config, len(sums[0].total)) if sums else []
         total, count = np.zeros((len(names), len(time))), np.zeros(len(time))
         for part in sums:

@@ -1,11 +1,16 @@
-"""What is kept of the recorded run."""
+"""What is kept of the recorded run, and of the mode probabilities of all."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from trackbench.base.types import Array, Gaussian, Mask
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
+from trackbench.metrics.protocol import Target
+from trackbench.trackers.answers import TrackerFault
 
 
 @dataclass
@@ -29,3 +34,45 @@ class RecordedInstant(NamedTuple):
     """Of the instant, from 0."""
     estimates: dict[str, Gaussian]
     """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
+
+
+@dataclass
+class RecordedScans:
+    """The scans of the recorded run."""
+
+    scans: list[Scan]
+    """Batch axis ``(objects,)``; with hidden identities ``(D,)``."""
+    origins: list[Indices] = field(default_factory=list)
+    """With hidden identities, of their detections."""
+    status: npt.NDArray[np.int8] | None = None
+    """With hidden identities ``(instants, objects)``."""
+
+
+class ModeSums:
+    """What the estimates of a block say of the modes."""
+
+    def __init__(self, size: int, target: Target, kept: int | None) -> None:
+        """Nothing yet, of ``size`` modes; ``kept`` is the number of the recorded run in the block, if it is there."""
+        instants, objects = target.alive.shape
+        self.total = np.zeros((size, instants))
+        """Sum over the runs and objects where an estimate is due."""
+        self.count = np.zeros(instants)
+        """How many these are."""
+        self.recorded = None if kept is None else np.full((size, instants, objects), np.nan)
+        """Of the recorded run; NaN where there is none."""
+        self._kept = kept
+
+    def take(self, instant: int, probability: Array, target: Target) -> None:
+        """Take in ``(M, objects * runs)`` mode probabilities.
+
+        Raises:
+            TrackerFault: before there were more or fewer modes.
+        """
+        if len(probability) != len(self.total):
+            raise TrackerFault(f"it gave {len(probability)} mode probabilities, and {len(self.total)} before")
+        scored = target.due[instant].reshape(-1) & np.isfinite(probability[0])
+        self.total[:, instant] = probability[:, scored].sum(axis=1)
+        self.count[instant] = scored.sum()
+        if self.recorded is not None and self._kept is not None:
+            of_run = probability[:, self._kept :: target.due.shape[2]]
+            self.recorded[:, instant] = np.where(target.alive[instant], of_run, np.nan)

@@ -6,7 +6,6 @@ import logging
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import Any
 
 from trackbench.base.errors import counted
 from trackbench.base.execution import InProcess
@@ -15,8 +14,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import OnRecordedRun
-from trackbench.runner.blocks import PendingBlocks
+from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks
 from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
@@ -105,10 +103,10 @@ class PendingRun:
         return assemble_traffic(self._loaded, self._truths, self._work, blocks, command)
 
 
-def _log_times(work: Work, blocks: list[Any], seconds: float) -> None:
+def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
     runs = counted(work.runs * len(work.scenes), "run")
     log.info("%s: %s in %.1f s, %s", work.scenario, runs, seconds, counted(len(blocks), "block"))
-    spent = {name: [block.scores[name] for block in blocks] for name in work.trackers}
+    spent = {name: [block.outcomes[name] for block in blocks] for name in work.trackers}
     for name, outcomes in spent.items():
         scores = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
         if len(scores) == len(blocks):

@@ -6,7 +6,6 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,14 +25,11 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.results.summary import Difference, ExpectationResult
+from trackbench.runner.block import Block
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.truth import LoadedTruth, TruthSource
-
-if TYPE_CHECKING:
-    from trackbench.runner.block import Block
-    from trackbench.runner.traffic import TrafficBlock
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
@@ -42,7 +38,7 @@ def summarised(
     loaded: Scenario,
     truths: Sequence[LoadedTruth],
     work: Work,
-    blocks: Sequence[Block] | Sequence[TrafficBlock],
+    blocks: Sequence[Block],
     command: str,
     *,
     errors: Mapping[str, Array],

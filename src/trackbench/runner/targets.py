@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask, of_runs
+from trackbench.driving.drive import SAME_TIME
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
-from trackbench.runner.delivery import SAME_TIME
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig

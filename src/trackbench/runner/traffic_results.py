@@ -16,11 +16,12 @@ from trackbench.metrics.traffic.without_truth import DETECTION_METRICS, NO_TRUTH
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
+from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
 from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
 from trackbench.runner.expectations import judge
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.summary import summarised, summary_of_metric
-from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.traffic_sums import PATHS, TrafficSums
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
@@ -74,7 +75,7 @@ class TrafficEvaluation:
 
 
 def assemble_traffic(
-    loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[TrafficBlock], command: str
+    loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
     """The result of all blocks of a run."""
     scenario = loaded.config
@@ -103,7 +104,7 @@ def assemble_traffic(
         command,
         errors=_by_scene(work, found),
         detected={
-            sensor.name: sum(block.detections.get(sensor.name, (0.0, 0.0))[0] for block in blocks)
+            sensor.name: sum(block.detections.get(sensor.name, 0.0) for block in blocks)
             for sensor in work.scenes[0].sensors
         },
         reference=None,
@@ -118,11 +119,11 @@ def assemble_traffic(
     return Result(summary, Tables(traffic_tables.tables(work, blocks, found)))
 
 
-def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Failure], dict[str, TrafficEvaluation]]:
+def _evaluated(work: Work, blocks: Sequence[Block]) -> tuple[dict[str, Failure], dict[str, TrafficEvaluation]]:
     failures: dict[str, Failure] = {}
     found: dict[str, TrafficEvaluation] = {}
     for name in work.trackers:
-        outcomes = [block.scores[name] for block in blocks]
+        outcomes = [block.outcomes[name] for block in blocks]
         failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
         if failure is not None:
             failures[name] = failure

@@ -13,12 +13,12 @@ from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.driving.tracks import NO_TRACK
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
 from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
-from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
+from trackbench.runner.block import Block
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.recorded_gates import gates_table
 from trackbench.runner.recorded_tables import roads_table, truth_table
-from trackbench.runner.traffic import TrafficBlock
 from trackbench.runner.traffic_events import association_table, events_table, existence_table, objects_table
 from trackbench.runner.work import Work
 
@@ -28,29 +28,31 @@ if TYPE_CHECKING:
 PARTS = ("localisation", "missed", "false")
 
 
-def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, TrafficEvaluation]) -> dict[str, pa.Table]:
+def tables(work: Work, blocks: Sequence[Block], found: Mapping[str, TrafficEvaluation]) -> dict[str, pa.Table]:
     """Every table by name."""
     scene = work.scenes[work.recorded_scene]
-    block = next(block for block in blocks if block.scans is not None)
-    assert block.scans is not None
+    block = next(block for block in blocks if block.recorded_scans is not None)
+    scans = block.recorded_scans
+    assert scans is not None
+    assert scans.status is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     longest = max(work.scenes, key=lambda item: len(item.instants()))
-    kept = {name: scores for name, scores in block.scores.items() if name in found and not isinstance(scores, Failure)}
+    kept = {name: item for name, item in block.outcomes.items() if name in found and isinstance(item, TrafficScores)}
     recorded = {name: scores.recorded for name, scores in kept.items() if scores.recorded is not None}
     taken = {name: scores.taken for name, scores in kept.items() if scores.taken is not None}
     return {
         "steps": _steps(found, longest.truth.time[longest.instants()]),
         "runs": _runs(work, found),
         "truth": truth_table(scene.truth, work.recorded_run),
-        "measurements": _measurements(scene.truth, block.scans, block.origins),
+        "measurements": _measurements(scene.truth, scans.scans, scans.origins),
         "tracks": _tracks(recorded, time),
-        "taken": _taken(taken, block.scans),
-        "gates": gates_table(work.trackers, {name: scores.predicted for name, scores in kept.items()}, block.scans),
+        "taken": _taken(taken, scans.scans),
+        "gates": gates_table(work.trackers, {name: scores.predicted for name, scores in kept.items()}, scans.scans),
         "events": events_table(work, found),
         "objects": objects_table(work, found, time),
         "association": association_table(found),
         "existence": existence_table(found),
-        "due": _due(block.status, ids, time),
+        "due": _due(scans.status, ids, time),
         "roads": roads_table(scene.truth),
     }
 

@@ -15,8 +15,7 @@ from trackbench.engine.choice import EngineName
 from trackbench.metrics.intervals import paired
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, OnRecordedRun
-from trackbench.runner.blocks import PendingBlocks
+from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario

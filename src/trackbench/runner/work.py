@@ -14,6 +14,7 @@ from trackbench.base.types import Indices, Truth
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
+from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
@@ -107,6 +108,12 @@ class Work:
     def engine_here(self) -> Engine:
         """What computes on this machine, which may be another than that on which the engine was chosen."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"
+
+    def engine_of(self, used: EngineUsed | None) -> EngineUsed | None:
+        """What computed a built-in tracker on this machine, and why not the engine that was chosen."""
+        if used is None or self.engine == self.engine_here:
+            return used
+        return used._replace(why_numpy=unavailable() or "")
 
     def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, each of which has twice as many as the one before, up to what a process may hold.

@@ -11,7 +11,7 @@ from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.models import models
 from trackbench.subjects.doctor.drives import drive_configs
@@ -210,7 +210,7 @@ def test_peek_changes_nothing(name: str) -> None:
     for k in range(6):
         scan = probe.scan("lidar", sensor, 0.1 * k)
         if k:
-            peeked.peek(masked(scan))
+            peeked.peek(empty_scan(scan))
             peeked.peek(scan._replace(measurement=scan.measurement + 3.0))
         one, other = peeked.step(scan), left.step(scan)
         assert one is not None

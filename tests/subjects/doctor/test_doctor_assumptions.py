@@ -14,7 +14,7 @@ from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import Mount, Radar
 from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.checks.expectation import expectation
@@ -212,7 +212,7 @@ def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
     session = TrackerSession(Examined(Constant, no_misses=True))
     session.step(scan)
     with pytest.raises(MissGiven):
-        session.copy().step(masked(scan))
+        session.copy().step(empty_scan(scan))
     moved = session.predict(scan._replace(time=0.5))
     assert moved is not None
     np.testing.assert_allclose(moved.mean, [2.5, 4.0, 3.0, 4.0])

@@ -13,9 +13,9 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.base.types import Scan
 from trackbench.driving.alone import Alone, CannotCopy
+from trackbench.driving.drive import empty_scan
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import fresh
-from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.checks.steps import failure_findings
 from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
 from trackbench.subjects.doctor.session import TrackerSession
@@ -75,7 +75,7 @@ def test_what_cannot_be_copied_is_repeated(kind: type) -> None:
     for scan in first:
         repeated.step(scan)
         copied.step(scan)
-    for tried in (masked(last), last, last._replace(measurement=last.measurement + 0.5), last):
+    for tried in (empty_scan(last), last, last._replace(measurement=last.measurement + 0.5), last):
         one, other = repeated.peek(tried), copied.peek(tried)
         assert one is not None
         assert other is not None
@@ -108,7 +108,7 @@ def test_in_its_own_process_too(tmp_path: Path, write_module: Callable[[Path, st
     session.step(one)
     session.step(two)
     total = float(one.measurement.sum() + two.measurement.sum())
-    for tried, more in ((masked(three), 0.0), (three, float(three.measurement.sum())), (masked(three), 0.0)):
+    for tried, more in ((empty_scan(three), 0.0), (three, float(three.measurement.sum())), (empty_scan(three), 0.0)):
         estimate = session.peek(tried)
         assert estimate is not None
         np.testing.assert_allclose(estimate.mean, total + more, rtol=1e-15)

@@ -15,7 +15,7 @@ from benchmarks.doctor.pairs import PAIRS
 from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.base.types import Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.steps import CannotRun, failure_findings, require_runnable
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
@@ -102,7 +102,7 @@ def test_the_circumstances_of_a_failure() -> None:
     assert known.before is not None
     assert known.predicted is not None
     np.testing.assert_array_equal(known.before.covariance, before.covariance)
-    predicted = session.peek(masked(failure.scan))
+    predicted = session.peek(empty_scan(failure.scan))
     assert predicted is not None
     np.testing.assert_array_equal(known.predicted.covariance, predicted.covariance)
 

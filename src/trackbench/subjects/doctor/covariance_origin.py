@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.output_checks import asymmetry, least_eigenvalue, scaled
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
@@ -70,7 +70,7 @@ def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float |
     """Of two mirrored entries, if it is the same after all scans and in predictions of several lengths."""
     session, last = TrackerSession(make), scans[-1]
     stated = [_covariance(session.step, scan)[0] for scan in scans]
-    ahead = [_covariance(session.peek, masked(last._replace(time=last.time + time)))[0] for time in AHEAD]
+    ahead = [_covariance(session.peek, empty_scan(last._replace(time=last.time + time)))[0] for time in AHEAD]
     i, j = entry
     known = [p for p in (*stated, *ahead) if p is not None and abs(scaled(p)[i, j] - scaled(p)[j, i]) > ROUNDING]
     if len(known) < len(AHEAD) or any(p is None for p in ahead):
@@ -172,7 +172,7 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
             continue
         if before is None:
             return None if after is None else FaultyStep("start", scan, None, after)
-        predicted = _covariance(_followed(make, scans[:k]).peek, masked(scan))[0] if scan.valid else after
+        predicted = _covariance(_followed(make, scans[:k]).peek, empty_scan(scan))[0] if scan.valid else after
         if predicted is not None and in_prediction(before, predicted, after):
             return FaultyStep("prediction", scan, before, predicted)
         return None if after is None else FaultyStep("update", scan, predicted, after)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
@@ -46,7 +46,7 @@ def circumstances(make: Make, failure: StepFailed) -> Circumstances:
     for scan in failure.given:
         before = session.step(scan)
     try:
-        return Circumstances(before, session.step(masked(failure.scan)), False)
+        return Circumstances(before, session.step(empty_scan(failure.scan)), False)
     except MissGiven:
         return Circumstances(before, None, None)
     except StepFailed:

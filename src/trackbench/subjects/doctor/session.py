@@ -9,9 +9,9 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.alone import Alone
+from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
 from trackbench.driving.remote import RemoteTracker
-from trackbench.driving.steppers import masked
 from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
@@ -168,7 +168,7 @@ class TrackerSession:
             StepFailed: as of ``peek``.
         """
         if not self._no_misses:
-            return self.peek(masked(scan))
+            return self.peek(empty_scan(scan))
         latest = self._of(self._own.latest, 0)
         if latest is None:
             return None

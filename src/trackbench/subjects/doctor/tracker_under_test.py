@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.assumptions import NONE, Assumptions
 from trackbench.subjects.doctor.drives import TestDrive
@@ -168,7 +168,7 @@ class TrackerUnderTest:
             if self.assumptions.no_misses:
                 prediction = session.predict(scan)
             else:
-                prediction = averaged(session, masked(scan), self.repeats)
+                prediction = averaged(session, empty_scan(scan), self.repeats)
             if prediction is not None:
                 return Trial(probe.name, probe.description, scan, prediction, session, self.repeats, sensor_set)
         return None
@@ -187,7 +187,7 @@ class TrackerUnderTest:
         session, now = at_zero
         if (probe, step) not in self._predictions:
             self._predictions[probe, step] = self.peek(
-                session, masked(probe.scan(name, self.sensors[name], step)), probe.name
+                session, empty_scan(probe.scan(name, self.sensors[name], step)), probe.name
             )
         then = self._predictions[probe, step]
         return None if then is None or not finite(then) else (now, then)
@@ -197,7 +197,7 @@ class TrackerUnderTest:
         if session is not None:
             with self.recording_failures(probe.name):
                 session = session.copy()
-                now = session.step(masked(probe.scan(name, self.sensors[name], 0.0)))
+                now = session.step(empty_scan(probe.scan(name, self.sensors[name], 0.0)))
                 return None if now is None or not finite(now) else (session, now)
         return None
 
@@ -260,7 +260,7 @@ class TrackerUnderTest:
         for trial in (trial for trials in self.trials.values() for trial in trials):
             scan, predicted = trial.scan, trial.prediction.mean
             if not self.assumptions.no_misses:
-                later = self.peek(trial.session, masked(scan._replace(time=scan.time + 1.0)), trial.name)
+                later = self.peek(trial.session, empty_scan(scan._replace(time=scan.time + 1.0)), trial.name)
                 if later is None or not np.allclose(later.mean[:2], predicted[:2]):
                     return False
             offset = 5.0 * np.array([trial.state_sigma[0], -trial.state_sigma[1], 0.0, 0.0])
@@ -277,4 +277,4 @@ def _with_additional_step(scans: list[Scan]) -> list[Scan]:
     numbers from there on to a filter that draws some."""
     at = 2 * len(scans) // 3
     later = scans[at]
-    return [*scans[:at], masked(later._replace(time=later.time - ADDITIONAL_STEP)), *scans[at:]]
+    return [*scans[:at], empty_scan(later._replace(time=later.time - ADDITIONAL_STEP)), *scans[at:]]

@@ -12,10 +12,11 @@ import numpy as np
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Array, Estimate, Observer, Scan
 from trackbench.base.units import wrap_angle
+from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.driving.remote import start
-from trackbench.driving.steppers import Stepper, masked
+from trackbench.driving.steppers import Stepper
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar
@@ -171,7 +172,7 @@ class Session:
             arrival_time=time,
         )
         named = self._served.config.sensors_used
-        return scan if named is None or sensor.name in named else masked(scan)
+        return scan if named is None or sensor.name in named else empty_scan(scan)
 
     def _step(self, scan: Scan) -> Estimate | None:
         """The tracker's estimate, held against what the runner asks of one."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
-from trackbench.runner.traffic import run_traffic_block
+from trackbench.runner.block import run_block
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.subjects.tuning.entry import Entry
@@ -21,8 +21,8 @@ def score_hidden(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums | str
     """The sums of one trial over some runs of one scene, or why there are none, where the tracker failed; and what
     computed it.
     """
-    block = run_traffic_block(replace(work, trackers={TRIAL: entry}), piece)
-    scores, engine = block.scores[TRIAL], block.engines.get(TRIAL)
+    block = run_block(replace(work, trackers={TRIAL: entry}), piece)
+    scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
     if isinstance(scores, Failure):
         return scores.cause, engine
     values = np.array(scores.sums.values)

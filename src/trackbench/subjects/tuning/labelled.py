@@ -7,14 +7,12 @@ from typing import Literal
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
-from trackbench.driving.steppers import Offline, masked
+from trackbench.driving.drive import Drive, scans_read
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
-from trackbench.runner.allocation import keep_freed_memory
-from trackbench.runner.delivery import deliveries
-from trackbench.runner.engines import engine_of
+from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
@@ -64,31 +62,27 @@ def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
     objects, runs = len(scene.truth.ids), len(piece.runs)
-    named = entry.sensors_used
-
-    def reads(sensor: str) -> bool:
-        return named is None or sensor in named
-
-    scans = measurements.scans
+    sensors, scans = entry.sensors_used, measurements.scans
     sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
-    given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
-    stepper = stepper_of(work, piece, entry, given, trials)
-    if isinstance(stepper, Offline):
-        scans = [scan.prompt() for scan in scans]
+    # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
+    drive = Drive[Estimate | None](
+        lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
+        scans,
+        sensors,
+        given=lambda scan: _tiled(scan, trials),
+    )
     try:
-        with np.errstate(all="ignore"):
-            for instant, group in enumerate(deliveries(scans, reads, masked)):
-                latest: Estimate | None = None
-                for scan, number, _ in group:
-                    taken = _tiled(scan, trials)
-                    latest = stepper.step(taken)
-                    if latest is not None and number is not None:
-                        sums.add_innovation(instant, number, taken, latest)
-                if latest is not None:
-                    sums.add_error(instant, latest)
+        with np.errstate(all="ignore"), drive:
+            for step in drive:
+                estimate = step.answer
+                if estimate is None:
+                    continue
+                if step.number is not None:
+                    sums.add_innovation(step.instant, step.number, step.scan, estimate)
+                if step.last:
+                    sums.add_error(step.instant, estimate)
     finally:
-        sums.engine = engine_of(work, stepper)
-        stepper.close()
+        sums.engine = work.engine_of(drive.engine_used)
     return sums
 
 

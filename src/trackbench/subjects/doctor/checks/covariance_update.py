@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.right_answers import named, reduction_shown
@@ -61,7 +61,7 @@ def _replaced(update: TrialUpdate) -> float:
 
 
 def _grows(tracker: TrackerUnderTest, trial: Trial) -> bool:
-    later = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.scan.time + GROWN)), trial.name)
+    later = tracker.peek(trial.session, empty_scan(trial.scan._replace(time=trial.scan.time + GROWN)), trial.name)
     before = float(np.trace(trial.prediction.covariance[:2, :2]))
     return later is not None and float(np.trace(later.covariance[:2, :2])) > (1.0 + SAME) * before
 
@@ -121,7 +121,7 @@ def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None
     trial = update.trial
     if not trial.nearly_linear:
         return None
-    last = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
+    last = tracker.peek(trial.session, empty_scan(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
     if last is None:
         return None
     added = _of_speed(trial, _started_from(update) - trial.prediction.covariance)

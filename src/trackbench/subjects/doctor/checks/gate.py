@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
@@ -83,7 +83,7 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
             predicted = session.predict(probe.scan(asked, tracker.sensors[asked], GAP))
         else:
             for k in range(int(GAP * 10) + 1):
-                predicted = session.step(masked(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
+                predicted = session.step(empty_scan(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
         if predicted is None or not finite(predicted):
             return None
         sigma = float(np.sqrt(max(0.0, np.trace(predicted.covariance[:2, :2]))))

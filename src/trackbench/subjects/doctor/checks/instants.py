@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 
 from trackbench.base.types import Array, Scan
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
@@ -119,7 +119,7 @@ def _same_time(tracker: TrackerUnderTest) -> PartResult:
             continue
         with tracker.recording_failures(probe.name):
             # Later than every scan before, also by a clock that is off.
-            estimates = [session.peek(masked(probe.scan(name, tracker.sensors[name], 0.5))) for name in names]
+            estimates = [session.peek(empty_scan(probe.scan(name, tracker.sensors[name], 0.5))) for name in names]
             for name, estimate in zip(names[1:], estimates[1:], strict=True):
                 if estimate is not None and estimates[0] is not None and finite(estimate) and finite(estimates[0]):
                     lags[name] += _lag(estimates[0].mean, estimate.mean)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
@@ -96,7 +96,7 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
 
 
 def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
-    return session.step(masked(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
+    return session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
 
 
 CHECKS = (

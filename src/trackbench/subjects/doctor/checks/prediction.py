@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.kind_of_filter import linearises
@@ -159,10 +159,10 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
     with tracker.recording_failures(probe.name):
         for previous in (0.05, 0.15):
             session = at_probe.copy()
-            session.step(masked(probe.scan(name, tracker.sensors[name], 0.0)))
-            first = session.step(masked(probe.scan(name, tracker.sensors[name], previous)))
+            session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0)))
+            first = session.step(empty_scan(probe.scan(name, tracker.sensors[name], previous)))
             for step in STEPS:
-                later = session.peek(masked(probe.scan(name, tracker.sensors[name], previous + step)))
+                later = session.peek(empty_scan(probe.scan(name, tracker.sensors[name], previous + step)))
                 if first is None or later is None or not (finite(first) and finite(later)):
                     continue
                 speed = float(np.hypot(*first.mean[2:]))
@@ -229,8 +229,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
             session.step(probe.scan(name, sensor, k / rate - 2.0))
             if k < SETTLED:
                 continue
-            now = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0)))
-            then = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
+            now = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0)))
+            then = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
             if now is not None and then is not None and finite(now) and finite(then) and _known(now):
                 found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
     return found

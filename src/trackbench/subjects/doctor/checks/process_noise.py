@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Estimate
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.probes import Probe
@@ -169,7 +169,7 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     name = sensor_set[0]
     with tracker.recording_failures(probe.name):
         session = session.copy()
-        scans = (masked(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
+        scans = (empty_scan(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
         estimates = [session.step(scan) for scan in scans]
         variances = np.array([np.nan if one is None or not finite(one) else _speed_variance(one) for one in estimates])
         if np.isfinite(variances[[0, -1]]).all():

@@ -14,7 +14,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
-from trackbench.driving.steppers import masked
+from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
@@ -105,7 +105,7 @@ def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unm
         for k in range(SCANS):
             scan = probe.scan(name, sensor, k / rate)
             before = session.step(scan)
-            after = None if before is None else session.peek(masked(scan._replace(time=scan.time + NO_TIME)))
+            after = None if before is None else session.peek(empty_scan(scan._replace(time=scan.time + NO_TIME)))
             if before is None or after is None or not (finite(before) and finite(after) and _known(before)):
                 continue
             yield _compared(before, after, probe)
@@ -198,7 +198,7 @@ def _first_gains(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator
             if session.step(probe.scan(name, sensor, k / rate)) is None:
                 continue
             scan = probe.scan(name, sensor, k / rate + AT_ONCE)
-            prediction = session.peek(masked(scan))
+            prediction = session.peek(empty_scan(scan))
             if prediction is None:
                 return
             trial = Trial(probe.name, probe.description, scan, prediction, session)

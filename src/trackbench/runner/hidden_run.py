@@ -1,19 +1,17 @@
-"""One block of Monte-Carlo runs of detections that nobody labelled, through every tracker."""
+"""A tracker of several objects with hidden identities on its way through a block of runs, and what it leaves."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from trackbench.base.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
-from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
+from trackbench.driving.drive import Delivery, Drive, Step
+from trackbench.driving.faults import TrackFault
 from trackbench.driving.remote import start_tracks
-from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
-from trackbench.engine.equations import EngineUsed
+from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run
 from trackbench.metrics.traffic import (
     Associations,
     TrackHistory,
@@ -24,14 +22,11 @@ from trackbench.metrics.traffic import (
 from trackbench.metrics.traffic.histories import NO_DETECTION
 from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
-from trackbench.runner.allocation import keep_freed_memory
-from trackbench.runner.delivery import deliveries
-from trackbench.runner.engines import engine_of
+from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.due import Due
+from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.trackers.config import FilterConfig
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -57,123 +52,88 @@ class TrafficScores:
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
 
-
-@dataclass
-class TrafficBlock:
-    """What a block of runs leaves behind."""
-
-    piece: BlockRuns
-    scores: dict[str, TrafficScores | Failure]
-    """By tracker."""
-    digests: list[bytes]
-    detections: dict[str, tuple[float, float]]
-    """By sensor, the numbers of detections of objects and of false alarms."""
-    status: npt.NDArray[np.int8]
-    """``(instants, objects)`` of the recorded run, of which a block without it has nothing."""
-    scans: list[Scan] | None = None
-    """Those of the recorded run, if it is in this block."""
-    origins: list[Indices] = field(default_factory=list)
-    """Of their detections."""
-    engines: dict[str, EngineUsed] = field(default_factory=dict)
-    """By built-in tracker, what computed it."""
+    @property
+    def scores(self) -> TrafficScores:
+        """Itself: there are no sums that several metrics share."""
+        return self
 
 
-def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_progress, _: object = None) -> TrafficBlock:
-    """Synthesise the detections of some runs, take every tracker through them and score its tracks.
+class HiddenRun(TrackerRun[Tracks]):
+    """One tracker; each is scored alone, when it has taken all scans.
 
     Args:
         work: what all blocks share.
         piece: the runs of this block.
-        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+        name: of the tracker.
+        hidden: the detections of the block.
+        kept: number of the recorded run in this block, if it is there.
     """
-    keep_freed_memory()
-    scene, runs = work.scenes[piece.scene], piece.runs
-    hidden = sense_hidden(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    due = scene.due
-    kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
-    scores, engines = {}, {}
-    for number, name in enumerate(work.trackers):
-        passage = _Passage(work, piece, name, hidden, due, kept)
-        scores[name] = passage.scores()
-        if passage.engine is not None:
-            engines[name] = passage.engine
-        progress((number + 1) / len(work.trackers) * len(runs), len(runs))
-    found = TrafficBlock(
-        piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8), engines=engines
-    )
-    if kept is not None:
-        found.scans = [scan_of_run(scan, kept) for scan in hidden.scans]
-        pairs = zip(hidden.scans, hidden.origins, strict=True)
-        found.origins = [origins[scan.valid[:, kept], kept] for scan, origins in pairs]
-        found.status = of_runs(due.status, range(work.recorded_run, work.recorded_run + 1))[..., 0]
-    return found
 
-
-class _Passage:
-    """One tracker's way through the scans of a block."""
-
-    def __init__(
-        self, work: Work, piece: BlockRuns, name: str, hidden: HiddenMeasurements, due: Due, kept: int | None
-    ) -> None:
-        self._work, self._piece, self._name, self._hidden, self._due, self._kept = work, piece, name, hidden, due, kept
-        self._truth = work.scenes[piece.scene].truth
-        self._time = self._truth.time[due.steps]
-        self._instants: list[Tracks] = []
+    def __init__(self, work: Work, piece: BlockRuns, name: str, hidden: HiddenMeasurements, kept: int | None) -> None:
+        config, scene = work.trackers[name], work.scenes[piece.scene]
+        self._hidden, self._due, self._kept = hidden, scene.due, kept
+        self._truth = scene.truth
+        drive = Drive[Tracks](
+            lambda: start_tracks(config, work.folder, len(piece.runs), work.isolation, work.engine_here),
+            hidden.scans,
+            config.sensors_used,
+            engine=work.engine_here,
+            origins=hidden.origins,
+            before=self._predict,
+        )
+        super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps])
+        self._tracks_at: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
         self._asked = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
-        self._seconds, self._timed, self._timed_from = 0.0, 0, int(UNTIMED * len(hidden.scans))
-        self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
-        self.engine: EngineUsed | None = None
-        """Known once it was taken through, of a built-in tracker."""
+        self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(hidden.scans))
+        self._outcome: TrafficScores | None = None
 
-    def scores(self) -> TrafficScores | Failure:
-        """Those of each run; or why the tracker cannot go on."""
-        instant, scan = 0, self._hidden.scans[0]
-        try:
-            work = self._work
-            stepper = start_tracks(
-                work.trackers[self._name], work.folder, len(self._piece.runs), work.isolation, work.engine_here
-            )
-        except Exception as error:
-            return self._failure(fault_of(error), 0, None)
-        try:
-            named = self._work.trackers[self._name].sensors_used
-            given = deliveries(self._hidden.scans, lambda sensor: named is None or sensor in named, unread)
-            nothing = np.zeros((0, len(self._piece.runs)), dtype=np.intp)
-            stepped = 0
-            for instant, group in enumerate(given):
-                for scan, number, read in group:
-                    if read and number is not None and scan.arrival_time == scan.time:
-                        self._predict(stepper, scan.time, number)
-                    origins = self._hidden.origins[number] if read and number is not None else nothing
-                    begin = time.perf_counter()
-                    tracks = stepper.step(scan, origins)
-                    if stepped >= self._timed_from:
-                        self._seconds += time.perf_counter() - begin
-                        self._timed += 1
-                    stepped += 1
-                    if read and number is not None:
-                        self._taken.append((instant, tracks, number))
-                self._instants.append(tracks)
-        except (KeyboardInterrupt, GeneratorExit):
-            raise
-        except BaseException as error:
-            return self._failure(self._explained(fault_of(error)), instant, scan.sensor)
-        finally:
-            self.engine = engine_of(work, stepper)
-            stepper.close()
-        return self._scored()
+    @property
+    def chunk(self) -> int:
+        """Number of instants after which it is scored: all."""
+        return len(self._due.steps)
 
-    def _predict(self, stepper: TracksStepper, time: float, number: int) -> None:
+    def advance(self) -> None:
+        """Take the tracker through the next instant, unless it has failed; after the last one, end and score it."""
+        super().advance()
+        if self.failure is None and len(self._tracks_at) == self.chunk:
+            self.end()
+            self._outcome = self._scored()
+            # Several trackers' tracks of all instants at once may not fit the memory.
+            self._tracks_at, self._taken, self._predicted = [], [], {}
+
+    def close(self) -> TrafficScores | Failure:
+        """What it left behind, once all instants were taken."""
+        self.end()
+        if self.failure is not None:
+            return self.failure
+        assert self._outcome is not None
+        return self._outcome
+
+    def _take(self, step: Step[Tracks]) -> None:
+        if self._untimed:
+            self._untimed -= 1
+        else:
+            self._seconds += step.seconds
+            self._timed += 1
+        if step.read and step.number is not None:
+            self._taken.append((step.instant, step.answer, step.number))
+        if step.last:
+            self._tracks_at.append(step.answer)
+
+    def _predict(self, tracker: TracksStepper, delivery: Delivery) -> None:
         """Keep what a built-in tracker expects before a scan; others could be changed by the question."""
-        if isinstance(self._work.trackers[self._name], FilterConfig) and isinstance(stepper, BatchedTracks):
+        scan, number, read = delivery
+        if not read or number is None or scan.arrival_time != scan.time:
+            return
+        if isinstance(self._work.trackers[self.name], FilterConfig) and isinstance(tracker, BatchedTracks):
             for run in self._asked:
-                self._predicted[run][number] = stepper.predicted(time, run)
+                self._predicted[run][number] = tracker.predicted(scan.time, run)
 
     def _scored(self) -> TrafficScores:
         runs = self._piece.runs
-        tracks = _stacked(self._instants)
+        tracks = _stacked(self._tracks_at)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         steps = self._timed * len(runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
@@ -184,7 +144,7 @@ class _Passage:
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
-                scores = score_run(truth, history, self._options, own)
+                scores = score_run(truth, history, TrafficScoreOptions(cutoff=self._work.cutoff or 5.0), own)
             else:
                 scores = without_truth(score_without_truth(self._judged_scans(run)))
             number = self._work.number(self._piece.scene, runs.start + run)
@@ -238,13 +198,13 @@ class _Passage:
 
     def _explained(self, fault: TrackFault) -> TrackFault:
         """An error before the first track may be that of a tracker of one object."""
-        if fault.kind == "raised" and not any(len(tracks.ids) for tracks in self._instants):
+        begun = self._drive.sensor is not None
+        if begun and fault.kind == "raised" and not any(len(tracks.ids) for tracks in self._tracks_at):
             return TrackFault(f"{fault.cause} ({NO_TRACKS_YET})", fault.kind, fault.place, fault.member)
         return fault
 
-    def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
-        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": None}
-        return self._work.failure(self._piece, fault, fault.member, **where)
+    def _place(self, member: int | None) -> tuple[str | None, int | None]:
+        return None, member
 
 
 def reused(ids: Indices) -> int:
@@ -286,11 +246,3 @@ def _of_run(tracks: Tracks, run: int) -> TrackHistory:
 def _associations_of(taken: Associations, run: int) -> Associations:
     merged = None if taken.merged is None else taken.merged[..., run]
     return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], taken.detected[..., run], merged)
-
-
-def _counts(hidden: HiddenMeasurements) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
-    for scan, origins in zip(hidden.scans, hidden.origins, strict=True):
-        objects, alarms = found.get(scan.sensor, (0.0, 0.0))
-        found[scan.sensor] = (objects + float((origins >= 0).sum()), alarms + float((origins == FALSE_ALARM).sum()))
-    return found

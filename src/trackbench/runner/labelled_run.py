@@ -1,0 +1,175 @@
+"""A tracker of single objects with known identities on its way through a block of runs, and what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackbench.base.types import Estimate, Gaussian, Scan
+from trackbench.driving.drive import Drive, Step, scans_read
+from trackbench.driving.faults import TrackFault
+from trackbench.engine.choice import compute_by
+from trackbench.metrics import BlockScores, Scorer, Sums, score_together
+from trackbench.metrics.consistency import whitened_innovation
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.results import Failure
+from trackbench.runner.prepare import stepper_of
+from trackbench.runner.recorded import ModeSums, RecordedEstimates
+from trackbench.runner.targets import Targets
+from trackbench.runner.tracker_run import TrackerRun
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import Measurements
+
+
+@dataclass
+class LabelledOutcome:
+    """What a block leaves of one tracker."""
+
+    sums: Sums
+    recorded: RecordedEstimates | None
+    """Its estimates of the recorded run, if that is in this block."""
+    modes: ModeSums | None
+    """Of a tracker that has modes."""
+
+    @property
+    def scores(self) -> BlockScores:
+        """The sums that the built-in metrics share."""
+        scores: BlockScores = self.sums[ESTIMATES.name]
+        return scores
+
+    @property
+    def seconds(self) -> float:
+        """Time spent in the tracker."""
+        return self.scores.seconds
+
+
+class LabelledRun(TrackerRun[Estimate | None]):
+    """One tracker; all of those of a block are scored together, where all of them gave an estimate.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs of this block.
+        name: of the tracker.
+        measurements: those of the block.
+        targets: what trackers are held against.
+        kept: number of the recorded run in this block, if it is there.
+    """
+
+    def __init__(
+        self,
+        work: Work,
+        piece: BlockRuns,
+        name: str,
+        measurements: Measurements,
+        targets: Targets,
+        kept: int | None,
+    ) -> None:
+        config, scene, scans = work.trackers[name], work.scenes[piece.scene], measurements.scans
+        self._target, self._scene, self._kept = targets.of(config), scene, kept
+        drive = Drive[Estimate | None](
+            lambda: stepper_of(work, piece, config, scans_read(scans, config.sensors_used)),
+            scans,
+            config.sensors_used,
+            engine=work.engine_here,
+        )
+        super().__init__(work, piece, name, drive, self._target.time)
+        self.scorer = Scorer(
+            self._target,
+            targets.conditions(config),
+            {sensor.name: len(sensor.steps) for sensor in scene.sensors},
+            tracker=name,
+            first=piece.scene == piece.runs.start == 0,
+            single=work.runs == len(work.scenes) == 1,
+            metrics=work.metrics,
+            compute=compute_by(work.engine_here),
+        )
+        objects, instants = len(scene.truth.ids), len(self._target.time)
+        batch = objects * len(piece.runs)
+        self._none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
+        self._modes: ModeSums | None = None
+        self._recorded: RecordedEstimates | None = None
+        if kept is not None:
+            self._recorded = RecordedEstimates(
+                np.full((4, instants, objects), np.nan),
+                np.full((4, 4, instants, objects), np.nan),
+                self._target.due[..., kept],
+                {
+                    sensor.name: [np.full(objects, np.nan)] * len(sensor.steps)
+                    for sensor in scene.sensors
+                    if len(sensor.steps)
+                },
+            )
+            counts = dict.fromkeys(self._recorded.nis, 0)
+            self._of_sensor: list[int] = []
+            for scan in scans:
+                self._of_sensor.append(counts[scan.sensor])
+                counts[scan.sensor] += 1
+
+    @property
+    def chunk(self) -> int:
+        """Number of instants that are scored at a time."""
+        return self.scorer.chunk
+
+    def close(self) -> LabelledOutcome | Failure:
+        """What it left behind, once all instants were taken and scored."""
+        self.end()
+        if self.failure is not None:
+            return self.failure
+        outcome = LabelledOutcome(self.scorer.close(), self._recorded, self._modes)
+        if outcome.scores.due.sum() > 0 and not outcome.scores.errors:
+            self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._target.time) - 1, None)
+        return self.failure or outcome
+
+    def _take(self, step: Step[Estimate | None]) -> Gaussian | None:
+        latest = step.answer or self._none
+        self.scorer.scan(step.instant, step.scan, latest, step.seconds)
+        if step.number is not None:
+            self._keep_nis(step.number, step.scan, latest)
+        if not step.last:
+            return None
+        self.scorer.estimate(latest)
+        if latest.mode_probabilities is not None:
+            self._modes = self._modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
+            self._modes.take(step.instant, latest.mode_probabilities, self._target)
+        return self._keep(step.instant, latest)
+
+    def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
+        """What the recorded run has of an estimate."""
+        if self._recorded is None or self._kept is None:
+            return None
+        members = slice(self._kept, None, len(self._piece.runs))
+        alive = self._target.alive[instant]
+        recorded = Gaussian(
+            np.where(alive, estimate.mean[:, members], np.nan),
+            np.where(alive, estimate.covariance[:, :, members], np.nan),
+        )
+        self._recorded.mean[:, instant], self._recorded.covariance[:, :, instant] = recorded
+        return recorded
+
+    def _keep_nis(self, number: int, scan: Scan, estimate: Estimate) -> None:
+        if self._recorded is None or self._kept is None:
+            return
+        nis = np.full(len(self._scene.truth.ids), np.nan)
+        members = slice(self._kept, None, len(self._piece.runs))
+        white = whitened_innovation(estimate, members)
+        if white is not None:
+            nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
+        self._recorded.nis[scan.sensor][self._of_sensor[number]] = nis
+
+    def _place(self, member: int | None) -> tuple[str | None, int | None]:
+        if member is None:
+            return None, None
+        object, run = divmod(member, len(self._piece.runs))
+        return self._scene.truth.ids[object], run
+
+
+def score_labelled_runs(trackers: Sequence[LabelledRun]) -> None:
+    """Score what those that have not failed gave at the latest instants."""
+    going = [tracker for tracker in trackers if tracker.failure is None]
+    faults = score_together([tracker.scorer for tracker in going])
+    for tracker in going:
+        fault = faults.get(tracker.name)
+        if fault is not None:
+            tracker.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)

@@ -1,0 +1,83 @@
+"""One tracker's way through the measurements of a block of runs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Generator
+from typing import Generic
+
+from trackbench.base.types import Array, Gaussian
+from trackbench.driving.drive import Answer, Drive, Step
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.engine.equations import EngineUsed
+from trackbench.results import Failure
+from trackbench.runner.work import BlockRuns, Work
+
+
+class TrackerRun(ABC, Generic[Answer]):
+    """Takes the tracker from instant to instant, and notes why it cannot go on.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs of this block.
+        name: of the tracker.
+        drive: takes it through the scans of the block.
+        time: ``(instants,)`` s.
+    """
+
+    def __init__(self, work: Work, piece: BlockRuns, name: str, drive: Drive[Answer], time: Array) -> None:
+        self.name = name
+        self.failure: Failure | None = None
+        self.engine: EngineUsed | None = None
+        """Known once it is closed, of a built-in tracker."""
+        self._work, self._piece, self._drive, self._time = work, piece, drive, time
+        self._instants = self._through()
+
+    @property
+    @abstractmethod
+    def chunk(self) -> int:
+        """Number of instants after which it is scored."""
+
+    def advance(self) -> Gaussian | None:
+        """Take the tracker through the next instant, unless it has failed.
+
+        Returns:
+            Its estimate of the recorded run; None where that is in another block, or identities are hidden.
+        """
+        return None if self.failure is not None else next(self._instants, None)
+
+    def end(self) -> None:
+        """End the tracker."""
+        self._instants.close()
+
+    def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
+        """Note that and where the tracker cannot go on."""
+        object, run = self._place(fault.member)
+        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": object}
+        self.failure = self._work.failure(self._piece, fault, run, **where)
+
+    @abstractmethod
+    def _take(self, step: Step[Answer]) -> Gaussian | None:
+        """Keep and score what the tracker says; after the last step of an instant return what ``advance`` does."""
+
+    @abstractmethod
+    def _place(self, member: int | None) -> tuple[str | None, int | None]:
+        """The object, and the run counted from the first of the block, of a member of the batch."""
+
+    def _explained(self, fault: TrackFault) -> TrackFault:
+        return fault
+
+    def _through(self) -> Generator[Gaussian | None]:
+        drive = self._drive
+        try:
+            with drive:
+                for step in drive:
+                    estimate = self._take(step)
+                    if step.last:
+                        yield estimate
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            self.fail(self._explained(fault_of(error)), drive.instant, drive.sensor)
+        finally:
+            self.engine = self._work.engine_of(drive.engine_used)
