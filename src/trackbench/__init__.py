@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from trackbench.base.errors import InputError, TrackbenchError
     from trackbench.base.types import Estimate, Scan, Tracks, Truth
     from trackbench.scenario import Scenario
+    from trackbench.subjects.doctor.api import ReportableExamination as Examination
+    from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
     from trackbench.subjects.tuning.tuned import tune
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     __all__ = [
         "Comparison",
         "Estimate",
+        "Examination",
         "InputError",
         "LogAudit",
         "Result",
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
         "audit",
         "check_tracker",
         "compare",
+        "doctor",
         "load",
         "run",
         "sense",

@@ -1,0 +1,172 @@
+"""Examining a tracker."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from trackbench import results
+from trackbench.api.display import Report
+from trackbench.base.errors import InputError
+from trackbench.base.subjects import offered, resolve
+from trackbench.base.types import Progress, no_progress
+from trackbench.document.html import to_html
+from trackbench.driving.faults import TrackFault
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.results import EXAMINATION
+from trackbench.subjects.doctor.assumptions import require_known
+from trackbench.subjects.doctor.checks.steps import CannotRun
+from trackbench.subjects.doctor.evidence import EvidenceRun
+from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.other_kind import other_kind
+from trackbench.subjects.doctor.replay import examination_replay
+from trackbench.subjects.doctor.report import examination_document
+from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.subject import ExaminedTracker, subject
+from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
+from trackbench.testing.kinds import Identities
+
+
+@dataclass(frozen=True)
+class ReportableExamination(Examination):
+    """The findings and checks of one tracker. A notebook shows them as a page, ``print`` as text."""
+
+    evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
+    """The test drives that show the findings; none of a tracker of several objects."""
+    notes: tuple[str, ...] = ()
+    """How the examination differs from the scenario."""
+
+    @classmethod
+    def of(cls, examination: Examination, evidence: Sequence[EvidenceRun], notes: tuple[str, ...]) -> Self:
+        """The same examination, as one that shows itself."""
+        values = {item.name: getattr(examination, item.name) for item in fields(Examination)}
+        return cls(**values, evidence=tuple(evidence), notes=notes)
+
+    def report(self) -> Report:
+        """The report, as ``trackbench doctor`` writes it."""
+        return Report(examination_document(self, self.evidence))
+
+    def save(self, folder: Path | str) -> list[str]:
+        """Write the findings, the report, and the replays that are offered; returns the names of the files.
+
+        Raises:
+            TrackbenchError: the folder cannot be written, or holds something else.
+        """
+        place = Path(folder)
+        results.require_replaceable(place, EXAMINATION)
+        files: dict[str, Callable[[Path], object]] = {
+            EXAMINATION: partial(results.write_file, results.to_json(self.json())),
+            "report.html": partial(results.write_file, to_html(self.report().document)),
+        }
+        if self.evidence:
+            replay = examination_replay(self, self.evidence)
+            files |= {name: partial(resolve(write), replay) for name, write in offered("replays")}
+        results.save_files(files, place, EXAMINATION)
+        return list(files)
+
+    def __str__(self) -> str:
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+
+def doctor(
+    tracker: str,
+    *,
+    options: Mapping[str, Any] | None = None,
+    scenario: Path | str | None = None,
+    identities: Identities | None = None,
+    static_sensors: bool = False,
+    no_misses: bool = False,
+    skip: Sequence[str] = (),
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
+    out: Path | str | None = None,
+    progress: Progress = no_progress,
+) -> ReportableExamination:
+    """Find the faults of a tracker, with evidence.
+
+    Args:
+        tracker: ``SCENARIO#NAME``, ``module:Class`` or a published name.
+        options: arguments of the class; not with ``SCENARIO#NAME``.
+        scenario: the file whose sensors and observer are used, instead of those of the tracker's own scenario, or else
+            of a radar and a lidar that stand still and move.
+        identities: ``hidden`` of a class that follows several objects.
+        static_sensors: whether no sensor moves: nothing is tried with moving ones.
+        no_misses: whether every scan has a detection: no others are given.
+        skip: checks that are left out, by name or by name and sensor: ``gain``, ``gain.radar``.
+        in_process: whether a tracker that is not built in gets no process of its own: for a debugger.
+        tracker_timeout: longest time that one may take to answer a scan, s.
+        out: the folder of the findings, the report and the replay; nothing is written unless given.
+        progress: called with the number of steps done and of all, about, of the examination and then of its evidence.
+
+    Raises:
+        InputError: there is no such scenario, tracker, module or check, or it does not take the options.
+        CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
+        TrackFault: the tracker's process ended before anything could be asked.
+        TrackbenchError: the folder cannot be written.
+    """
+    values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout)
+    path = None if scenario is None else Path(scenario)
+    with _tracker_output():
+        try:
+            examined = subject(tracker, values, path, isolation, identities)
+        except TrackFault as fault:
+            raise InputError(f"{tracker!r} does not start: {fault}") from fault
+        _require_fit(examined, no_misses, skip)
+        if out is not None:
+            results.require_replaceable(Path(out), EXAMINATION)
+            results.require_writable(Path(out).parent)
+        try:
+            examination = _examine(examined, static_sensors, no_misses, skip, progress)
+        except (CannotRun, TrackFault) as error:
+            hint = "" if "#" in tracker else other_kind(tracker, values, isolation, hidden=examined.multi_object)
+            if hint:
+                raise InputError(hint, key="identities") from error
+            raise
+    if out is not None:
+        examination.save(out)
+    return examination
+
+
+def _require_fit(examined: ExaminedTracker, no_misses: bool, skip: Sequence[str]) -> None:
+    """Refuse assumptions that an examination of several objects does not have, and unknown checks."""
+    if not examined.multi_object:
+        require_known(skip, examined.sensors)
+    elif no_misses or skip:
+        key = "no_misses" if no_misses else "skip"
+        raise InputError("only for a tracker of one object; this one follows several", key=key)
+
+
+def _examine(
+    examined: ExaminedTracker, static_sensors: bool, no_misses: bool, skip: Sequence[str], progress: Progress
+) -> ReportableExamination:
+    if examined.multi_object:
+        result = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
+        return ReportableExamination.of(result, (), examined.notes)
+    ready = Doctor(
+        examined.sensors,
+        observer=examined.observer,
+        static_sensors=static_sensors,
+        no_misses=no_misses,
+        skip=skip,
+    )
+    result = ready.examine(examined.name, examined.make, progress)
+    return ReportableExamination.of(result, ready.evidence(result, examined.make, progress), examined.notes)
+
+
+@contextmanager
+def _tracker_output() -> Iterator[None]:
+    """Send what the tracker prints to stderr, and drop its warnings: the checks look for the same faults."""
+    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
