@@ -30,11 +30,9 @@ from trackbench.subjects.doctor.findings import (
     questions,
 )
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
-from trackbench.subjects.doctor.report.sentences import verdict
-from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.report.text import text, verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
-from trackbench.subjects.doctor.simplified import simplified
-from trackbench.subjects.doctor.site import Carrier, SensorSite, site_of
+from trackbench.subjects.doctor.site import Carrier, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

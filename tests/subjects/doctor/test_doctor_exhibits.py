@@ -33,9 +33,8 @@ from trackbench.subjects.doctor.exhibits import (
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.report.exhibits import exhibit_figure
-from trackbench.subjects.doctor.report.exhibits.roles import outline
-from trackbench.subjects.doctor.right_answers import predicted
-from trackbench.subjects.doctor.shown_points import points_shown
+from trackbench.subjects.doctor.report.exhibits.values import outline
+from trackbench.subjects.doctor.right_answers import points_shown, predicted
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 

@@ -15,7 +15,7 @@ from trackbench.models.sensors import Lidar, Radar
 from trackbench.subjects.doctor.checks.late import late
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probes
-from trackbench.subjects.doctor.simplified import simplified
+from trackbench.subjects.doctor.site import simplified
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.raw import RawTracker
 

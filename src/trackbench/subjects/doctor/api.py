@@ -1,4 +1,4 @@
-"""Examining a tracker."""
+"""Examining a tracker from Python."""
 
 from __future__ import annotations
 
@@ -26,13 +26,40 @@ from trackbench.subjects.doctor.assumptions import require_known
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.examine import Doctor, Examination
-from trackbench.subjects.doctor.other_kind import other_kind
 from trackbench.subjects.doctor.replay import examination_replay
 from trackbench.subjects.doctor.report import examination_document
 from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import ExaminedTracker, subject
 from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
-from trackbench.testing.kinds import Identities
+from trackbench.subjects.doctor.traffic.scenes import Follower
+from trackbench.testing.kinds import Identities, answers
+from trackbench.testing.tracker import drive
+from trackbench.testing.tracks import hidden_drive
+
+
+def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *, hidden: bool) -> str:
+    """What to say of a class that failed, if it bears scans of the other kind; else nothing.
+
+    Args:
+        target: ``module:Class`` or a published name.
+        options: its arguments.
+        isolation: whether it gets a process of its own.
+        hidden: whether it was examined as a tracker of several objects.
+    """
+
+    def of_one() -> Iterator[bool]:
+        session = TrackerSession(subject(target, options, None, isolation).make)
+        scans = drive(["lidar", "radar"] * 10, [0.05 * number for number in range(20)])
+        return (session.step(scan) is not None for scan in scans)
+
+    def of_several() -> Iterator[bool]:
+        follower = Follower(subject(target, options, None, isolation, "hidden").make)
+        return (len(follower.step(scan).ids) > 0 for scan in hidden_drive())
+
+    if hidden:
+        return f"{target} follows one object: choose known" if answers(of_one) else ""
+    return f"{target} follows several objects: choose hidden" if answers(of_several) else ""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
+from trackbench.subjects.doctor.probes import rotation, turned_scene
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
-from trackbench.subjects.doctor.turned import rotation, turned_scene
 from trackbench.trackers.answers import Tracker
 
 #: Angles by which a scene is turned, rad, in the order in which they are tried.

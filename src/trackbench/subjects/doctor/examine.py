@@ -29,8 +29,7 @@ from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import Examined
-from trackbench.subjects.doctor.simplified import simplified
-from trackbench.subjects.doctor.site import Carrier, site_of
+from trackbench.subjects.doctor.site import Carrier, simplified, site_of
 from trackbench.subjects.doctor.step_count import OTHERS, StepCount, evidence_steps, steps_of
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker

@@ -1,8 +1,10 @@
-"""The gain that a Kalman filter has with a tracker's own predicted covariance and the right models."""
+"""The right gain of a trial, and the models that a tracker's gain implies."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Roots and weights of the three-point Gauss-Hermite rule for a standard normal variable.
 ROOTS, WEIGHTS = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)
@@ -72,3 +74,99 @@ def _gain(cross: Array, innovation_covariance: Array, used: Mask | None) -> Arra
     gain = np.zeros(cross.shape)
     gain[:, of] = np.linalg.solve(innovation_covariance[np.ix_(of, of)], cross[:, of].T).T
     return gain
+
+
+#: Share of the change of the covariance outside the column space of the gain: up to 0.01 with sigma points, 0.08 and
+#: more with fixed gains.
+OUTSIDE = 0.05
+
+
+class ImpliedModel(NamedTuple):
+    """The measurement model and noise that one update implies, for each component of the measurement."""
+
+    trial: Trial
+    used: Mask
+    noise: Array
+    """``(m,)`` implied over stated variance; NaN where the row points away from the right one."""
+    apart: Array
+    """``(m, 4)`` difference between the unit vectors along the implied and the right row."""
+    size: Array
+    """``(m,)`` length of the implied row along the right one, over the right length."""
+    jacobian: Array
+    """``(m, 4)`` the implied Jacobian."""
+
+    @property
+    def direction(self) -> Array:
+        """``(m,)`` length of ``apart``."""
+        return np.asarray(np.linalg.norm(self.apart, axis=1))
+
+
+class SamplingErrors(NamedTuple):
+    """Standard errors of implied models, each averaged over two with other samples; zeros without samples."""
+
+    direction: Array
+    """``(m,)``"""
+    size: Array
+    """``(m,)`` of the logarithm."""
+    noise: Array
+    """``(m,)`` of the logarithm of the median over the trials."""
+
+
+def implied(trial: Trial) -> ImpliedModel | None:
+    """What an update with the predicted measurement implies; None where it is not that of a Kalman filter."""
+    update = trial.update(trial.predicted_measurement)
+    if update is None or update.information is None or not update.used.any() or not _is_kalman(update):
+        return None
+    h, spread, sigma = trial.jacobian, trial.state_sigma, trial.sigma
+    scaled, rows = h * spread, update.information.T * spread
+    along, length = np.einsum("ij,ij->i", rows, scaled), np.einsum("ij,ij->i", scaled, scaled)
+    noise, size = np.full(len(sigma), np.nan), np.full(len(sigma), np.nan)
+    apart, jacobian = np.full_like(h, np.nan), np.full_like(h, np.nan)
+    before = linalg.symmetrise(trial.prediction.covariance)
+    if not np.linalg.eigvalsh(before)[0] > 0.0:
+        return None
+    added = np.linalg.inv(linalg.symmetrise(update.estimate.covariance)) - np.linalg.inv(before)
+    used = update.used
+    jacobian[used] = np.linalg.pinv(update.information[:, used], rcond=1e-9) @ added
+    for i in np.flatnonzero(used):
+        apart[i] = rows[i] / np.linalg.norm(rows[i]) - scaled[i] / np.sqrt(length[i])
+        size[i] = float((jacobian[i] * spread) @ scaled[i] / length[i])
+        if along[i] > 0.0:
+            noise[i] = length[i] / along[i] / sigma[i] ** 2
+    return ImpliedModel(trial, used, noise, apart, size, jacobian)
+
+
+def averaged_models(
+    rows: Sequence[ImpliedModel | None], others: Sequence[ImpliedModel | None]
+) -> tuple[list[ImpliedModel], SamplingErrors]:
+    """The means of pairs of implied models with different samples, and their standard errors."""
+    pairs = [(a, b) for a, b in zip(rows, others, strict=False) if a is not None and b is not None]
+    means = [
+        ImpliedModel(
+            a.trial,
+            a.used & b.used,
+            np.sqrt(a.noise * b.noise),
+            (a.apart + b.apart) / 2,
+            (a.size + b.size) / 2,
+            (a.jacobian + b.jacobian) / 2,
+        )
+        for a, b in pairs
+    ]
+    if not pairs:
+        return [], SamplingErrors(*np.zeros((3, 1)))
+    turned = [np.linalg.norm(a.apart - b.apart, axis=1) for a, b in pairs]
+    scaled = [np.log(np.maximum(a.size, 1e-3) / np.maximum(b.size, 1e-3)) for a, b in pairs]
+    louder = [np.log(a.noise / b.noise) for a, b in pairs]
+    direction, size, noise = (np.sqrt(np.nanmean(np.square(of), axis=0)) / 2 for of in (turned, scaled, louder))
+    # The standard error of a median is 1.25 times that of a mean.
+    return means, SamplingErrors(direction, size, 1.25 * noise / np.sqrt(len(pairs)))
+
+
+def _is_kalman(update: TrialUpdate) -> bool:
+    """Whether the covariance changes only in the column space of the gain; with a fixed gain it does not."""
+    spread = update.trial.state_sigma
+    change = (update.trial.prediction.covariance - update.estimate.covariance) / np.outer(spread, spread)
+    base = np.linalg.qr(update.relative_gain[:, update.used])[0]
+    outside = change - base @ (base.T @ change)
+    size = float(np.linalg.norm(change))
+    return size > 1e-9 and float(np.linalg.norm(outside)) < OUTSIDE * size

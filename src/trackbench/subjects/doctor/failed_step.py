@@ -12,8 +12,8 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
+from trackbench.subjects.doctor.probes import TURNS, turned_mounting
 from trackbench.subjects.doctor.session import MissGiven, StepFailed, TrackerSession, apart, finite
-from trackbench.subjects.doctor.turned import TURNS, turned_mounting
 from trackbench.trackers.answers import Tracker
 
 Make = Callable[[], Tracker]

@@ -19,10 +19,9 @@ from trackbench.document.replay import (
 )
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.evidence import EvidenceRun
+from trackbench.subjects.doctor.evidence import EvidenceRun, run_errors
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import Finding, known_faults
-from trackbench.subjects.doctor.run_errors import run_errors
 
 #: Colour of the tracker and of the reference, as in the report.
 COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}

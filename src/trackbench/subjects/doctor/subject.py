@@ -16,8 +16,7 @@ from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.scenario.truth import truth_of
-from trackbench.subjects.doctor.simplified import RATES, rate_of
-from trackbench.subjects.doctor.site import Carrier, carrier_of
+from trackbench.subjects.doctor.site import RATES, Carrier, carrier_of, rate_of
 from trackbench.testing.kinds import Identities
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build

@@ -14,12 +14,11 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.probes import TURNS, Probe, turned_mounting
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.turned import TURNS, turned_mounting
 
 #: Difference from the estimate of the turned target that is a fault, in standard deviations of the prediction.
 FAR = 3.0

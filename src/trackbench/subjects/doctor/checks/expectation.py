@@ -12,10 +12,9 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
-from trackbench.subjects.doctor.systematic import systematic_error
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
+from trackbench.subjects.doctor.wrong_models import WrongModel, systematic_error, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0

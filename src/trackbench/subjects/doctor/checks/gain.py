@@ -11,9 +11,8 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
-from trackbench.subjects.doctor.expected_gain import gain_error
+from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
-from trackbench.subjects.doctor.implied_models import ImpliedModel, SamplingErrors, averaged_models, implied
 from trackbench.subjects.doctor.kind_of_filter import learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

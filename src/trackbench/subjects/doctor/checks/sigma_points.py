@@ -20,9 +20,8 @@ from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
 from trackbench.subjects.doctor.kind_of_filter import after_gap, linearises, sampling_noise
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import gain_shown
+from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.shown_points import points_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
 

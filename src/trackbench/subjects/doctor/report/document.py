@@ -24,7 +24,7 @@ from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, known_faults
 from trackbench.subjects.doctor.report.exhibits import exhibit_figure
 from trackbench.subjects.doctor.report.figures import figures
-from trackbench.subjects.doctor.report.sentences import consequences, facts, mark, not_made, roots, verdict
+from trackbench.subjects.doctor.report.text import consequences, facts, mark, not_made, roots, verdict
 
 
 def examination_document(examination: Examination, evidence: Sequence[EvidenceRun] = ()) -> Document:

@@ -1,8 +1,9 @@
-"""The figures of an evidence run: innovations, map, position error and NEES."""
+"""The figures of a drive that shows findings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,11 +15,55 @@ from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, t
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.report.numbers import joined, percent
-from trackbench.subjects.doctor.evidence import EvidenceRun, SensorInnovations
-from trackbench.subjects.doctor.exhibits import OverTime
-from trackbench.subjects.doctor.report.exhibits.roles import REFERENCE, TRACKER, fit_values
-from trackbench.subjects.doctor.report.mismatch import first_mismatch, innovation_unit, mismatched_components
-from trackbench.subjects.doctor.run_errors import RunErrors, run_errors
+from trackbench.subjects.doctor.evidence import EvidenceRun, RunErrors, SensorInnovations, run_errors
+from trackbench.subjects.doctor.exhibits import UNITS, OverTime
+from trackbench.subjects.doctor.report.exhibits.values import REFERENCE, TRACKER, fit_values
+
+#: Difference from which on applied and expected innovation are not the same, in standard deviations of the measurement.
+DIFFERENT = 3.0
+
+
+class Mismatch(NamedTuple):
+    """The first measurement whose applied innovation is not the expected one."""
+
+    component: str
+    time: float
+    """s"""
+    applied: float
+    expected: float
+
+
+def mismatched_components(innovations: SensorInnovations) -> list[int]:
+    """The components with a mismatch; all components if there is none."""
+    found = np.flatnonzero((_gap(innovations) > DIFFERENT).any(axis=1))
+    return [int(i) for i in found] or list(range(len(innovations.components)))
+
+
+def first_mismatch(innovations: SensorInnovations) -> Mismatch | None:
+    """The first mismatch; None if there is none."""
+    gap = _gap(innovations)
+    columns = np.flatnonzero((gap > DIFFERENT).any(axis=0))
+    if not len(columns):
+        return None
+    k = int(columns[0])
+    i = int(np.argmax(gap[:, k]))
+    return Mismatch(
+        innovations.components[i],
+        float(innovations.time[k]),
+        float(innovations.applied[i, k]),
+        float(innovations.expected[i, k]),
+    )
+
+
+def innovation_unit(component: str) -> str:
+    """The unit of a component of a measurement."""
+    return UNITS.get(component, "m")
+
+
+def _gap(innovations: SensorInnovations) -> np.ndarray:
+    gap = np.abs(innovations.applied - innovations.expected) / innovations.sigma[:, None]
+    return np.nan_to_num(gap, nan=0.0)
+
 
 _HEIGHT = 250.0
 _PANEL = 150.0

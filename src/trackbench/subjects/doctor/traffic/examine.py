@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
 from trackbench.subjects.doctor.root_causes import rank
-from trackbench.subjects.doctor.simplified import simplified
+from trackbench.subjects.doctor.site import simplified
 from trackbench.subjects.doctor.traffic.checks.tracks import begins, together
 from trackbench.subjects.doctor.traffic.scenes import Make, Site
 

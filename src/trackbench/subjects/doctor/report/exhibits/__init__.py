@@ -7,11 +7,8 @@ from typing import Any
 
 from trackbench.document import Figure
 from trackbench.subjects.doctor.exhibits import Covariances, Exhibit, Matrices, OverTime, Points, Predictions
-from trackbench.subjects.doctor.report.exhibits.covariances import covariances_figure
-from trackbench.subjects.doctor.report.exhibits.matrices import matrices_figure
-from trackbench.subjects.doctor.report.exhibits.over_time import over_time_figure
-from trackbench.subjects.doctor.report.exhibits.points import points_figure
-from trackbench.subjects.doctor.report.exhibits.predictions import predictions_figure
+from trackbench.subjects.doctor.report.exhibits.planes import covariances_figure, points_figure, predictions_figure
+from trackbench.subjects.doctor.report.exhibits.values import matrices_figure, over_time_figure
 
 __all__ = ["exhibit_figure"]
 
