@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from trackbench import results
-from trackbench.api.display import Report
+from trackbench.api.result import Report
 from trackbench.base.errors import InputError
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress, no_progress
