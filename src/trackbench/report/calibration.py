@@ -9,7 +9,7 @@ from typing import Literal
 
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict
 from trackbench.report.numbers import fixed, joined
-from trackbench.results import Breakdown, ConditionScores, MetricValue
+from trackbench.results import Breakdown, ConditionScores, MetricValue, TrackerResult
 
 #: Beyond these an error is not as large as stated, in standard deviations.
 LIMITS = math.sqrt(1 - BELOW), math.sqrt(1 + ABOVE)
@@ -85,3 +85,31 @@ def _clauses(verdict: str, found: Mapping[str, Sequence[Calibration]], manoeuvre
 def _ratio(nees: MetricValue, mean: float) -> float:
     assert nees.dof is not None
     return math.sqrt(mean / nees.dof)
+
+
+By = Literal["manoeuvre", "range", "age"]
+BY: tuple[By, ...] = ("manoeuvre", "range", "age")
+TITLE = {"manoeuvre": "manoeuvre", "range": "range band", "age": "time since first seen"}
+UNIT = {"position": "m", "velocity": "m/s"}
+
+
+def conditions(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
+    """A tracker's scores by one of these."""
+    if tracker.breakdown is None:
+        return {}
+    found: Mapping[str, ConditionScores] = getattr(tracker.breakdown, by)
+    return found
+
+
+def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
+    """Every condition that any tracker met, in their order."""
+    every = [list(conditions(tracker, by)) for tracker in trackers]
+    longest = max(every, key=len, default=[])
+    return longest + list(dict.fromkeys(name for names in every for name in names if name not in longest))
+
+
+def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | None:
+    """The RMSE of a quantity under one condition."""
+    if scores is None:
+        return None
+    return scores.position_rmse if quantity == "position" else scores.velocity_rmse

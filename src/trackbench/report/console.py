@@ -13,8 +13,7 @@ from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text
-from trackbench.report.margin import margin_words
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, runs_in_words

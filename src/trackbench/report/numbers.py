@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from trackbench.results import MetricValue
+from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
 
@@ -50,3 +51,12 @@ def half_width(metric: MetricValue) -> float | None:
 def joined(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
+def margin_words(margin: MarginSummary, unit: str) -> str:
+    """ "1 % or 5 mm", of which the larger counts."""
+    absolute = margin.absolute(unit)
+    parts = [f"{margin.percent:g} %"] if margin.percent or not absolute else []
+    if absolute:
+        parts.append(f"{1000 * absolute:g} mm" if unit == "m" and absolute < 1 else f"{absolute:g} {unit}")
+    return " or ".join(parts)

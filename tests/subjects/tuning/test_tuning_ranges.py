@@ -15,7 +15,7 @@ import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
-from trackbench.subjects.tuning.defaults import stated_default
+from trackbench.subjects.tuning.entry import stated_default
 from trackbench.subjects.tuning.ranges import has_option, parse_range, require_tunable, start_values, why_no_start
 
 Cli = Callable[..., Any]

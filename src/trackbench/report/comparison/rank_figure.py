@@ -1,4 +1,4 @@
-"""The critical-difference diagram: mean ranks, and which of them are not shown to differ."""
+"""Who takes part in a ranking, and who is a reference beside it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,19 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure
 from trackbench.document.drawing import INK, MUTED
-from trackbench.report.comparison.competitors import competitors, label
-from trackbench.report.groups import groups_of
 from trackbench.report.numbers import fixed
+from trackbench.report.run.pairs import groups_of
+
+
+def competitors(comparison: Comparison) -> list[RankedTracker]:
+    """The ranked trackers, best first."""
+    return [item for item in comparison.ranking if not item.reference]
+
+
+def label(item: RankedTracker) -> str:
+    """Its name, and whether it is a reference."""
+    return f"{item.tracker} (reference)" if item.reference else item.tracker
+
 
 _WIDTH = 760.0
 #: Points of a line of text, of a bar, and above the axis.

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.conditions import JUMPS
-from trackbench.report.calibration import Quantity, calibration
-from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
+from trackbench.report.calibration import TITLE, UNIT, By, Quantity, calibration, classes, conditions, rmse
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
 from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT
 from trackbench.results import ConditionScores, MetricValue, TrackerResult

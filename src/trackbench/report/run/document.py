@@ -18,15 +18,12 @@ from trackbench.document import (
 )
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
-from trackbench.report.calibration import LIMITS, QUANTITIES
-from trackbench.report.conditions import BY, TITLE, classes
-from trackbench.report.margin import margin_words
-from trackbench.report.numbers import percent
+from trackbench.report.calibration import BY, LIMITS, QUANTITIES, TITLE, classes
+from trackbench.report.numbers import margin_words, percent
 from trackbench.report.run import tables
 from trackbench.report.run.breakdown import calibrations, errors, shares
-from trackbench.report.run.figures.autocorrelation import autocorrelation
 from trackbench.report.run.figures.breakdown import errors_by_class
-from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
+from trackbench.report.run.figures.consistency import autocorrelation, nees_over_time, nis_over_time
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run, mapped

@@ -8,8 +8,7 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.margin import margin_words
-from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
+from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, percent
 from trackbench.report.run.pairs import Pairs
 from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, Health, PrecisionReached, Result, TrackerResult

@@ -9,8 +9,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import mean_text
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
-from trackbench.report.margin import margin_words
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
 from trackbench.report.run.cells import INTERVAL, TONE, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, letters
 from trackbench.results import ConditionVerdict, Result, TrackerResult, sensor_words

@@ -20,7 +20,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.report.margin import margin_words
+from trackbench.report.numbers import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
 from trackbench.report.run.document import DIFFERENCES

@@ -13,8 +13,7 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, INK, TIME_LABEL, WIDTH, panel_title
 from trackbench.document.palette import legend_of, tooltips_of
 from trackbench.report.numbers import joined
-from trackbench.report.run.figures.columns import column, where
-from trackbench.report.run.figures.lines import draw_lines, end_of, last_values, smooth_lines, styles_of
+from trackbench.report.run.figures.lines import column, draw_lines, end_of, last_values, smooth_lines, styles_of, where
 
 PARTS = {
     "gospa_m": "GOSPA",

@@ -15,8 +15,8 @@ from trackbench.document.drawing import INK, MUTED, WIDTH, panel_title
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.report.numbers import joined
-from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
+from trackbench.report.run.figures.lines import column, names, where
 from trackbench.report.run.figures.map import mapped
 from trackbench.results import Result
 

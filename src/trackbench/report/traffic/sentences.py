@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.base.errors import counted
-from trackbench.report.margin import margin_words
-from trackbench.report.numbers import decimals, fixed, interval, percent
+from trackbench.report.numbers import decimals, fixed, interval, margin_words, percent
 from trackbench.report.run.pairs import Pair, Pairs
 from trackbench.results import Result, TrackerResult
 from trackbench.results.tracker_result import ORACLE

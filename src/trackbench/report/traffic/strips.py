@@ -15,7 +15,7 @@ from trackbench.document.drawing import GRID, INK, TIME_LABEL, WIDTH, panel_titl
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.report.numbers import joined
-from trackbench.report.run.figures.columns import column, names, where
+from trackbench.report.run.figures.lines import column, names, where
 
 #: The trackers and the objects that are drawn.
 PANELS, OBJECTS = 4, 24

@@ -12,13 +12,12 @@ from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.subjects.log_audit.clocks import Clock, clock_of
 from trackbench.subjects.log_audit.corrections import corrected
+from trackbench.subjects.log_audit.direct_checks import Clock, VelocityCheck, clock_of, velocity_check
 from trackbench.subjects.log_audit.findings import FAMILY, LogFinding
 from trackbench.subjects.log_audit.sensor_audit import SensorAudit, audit_sensor, sensor_findings
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.subjects.log_audit.simple_findings import clock_findings, hole_findings, truth_findings
-from trackbench.subjects.log_audit.truth_check import VelocityCheck, velocity_check
 from trackbench.truth.recorded import Drive, assemble, read
 from trackbench.truth.sources import RecordingTruth
 

@@ -10,11 +10,10 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.corrections import error_changes, sigma_keys
-from trackbench.subjects.log_audit.detection import Detections, detections_of
-from trackbench.subjects.log_audit.drift import clock_drift
+from trackbench.subjects.log_audit.direct_checks import WrongUnit, wrong_units
 from trackbench.subjects.log_audit.findings import EFFECT, SHAPE, SIGMA_OFF, LogFinding, error_finding
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, JointFit, joint_fit, refit
-from trackbench.subjects.log_audit.noise import ResidualNoise, noise_of
+from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift, detections_of, noise_of
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.subjects.log_audit.simple_findings import (
     drift_finding,
@@ -24,7 +23,6 @@ from trackbench.subjects.log_audit.simple_findings import (
     silence_finding,
     unit_finding,
 )
-from trackbench.subjects.log_audit.units_check import WrongUnit, wrong_units
 from trackbench.truth.recorded.drive import Cycles
 
 #: A clock drifts if its offset changes by more than this during the log, s.

@@ -8,13 +8,10 @@ import numpy as np
 
 from trackbench.base.errors import counted
 from trackbench.subjects.log_audit.blocks import BlockInterval
-from trackbench.subjects.log_audit.clocks import Clock
-from trackbench.subjects.log_audit.detection import Detections
+from trackbench.subjects.log_audit.direct_checks import Clock, VelocityCheck, WrongUnit
 from trackbench.subjects.log_audit.findings import LogFinding, between, bounds_shown, shown
-from trackbench.subjects.log_audit.noise import ResidualNoise
+from trackbench.subjects.log_audit.noise import Detections, ResidualNoise
 from trackbench.subjects.log_audit.sensor_log import SensorLog
-from trackbench.subjects.log_audit.truth_check import VelocityCheck
-from trackbench.subjects.log_audit.units_check import WrongUnit
 from trackbench.truth.recorded.drive import Motion
 from trackbench.truth.sources import RecordingTruth
 

@@ -93,8 +93,7 @@ def tune_command(
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.tuning.api import TunePlan, objective_of, tune_trackers
-    from trackbench.subjects.tuning.as_json import to_json
-    from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning
+    from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning, to_json
     from trackbench.subjects.tuning.outcome import headline
     from trackbench.subjects.tuning.report import tuning_summary
     from trackbench.subjects.tuning.split import Split

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.subjects.tuning.local_model import fit, shares_of
 from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.subjects.tuning.search import fit, shares_of
 from trackbench.subjects.tuning.trials import TuningTrial
 
 #: Of a positive value: by which factors it is changed.

@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from trackbench.subjects.tuning.defaults import source_of
-from trackbench.subjects.tuning.entry import plain
+from trackbench.subjects.tuning.entry import plain, source_of
 from trackbench.subjects.tuning.evaluation import Bench
 from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, WORDS, Sums
 from trackbench.subjects.tuning.parameters import Parameter

@@ -16,8 +16,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.engine.choice import EngineName
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.api import TunePlan, objective_of, tune_trackers
-from trackbench.subjects.tuning.as_json import to_json
-from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning
+from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning, to_json
 from trackbench.subjects.tuning.parameters import shown
 from trackbench.subjects.tuning.report import tuning_document, tuning_summary
 from trackbench.subjects.tuning.split import Split

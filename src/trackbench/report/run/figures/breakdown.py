@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.document import Figure, TrackerStyle
 from trackbench.document.drawing import LOG_ABOVE, logarithmic
 from trackbench.document.palette import legend_of, tooltips_of
-from trackbench.report.calibration import Quantity
-from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
+from trackbench.report.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
 from trackbench.report.numbers import joined
 from trackbench.results import MetricValue, TrackerResult
 

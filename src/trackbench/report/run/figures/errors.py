@@ -12,8 +12,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
 from trackbench.document.palette import legend_of, tooltips_of
-from trackbench.report.calibration import Quantity
-from trackbench.report.conditions import UNIT
+from trackbench.report.calibration import UNIT, Quantity
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
 from trackbench.results.scenario_summary import ReferenceSummary

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from trackbench.base.types import Array
 from trackbench.document.drawing import GRID, INK, MUTED
 from trackbench.document.margins import shortened
-from trackbench.report.run.figures.columns import column, where
+from trackbench.report.run.figures.lines import column, where
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 ELONGATED = 4.0

@@ -18,8 +18,8 @@ from trackbench.document.drawing import INK, MUTED, WIDTH, panel_title
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.report.numbers import fixed
-from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
+from trackbench.report.run.figures.lines import column, names, where
 from trackbench.report.run.moments import say
 from trackbench.results import Tables
 

@@ -14,7 +14,7 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import TIME_LABEL, WIDTH, panel_title, time_axis
 from trackbench.document.palette import mode_colours
-from trackbench.report.run.figures.columns import column, names, where
+from trackbench.report.run.figures.lines import column, names, where
 from trackbench.results import Result
 
 _PANEL = 125.0
