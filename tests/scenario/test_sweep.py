@@ -14,7 +14,7 @@ from trackbench.report.run import run_document
 from trackbench.results import MOST_DRAWN
 from trackbench.scenario import load_scenario
 from trackbench.subjects.recording.contents import contents_of
-from trackbench.subjects.recording.reader import read
+from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.writer import write
 
 HEAD = """\

@@ -10,8 +10,8 @@ from tests.trackers.test_imm_tracker import CV, SCENARIO
 import trackbench as tb
 from trackbench.report.run.document import run_document
 from trackbench.results.columns import split
+from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.inspection import inspect
-from trackbench.subjects.recording.reader import read
 from trackbench.subjects.recording.writer import write
 from trackbench.trackers.imm import ImmConfig
 

@@ -19,13 +19,13 @@ from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
 from trackbench.subjects.recording.contents import contents_of
+from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
-from trackbench.subjects.recording.reader import read
+from trackbench.subjects.recording.layout import track_blueprint
+from trackbench.subjects.recording.series import charts_of_tracks
 from trackbench.subjects.recording.stream import Stream
-from trackbench.subjects.recording.track_text import ranking
-from trackbench.subjects.recording.tracks.charts import charts_of_tracks
-from trackbench.subjects.recording.tracks.layout import blueprint
-from trackbench.subjects.recording.tracks.scene import send_gates, send_marks
+from trackbench.subjects.recording.text import track_ranking
+from trackbench.subjects.recording.track_scene import send_gates, send_marks
 from trackbench.subjects.recording.views import wide_window
 from trackbench.subjects.recording.writer import write_recording
 
@@ -142,7 +142,7 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
 
 
 def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
-    text = ranking(traffic_result)
+    text = track_ranking(traffic_result)
     assert "±" not in text
     ends = traffic_result["pmb"].metrics["gospa"].ci95
     assert ends is not None
@@ -157,7 +157,7 @@ def test_charts_show_their_largest_value(traffic_result: Result) -> None:
 
 def test_the_gates_are_those_of_the_tracker_in_front(traffic_result: Result) -> None:
     contents = contents_of(traffic_result)
-    layout = blueprint(
+    layout = track_blueprint(
         contents, charts_of_tracks(contents), wide_window(traffic_result.tables.truth), Focus(tracker="oracle")
     )
     (tabs,) = (each for each in containers(layout.root_container) if each.name is None and is_of_trackers(each))

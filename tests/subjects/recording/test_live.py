@@ -110,10 +110,8 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
     scene: tuple[Scenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rerun itself would wait for ever."""
-    from trackbench.subjects.recording import forward
-
-    code = f"from trackbench.subjects.recording import forward; forward.STALLED = 2; forward.main({deaf!r})"
-    assert forward.STALLED > 2
+    code = f"from trackbench.subjects.recording import painter; painter.STALLED = 2; painter.main({deaf!r})"
+    assert painter.STALLED > 2
     begin = subprocess.Popen
     monkeypatch.setattr(live.subprocess, "Popen", lambda command, **rest: begin([command[0], "-c", code], **rest))
     viewer = Live(deaf)

@@ -14,10 +14,10 @@ from trackbench.metrics.moments import worst
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.results import Result
 from trackbench.subjects.recording import writer as recording
+from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
+from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
-from trackbench.subjects.recording.overlay import labels, laid_over, same_traffic
 from trackbench.subjects.recording.play import playable
-from trackbench.subjects.recording.reader import read
 from trackbench.subjects.recording.writer import write_overlay
 
 

@@ -20,9 +20,8 @@ from trackbench.metrics.recorded_run import recorded_run
 from trackbench.results import Result, Tables, to_json
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
-from trackbench.subjects.recording.data import TABLES
+from trackbench.subjects.recording.data import TABLES, read
 from trackbench.subjects.recording.inspection import inspect
-from trackbench.subjects.recording.reader import read
 
 #: Parts of a tracker's metrics that are computed afresh.
 AFRESH = ("position_rmse", "velocity_rmse", "course_rmse", "rmse", "nees", "nis", "coverage")

@@ -11,7 +11,7 @@ import pytest
 
 from trackbench.results import Result, Tables
 from trackbench.subjects.recording import writer as recording
-from trackbench.subjects.recording.shapes import ellipse
+from trackbench.subjects.recording.stream import ellipse
 
 
 def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:

@@ -6,7 +6,7 @@ SUBJECT = Subject(
     commands={
         "inspect": Command(f"{__name__}.commands.inspect:inspect_command", "Read a recording without a viewer."),
         "snapshot": Command(
-            f"{__name__}.commands.snapshot:snapshot_command",
+            f"{__name__}.commands.view:snapshot_command",
             "Save a picture of a run, at a time or at its worst moment.",
         ),
         "view": Command(f"{__name__}.commands.view:view_command", "Open runs in the Rerun viewer."),

@@ -12,7 +12,7 @@ import warnings
 from pathlib import Path
 
 #: The entity with the data of a run, and its component with the summary; the others are its tables.
-DATA, SUMMARY = "/data", "summary"
+DATA, SUMMARY_COMPONENT = "/data", "summary"
 #: For how long a recording may be read, s.
 PATIENCE = 300
 

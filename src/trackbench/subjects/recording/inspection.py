@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.builtin import RootMeanSquare
-from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, scene_at, worst
+from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
-from trackbench.subjects.recording.reader import Recorded, read
+from trackbench.subjects.recording.data import Recorded, read
 from trackbench.subjects.recording.rescore import rescored
 
 #: By tracker that has several motion models, by vehicle and by mode.
@@ -89,35 +92,72 @@ class ScoreCheck:
 
 
 @dataclass(frozen=True)
+class ObjectMoment:
+    """A vehicle that is there."""
+
+    name: str
+    px_m: float
+    py_m: float
+    speed_mps: float
+    status: str
+    """due, optional or absent."""
+    states: dict[str, str]
+    """By tracker, what it has of the vehicle: waiting, tracked, switched, lost, or not due."""
+
+
+@dataclass(frozen=True)
+class TrackMoment:
+    """A track."""
+
+    tracker: str
+    track: int
+    px_m: float
+    py_m: float
+    existence: float | None
+
+
+@dataclass(frozen=True)
+class TracksMoment:
+    """Everything at an instant at which a sensor looks."""
+
+    time_s: float
+    vehicles: list[ObjectMoment]
+    tracks: list[TrackMoment]
+
+
+@dataclass(frozen=True)
 class Inspection:
     """Everything about a recording or the folder of a run that can be read without a viewer."""
 
     contents: RecordedContents
     scored: list[TrackerResult]
-    """The trackers that did not fail, with the scores of the recorded run alone."""
-    checked: ScoreCheck | None
+    """The trackers that did not fail: with the scores of the recorded run alone, or, of hidden identities, of all."""
+    checked: ScoreCheck | None = None
     """None where there is nothing to compare with."""
-    at: SceneMoment | None
-    worst: dict[str, list[EstimateMoment]] | None
-    """By tracker, the largest error first."""
-    modes: Modes
+    at: SceneMoment | TracksMoment | None = None
+    worst: dict[str, list[EstimateMoment]] | list[TrackEvent] | None = None
+    """By tracker, the largest error first; of hidden identities the costliest event first."""
+    modes: Modes = field(default_factory=dict)
     """The probability of each mode at the time that was asked for, or its mean over the run."""
 
     def json(self) -> dict[str, Any]:
         """Everything as JSON values; moments that were not asked for are left out."""
-        scored = {tracker.name: tracker for tracker in self.scored}
-        trackers = [scored.get(tracker.name, tracker) for tracker in self.contents.summary.trackers]
-        found = {
-            **self.contents.json(),
-            "trackers": [_tracker_json(tracker) for tracker in trackers],
-            "checked": self.checked and asdict(self.checked),
-            "modes": self.modes,
-        }
+        values = self.contents.json()
+        summary = self.contents.summary
+        if summary.identities == "known":
+            scored = {tracker.name: tracker for tracker in self.scored}
+            trackers = [scored.get(tracker.name, tracker) for tracker in summary.trackers]
+            values["trackers"] = [_tracker_json(tracker) for tracker in trackers]
+            values |= {"checked": self.checked and asdict(self.checked), "modes": self.modes}
+        else:
+            values["trackers"] = [tracker.model_dump(mode="json") for tracker in summary.trackers]
         if self.at is not None:
-            found["at"] = asdict(self.at)
-        if self.worst is not None:
-            found["worst"] = {tracker: [asdict(moment) for moment in items] for tracker, items in self.worst.items()}
-        return found
+            values["at"] = asdict(self.at)
+        if isinstance(self.worst, dict):
+            values["worst"] = {tracker: [asdict(moment) for moment in items] for tracker, items in self.worst.items()}
+        elif self.worst is not None:
+            values["worst"] = [event._asdict() for event in self.worst]
+        return values
 
 
 def inspect(
@@ -127,37 +167,48 @@ def inspect(
     tracker: str | None = None,
     vehicle: str | None = None,
 ) -> Inspection:
-    """Read a recording or the folder of a run whose identities are known.
+    """Read a recording or the folder of a run.
 
     Args:
         path: the recording or folder, or what was read of it.
         at: also the scene at this time, s.
-        count: also so many worst moments of each tracker.
+        count: also so many worst moments of each tracker; of hidden identities, the costliest events of the recorded
+            run.
         tracker: of this one alone.
         vehicle: those of this one alone.
 
     Raises:
         InputError: it cannot be read, or has no such time, tracker or vehicle.
     """
-    found = path if isinstance(path, Recorded) else read(path)
-    run = recorded_run(found.result)
-    scored = rescored(found.result, run)
+    recorded = path if isinstance(path, Recorded) else read(path)
+    contents, result = RecordedContents.of(recorded), recorded.result
+    if result.summary.identities == "hidden":
+        if vehicle is not None:
+            require_name(vehicle, result.summary.truth.objects, "vehicle")
+        events = None
+        if count is not None:
+            every = events_of(result, tracker, result.summary.recorded_run, vehicle)
+            events = [event for event in every if event.cost_m2 > 0][:count]
+        moment = None if at is None else _tracks_at(result, at, tracker)
+        return Inspection(contents, list(result.scored), at=moment, worst=events)
+    run = recorded_run(result)
+    scored = rescored(result, run)
     trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
     if vehicle is not None:
         require_name(vehicle, run.objects, "vehicle")
     return Inspection(
-        contents=RecordedContents.of(found),
-        scored=scored,
-        checked=_checked(found, scored),
-        at=None if at is None else scene_at(found.result, run, at),
-        worst=None if count is None else {name: worst(run, [name], count, vehicle) for name in trackers},
-        modes=_modes(found.result, trackers, vehicle, at),
+        contents,
+        scored,
+        _checked(recorded, scored),
+        None if at is None else scene_at(result, run, at),
+        None if count is None else {name: worst(run, [name], count, vehicle) for name in trackers},
+        _modes(result, trackers, vehicle, at),
     )
 
 
 def _modes(result: Result, trackers: list[str], vehicle: str | None, at: float | None) -> Modes:
     """The probability of each mode at the latest instant up to a time, or its mean over all."""
-    found: Modes = {}
+    modes: Modes = {}
     for (tracker, mode, name), rows in split(
         result.tables.if_there("recorded_modes"), "tracker", "mode", "object"
     ).items():
@@ -167,8 +218,8 @@ def _modes(result: Result, trackers: list[str], vehicle: str | None, at: float |
             probability = probability[max(step - 1, 0) : step]
         probability = probability[np.isfinite(probability)]
         if len(probability) and tracker in trackers and vehicle in (None, name):
-            found.setdefault(tracker, {}).setdefault(name, {})[mode] = float(probability.mean())
-    return found
+            modes.setdefault(tracker, {}).setdefault(name, {})[mode] = float(probability.mean())
+    return modes
 
 
 def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
@@ -183,13 +234,13 @@ def _sensor(rows: Columns) -> SensorContents:
     return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 
 
-def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
-    folder = found.file if found.file.is_dir() else found.file.parent
+def _checked(recorded: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
+    folder = recorded.file if recorded.file.is_dir() else recorded.file.parent
     try:
         beside = Result.load(folder)
     except InputError:
         return None
-    summary = found.result.summary
+    summary = recorded.result.summary
     if "runs" not in beside.tables or beside.summary.fingerprints != summary.fingerprints:
         return None
     runs = columns(beside.tables.runs)
@@ -201,3 +252,32 @@ def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
         pairs += [(tracker.metrics[metric.name].value, runs[metric.column][row]) for metric in errors]
         differences += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
     return ScoreCheck(str(folder / "runs.parquet"), float(max(differences)))
+
+
+def _tracks_at(result: Result, time: float, only: str | None) -> TracksMoment:
+    """The latest instant up to a time, with the tracks of all trackers or of one."""
+    require_time(0.0, result.summary.truth.duration_s, time)
+    due = {name: rows for (name,), rows in split(result.tables.due, "object").items()}
+    clock = next(iter(due.values()))["time_s"] if due else np.zeros(1)
+    step = max(0, int(np.searchsorted(clock, time + 1e-9)) - 1)
+    now = float(clock[step])
+    states: dict[str, dict[str, str]] = {}
+    for (tracker, name), rows in split(result.tables.objects, "tracker", "object").items():
+        inside = (rows["time_s"] <= now + 1e-9) & (now + 1e-9 < rows["until_s"])
+        states.setdefault(name, {})[tracker] = str(rows["state"][inside][0]) if inside.any() else "not due"
+    vehicles = []
+    for (_, name), rows in split(result.tables.truth, "role", "object").items():
+        row = int(np.searchsorted(rows["time_s"], now - 1e-9))
+        if name in due and rows["alive"][row]:
+            status = ("absent", "optional", "due")[int(due[name]["status"][step])]
+            x, y, speed = (float(rows[key][row]) for key in ("px_m", "py_m", "speed_mps"))
+            vehicles.append(ObjectMoment(name, x, y, speed, status, states.get(name, {})))
+    tracks = _tracks(result.tables.tracks, now)
+    return TracksMoment(now, vehicles, [item for item in tracks if only in (None, item.tracker)])
+
+
+def _tracks(table: pa.Table, now: float) -> list[TrackMoment]:
+    if not table.num_rows:
+        return []
+    rows = table.filter(pc.less(pc.abs(pc.subtract(table["time_s"], now)), 1e-9)).to_pylist()
+    return [TrackMoment(r["tracker"], int(r["track"]), r["px_m"], r["py_m"], r["existence"]) for r in rows]

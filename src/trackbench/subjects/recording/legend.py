@@ -9,9 +9,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, sensor_colours
+from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import NamedColour
 from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+from trackbench.subjects.recording.track_scene import ASSOCIATION_COLOUR, MARKED, MISSED
 from trackbench.subjects.recording.views import BACKGROUND
 
 LEGEND = "legend"
@@ -73,3 +74,24 @@ def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, floa
     row, column = np.divmod(np.arange(len(shown)), columns)
     for entry, i, k in zip(shown, row, column, strict=True):
         yield entry, float((k + 0.5) * WIDTH / columns), float((i + 0.25) * ROW)
+
+
+#: The first identity's on the dark ground, at an existence probability of 0.4.
+FAINT_COLOUR = "#85863F"
+
+
+def track_entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
+    """What is in the scene, and the trackers, whose colours are those of the plots."""
+    return [
+        NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
+        NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
+        NamedColour("due, no track", MISSED, "ring"),
+        NamedColour("false track", MARKED["false"], "mark"),
+        NamedColour("lost, merged", MARKED["lost"], "mark"),
+        NamedColour("switch", MARKED["switched"], "mark"),
+        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
+        NamedColour("association", ASSOCIATION_COLOUR, "line"),
+        NamedColour("truth", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
+        *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
+    ]

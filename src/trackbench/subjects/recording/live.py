@@ -68,7 +68,7 @@ class Live(Listener):
         self._latest: _Show | None = None
         self._closing = threading.Event()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "trackbench.subjects.recording.forward", url],
+            [sys.executable, "-m", "trackbench.subjects.recording.painter", url],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         assert self._process.stdin is not None

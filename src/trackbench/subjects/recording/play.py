@@ -10,9 +10,9 @@ from pathlib import Path
 
 from trackbench.base.errors import InputError
 from trackbench.results import EXAMINATION
-from trackbench.subjects.recording import overlay
+from trackbench.subjects.recording import contents
+from trackbench.subjects.recording.data import RECORDING, Recorded, read
 from trackbench.subjects.recording.focus import Opening, focus_of
-from trackbench.subjects.recording.reader import RECORDING, Recorded, read
 from trackbench.subjects.recording.writer import reopened, write, write_overlay
 
 
@@ -49,16 +49,16 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
     runs = [read(path) for path in paths]
     notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
     results = [run.result for run in runs]
-    same = len(runs) == 1 or overlay.same_traffic(results)
+    same = len(runs) == 1 or contents.same_traffic(results)
     if not same and opening != Opening(at_s=opening.at_s):
         raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
     known = all(result.summary.identities == "known" for result in results)
     focus = focus_of(results, opening)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
-        names = overlay.labels(paths)
+        names = contents.labels(paths)
         if len(runs) > 1 and same and known:
             file = Path(folder) / f"{' over '.join(names)}.rrd"
-            write_overlay(overlay.laid_over(dict(zip(names, results, strict=True))), file, focus)
+            write_overlay(contents.laid_over(dict(zip(names, results, strict=True))), file, focus)
             files = [file]
         else:
             files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]

@@ -1,18 +1,44 @@
-"""How the charts are laid out: errors beside NEES and NIS, for all runs, the recorded run, and its vehicles."""
+"""The plots: the entities of a chart, and how charts are laid out for all runs, the recorded run and its vehicles."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.replay import Chart
-from trackbench.subjects.recording.charts import log_origin, origin
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
+from trackbench.subjects.recording.stream import Stream, path, send_line
 from trackbench.subjects.recording.text import all_runs
+
+SERIES = "series"
+#: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
+LOG10 = "log10"
+
+
+def origin(chart: Chart) -> str:
+    """The entity of the values."""
+    return path(SERIES, *chart.place)
+
+
+def log_origin(chart: Chart) -> str:
+    """The entity of their decimal logarithms."""
+    return path(SERIES, LOG10, *chart.place)
+
+
+def send_chart(stream: Stream, chart: Chart) -> None:
+    """The values, and their logarithms where the range is large."""
+    for line in (*chart.lines, *chart.bounds):
+        entity = path(SERIES, *chart.place, *line.entity)
+        send_line(stream, entity, line.time, line.value, line.name, line.colour, line.width)
+        if chart.large:
+            logarithm = np.log10(np.where(line.value > 0, line.value, np.nan))
+            entity = path(SERIES, LOG10, *chart.place, *line.entity)
+            send_line(stream, entity, line.time, logarithm, line.name, line.colour, line.width)
 
 
 def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Focus) -> rrb.Container:

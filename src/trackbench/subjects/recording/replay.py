@@ -9,12 +9,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.document.replay import Replay, ReplayPath, ReplayScene
-from trackbench.subjects.recording.charts import send_chart
 from trackbench.subjects.recording.layout import beside, played
 from trackbench.subjects.recording.legend import send_legend
-from trackbench.subjects.recording.plots import chart_tabs
-from trackbench.subjects.recording.shapes import send_ellipses, send_points
-from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+from trackbench.subjects.recording.plots import chart_tabs, send_chart
+from trackbench.subjects.recording.stream import Stream, path, pixels, rgba, send_ellipses, send_points
 from trackbench.subjects.recording.views import from_above
 from trackbench.subjects.recording.writer import write_recording
 

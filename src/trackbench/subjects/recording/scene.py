@@ -7,7 +7,7 @@ goes left.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pyarrow as pa
@@ -15,10 +15,8 @@ import rerun as rr
 
 from trackbench.base.types import Array
 from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR
-from trackbench.results.columns import columns, split
-from trackbench.subjects.recording.labels import label_points
-from trackbench.subjects.recording.shapes import in_plane, pose, send_ellipses, send_points
-from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+from trackbench.results.columns import Columns, columns, split
+from trackbench.subjects.recording.stream import Stream, in_plane, path, pixels, pose, rgba, send_ellipses, send_points
 
 WORLD = ("world",)
 ROADS = (*WORLD, "roads")
@@ -135,3 +133,115 @@ def _with_ends(time: Array, gone: Array, hold: float, last: float) -> tuple[Arra
     every = np.concatenate([time, ends])
     order = np.argsort(every, kind="stable")
     return every[order], np.repeat([1, 0], [len(time), len(ends)])[order]
+
+
+#: Length of a trail, s.
+TRAIL_S = 2.0
+TRUE = (*WORLD, "trails", "truth")
+ESTIMATED = (*WORLD, "trails", "estimates")
+
+
+def trails(trackers: Iterable[str]) -> list[str]:
+    """The entities, which a view shows over the length of a trail."""
+    return [path(*TRUE), *(path(*ESTIMATED, tracker) for tracker in trackers)]
+
+
+def send_trails(stream: Stream, truth: pa.Table, estimates: pa.Table, colours: Mapping[str, str], hold: float) -> None:
+    """At each instant the piece of line from the one before; a view puts them together.
+
+    Args:
+        stream: the recording.
+        truth: table of the recorded run.
+        estimates: table of all trackers.
+        colours: by tracker.
+        hold: the longest time between two estimates that are joined, s.
+    """
+    send_true_trails(stream, truth, hold)
+    by_tracker: dict[str, list[Columns]] = {}
+    for (tracker, _), rows in split(estimates, "tracker", "object").items():
+        by_tracker.setdefault(tracker, []).append(rows)
+    for number, (tracker, tracks) in enumerate(by_tracker.items()):
+        _send(stream, path(*ESTIMATED, tracker), tracks, colours[tracker], 0.5, 10.0 + 0.1 * number, hold)
+
+
+def send_true_trails(stream: Stream, truth: pa.Table, hold: float) -> None:
+    """Those of the vehicles."""
+    vehicles = [_alive(rows) for rows in split(truth, "object").values()]
+    _send(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
+
+
+def _alive(rows: Columns) -> Columns:
+    alive = rows["alive"].astype(bool)
+    return {name: values[alive] for name, values in rows.items()}
+
+
+def _send(
+    stream: Stream, entity: str, tracks: list[Columns], colour: str, size: float, order: float, hold: float
+) -> None:
+    times, pieces = [], []
+    for rows in tracks:
+        time, at = rows["time_s"], np.stack([rows["px_m"], rows["py_m"]], axis=1)
+        joined = np.isfinite(at[1:] + at[:-1]).all(axis=1) & (np.diff(time) <= hold + 1e-9)
+        times.append(time[1:][joined])
+        pieces.append(np.stack([at[:-1][joined], at[1:][joined]], axis=1))
+    every, strips = np.concatenate(times), np.concatenate(pieces)
+    order_of_time = np.argsort(every, kind="stable")
+    time, count = np.unique(every, return_counts=True)
+    lines = rr.LineStrips2D.columns(strips=strips[order_of_time])
+    stream.columns(entity, time, lines.partition(count))
+    stream.static(entity, rr.LineStrips2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order))
+
+
+#: Pixels that a name takes: a letter, the room around it, its height, and the gap between its point and its top.
+LETTER, AROUND, HEIGHT, GAP = 7.0, 14.0, 22.0, 6.0
+#: What it costs to cover a name or a vehicle, over its share; a place other than the usual one costs its number.
+NAME, VEHICLE, PLACE = 1.0, 0.3, 0.01
+
+
+def label_points(
+    vehicles: list[Columns], names: list[str], metres_per_pixel: float, above: bool = False
+) -> list[Array]:
+    """Where the points are under which the names are drawn.
+
+    Args:
+        vehicles: the same times of each, with ``px_m``, ``py_m``, ``length_m``, ``width_m`` and ``alive``.
+        names: of each.
+        metres_per_pixel: of the view.
+        above: whether a name stands above its vehicle rather than below it.
+
+    Returns:
+        For each vehicle ``(times, 2)`` m, in the fixed frame.
+    """
+    at = [np.stack([rows["px_m"], rows["py_m"]], axis=1) for rows in vehicles]
+    there = [rows["alive"].astype(bool) for rows in vehicles]
+    reach = [float(np.nanmax(rows["length_m"], initial=1.0)) / 2 for rows in vehicles]
+    placed: list[tuple[Array, Array]] = []
+    found = []
+    for i, name in enumerate(names):
+        half = np.array([LETTER * len(name) + AROUND, HEIGHT]) / 2 * metres_per_pixel
+        beside = reach[i] + half[0]
+        below = float(np.nanmax(vehicles[i]["width_m"], initial=1.0)) + half[1]
+        # The middle of the name, from that of the vehicle: below it, above, right, left, and farther below.
+        right, down = (beside, 0.0), (0.0, -below)
+        places = np.array([down, (0.0, below), right, (-beside, 0.0), (0.0, -below - 2 * half[1])])
+        if above:
+            places[:, 1] *= -1
+        middle = at[i][None] + places[:, None]
+        cost = np.repeat(PLACE * np.arange(len(places))[:, None], len(at[i]), axis=1)
+        for other_middle, other_half in placed:
+            cost += NAME * _covered(middle, half, other_middle, other_half)
+        for k in range(len(names)):
+            if k != i:
+                size = np.full(2, reach[k] / 2)
+                cost += VEHICLE * np.where(there[k], _covered(middle, half, at[k], size), 0.0)
+        best = middle[np.argmin(cost, axis=0), np.arange(len(at[i]))]
+        placed.append((np.where(there[i][:, None], best, np.inf), half))
+        found.append(best + np.array([0.0, half[1] + GAP * metres_per_pixel]))
+    return found
+
+
+def _covered(middle: Array, half: Array, other: Array, other_half: Array) -> Array:
+    """The share of a box that another covers."""
+    with np.errstate(invalid="ignore"):
+        overlap = np.clip(half + other_half - np.abs(middle - other), 0.0, 2 * np.minimum(half, other_half))
+    return np.asarray(np.prod(overlap / (2 * half), axis=-1))

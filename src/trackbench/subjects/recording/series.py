@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.base.types import COMMON_STATE, Array
-from trackbench.document.palette import BOUND_COLOUR
+from trackbench.base.types import COMMON_STATE, DUE, Array
+from trackbench.document.palette import BOUND_COLOUR, mode_colours
 from trackbench.document.replay import Chart, ChartLine
 from trackbench.metrics.consistency import mean_bounds, point95
+from trackbench.metrics.track_events import instants
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.subjects.recording.contents import Contents
-from trackbench.subjects.recording.modes import mode_charts
 
 ALL_RUNS = "all_runs"
 RECORDED_RUN = "recorded_run"
 VEHICLES = "vehicles"
+MODES = "modes"
+
+#: Charts of hidden identities by column.
+PARTS = {
+    "gospa_m": "GOSPA",
+    "gospa_localisation_m": "Localisation part",
+    "gospa_missed_m": "Missed part",
+    "gospa_false_m": "False part",
+}
 
 #: What the line means under which the NIS of a consistent tracker is 95 % of the time.
 SINGLE = "95 % of single innovations"
@@ -205,19 +214,21 @@ def _with_line(rows: Columns, dof: int) -> Columns:
     return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
-def _lines(rows: ByTracker, value: str, colours: Mapping[str, str], width: float = 1.5) -> tuple[ChartLine, ...]:
+def _lines(
+    rows: ByTracker, value: str, colours: Mapping[str, str], width: float = 1.5, gap: float = GAP_S
+) -> tuple[ChartLine, ...]:
     return tuple(
-        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value), width)
+        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value, gap), width)
         for tracker, colour in colours.items()
         if tracker in rows
     )
 
 
-def _broken(rows: Columns, value: str) -> tuple[Array, Array]:
-    """Times and values, with a missing value in each gap."""
+def _broken(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array]:
+    """Times and values, with a missing value where none follows within ``gap`` s."""
     time, values = rows["time_s"], rows[value]
-    before = np.flatnonzero(np.diff(time) > GAP_S)
-    return np.insert(time, before + 1, time[before] + GAP_S), np.insert(values, before + 1, np.nan)
+    before = np.flatnonzero(np.diff(time) > gap)
+    return np.insert(time, before + 1, time[before] + gap), np.insert(values, before + 1, np.nan)
 
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
@@ -247,3 +258,52 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)
     return bool(both.any() and np.isclose(first[both], second[both], rtol=SAME).mean() > 0.9)
+
+
+def mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
+    """A chart for each tracker that has modes, with a line for each: the mean over the vehicles of the table.
+
+    Args:
+        place: the entity of the charts, below that of all series.
+        modes: over all runs or of the recorded one.
+        trackers: those that are drawn.
+    """
+    of = split(modes, "tracker", "mode")
+    colours = mode_colours(mode for _, mode in of)
+    lines: dict[str, list[ChartLine]] = {}
+    for (tracker, mode), rows in of.items():
+        time, mean, _ = mean_over_objects(rows["time_s"], rows["probability"])
+        lines.setdefault(tracker, []).append(ChartLine((mode,), mode, colours[mode], time, mean))
+    return tuple(
+        Chart((*place, MODES, tracker), f"Modes of {tracker}", "", tuple(lines[tracker]), share=True)
+        for tracker in trackers
+        if tracker in lines
+    )
+
+
+def charts_of_tracks(contents: Contents) -> list[Chart]:
+    """GOSPA and its parts over all runs, and how many tracks and due objects there are in the recorded one."""
+    steps = _by_tracker(contents.tables.steps)
+    parts = [
+        Chart((ALL_RUNS, name), title, "m", _lines(steps, name, contents.colours, gap=np.inf))
+        for name, title in PARTS.items()
+    ]
+    return [*parts, _track_count(contents)]
+
+
+def _track_count(contents: Contents) -> Chart:
+    """How many confirmed tracks each tracker has, and how many objects are due."""
+    time = instants(contents.tables)
+    tracks = {tracker: rows["time_s"] for tracker, rows in _by_tracker(contents.tables.tracks).items()}
+    lines = tuple(
+        ChartLine((tracker,), tracker, colour, time, _count(tracks.get(tracker, np.empty(0)), time))
+        for tracker, colour in contents.colours.items()
+    )
+    due = contents.tables.due
+    when = due["time_s"].to_numpy()[due["status"].to_numpy() == DUE] if due.num_rows else np.empty(0)
+    bound = ChartLine(("due",), "due objects", BOUND_COLOUR, time, _count(when, time), 2.0)
+    return Chart((RECORDED_RUN, "tracks"), "Tracks, and objects due", "", lines, (bound,))
+
+
+def _count(when: Array, time: Array) -> Array:
+    return np.bincount(np.searchsorted(time, when - 1e-9), minlength=len(time)).astype(float)

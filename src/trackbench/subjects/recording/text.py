@@ -1,8 +1,8 @@
-"""What a reader of the recording should know, as Markdown."""
+"""What a reader of a recording should know, as Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.metrics.verdict_words import MEANING, conditions_off
@@ -19,6 +19,16 @@ IN_THE_PLOTS = (
     "Grey lines are the reference and bounds; one of one tracker alone has its colour. Plots of log10 are of the same"
     " values, where they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
 )
+IN_THE_SCENE_OF_TRACKS = (
+    "A tab for each tracker. Boxes are the true vehicles, small dots detections of the last 0.3 s, false alarms among "
+    "them. Larger dots are tracks with their numbers and 95 % ellipses, in pale colours by identity; a track "
+    "that states a smaller existence probability is fainter. Lines are the paths of the last 2 s, true and tracked. "
+    "A red ring is a due vehicle without a track. Switches, losses and false tracks are marked for 1 s. The view on "
+    "the right also has the gates of the built-in trackers' tracks, and a line from each track to the detection that "
+    "it took, where the tracker says so."
+)
+METRICS = {"gospa": "GOSPA m", "gospa_missed": "missed", "gospa_false": "false", "hota": "HOTA"}
+INTERVALS = {"gospa": "GOSPA m", "hota": "HOTA"}
 
 
 def ranking(result: Result) -> str:
@@ -73,7 +83,7 @@ def about(result: Result) -> str:
         truth(summary),
         f"- shown: Monte-Carlo run {summary.recorded_run} of {summary.runs}, seed {summary.seed}",
         f"- measurements: fingerprint `{summary.fingerprint}`",
-        *legend(summary.trackers, summary.sensors),
+        *legend(summary.trackers, summary.sensors, hidden=summary.identities == "hidden"),
         *("", "### Again", "", f"`{summary.command}`", ""),
         summary.made_with,
     ]
@@ -87,10 +97,16 @@ def truth(summary: Summary) -> str:
     return f"- truth: {source}, {counted(len(found.objects), 'target')}, {found.duration_s:g} s"
 
 
-def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummary]) -> Iterator[str]:
-    """What the picture shows."""
-    yield from ("", "### In the scene", "", IN_THE_SCENE, "", "### In the plots", "", IN_THE_PLOTS)
-    yield from ("", "### Trackers", "", *(f"- **{tracker.name}**: {tracker.describe}" for tracker in trackers))
+def legend(
+    trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummary], hidden: bool = False
+) -> Iterator[str]:
+    """What the picture shows, the trackers and the sensors; ``hidden``: the identities are."""
+    yield from ("", "### In the scene", "", IN_THE_SCENE_OF_TRACKS if hidden else IN_THE_SCENE)
+    if not hidden:
+        yield from ("", "### In the plots", "", IN_THE_PLOTS)
+    yield from ("", "### Trackers", "")
+    for tracker in trackers:
+        yield f"- **{tracker.name}**: {', '.join(filter(None, (tracker.association, tracker.describe)))}"
     yield from ("", "### Sensors", "", *(sensor_line(name, sensor) for name, sensor in sensors.items()))
 
 
@@ -141,3 +157,30 @@ def number(value: float | None) -> str:
     if value is None:
         return NOT_AVAILABLE
     return f"{value:#.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def track_ranking(result: Result) -> str:
+    """The trackers by GOSPA, and whether the scenario's expectations were met."""
+    lines = [f"## {result.name}", f"{all_runs(str(result.summary.runs))}, ranked by GOSPA", ""]
+    lines += _table(result.scored, METRICS, lambda metric: number(metric.value))
+    if any(metric.ci95 for tracker in result.scored for metric in tracker.metrics.values()):
+        lines += ["", "### 95 % intervals", "", *_table(result.scored, INTERVALS, _interval)]
+    failed = [f"- **{tracker.name}**: {result.why_unscored(tracker)}" for tracker in result.unscored]
+    if failed:
+        lines += ["", "### Failed", "", *failed]
+    return "\n".join([*lines, *expectations(result.summary)])
+
+
+def _table(
+    trackers: Sequence[TrackerResult], metrics: Mapping[str, str], cell: Callable[[MetricValue], str]
+) -> Iterator[str]:
+    yield "| tracker | " + " | ".join(metrics.values()) + " |"
+    yield "|:--|" + "--:|" * len(metrics)
+    for tracker in trackers:
+        name = f"{tracker.name} (reference)" if tracker.is_reference else tracker.name
+        cells = [cell(tracker.metrics[path]) if path in tracker.metrics else NOT_AVAILABLE for path in metrics]
+        yield "| " + " | ".join([name, *cells]) + " |"
+
+
+def _interval(metric: MetricValue) -> str:
+    return NOT_AVAILABLE if metric.ci95 is None else f"{number(metric.ci95[0])} to {number(metric.ci95[1])}"

@@ -12,9 +12,8 @@ import rerun.blueprint as rrb
 
 from trackbench.results.columns import split
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, WORLD
+from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, TRAIL_S, WORLD, trails
 from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
-from trackbench.subjects.recording.trails import TRAIL_S, trails
 
 #: How long a measurement stays in the picture, s.
 RECENT_S = 0.3

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
+import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
-from trackbench.results import Result, Summary, write_bytes
+from trackbench.document.replay import Chart
+from trackbench.metrics.track_events import TrackEvent, events_of, instants
+from trackbench.results import Result, Summary, Tables, write_bytes
 from trackbench.subjects.recording import layout, legend, scene, views
-from trackbench.subjects.recording.charts import send_chart
 from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.series import charts_of
+from trackbench.subjects.recording.plots import send_chart
+from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream
-from trackbench.subjects.recording.tracks.charts import charts_of_tracks
-from trackbench.subjects.recording.tracks.layout import blueprint as track_blueprint
-from trackbench.subjects.recording.tracks.writer import draw_tracks
-from trackbench.subjects.recording.trails import send_trails
+from trackbench.subjects.recording.stream import path as path_of
+from trackbench.subjects.recording.track_scene import (
+    MARKED,
+    send_associations,
+    send_gates,
+    send_marks,
+    send_misses,
+    send_tracks,
+)
 
 
 def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE) -> None:
@@ -57,7 +66,9 @@ def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
     """
 
     def send_all(recording: rr.RecordingStream) -> None:
-        recording.send_blueprint(_blueprint(contents_of(result), result, focus))
+        contents = contents_of(result)
+        wide = views.wide_window(contents.tables.truth)
+        recording.send_blueprint(_blueprint(contents, wide, focus, result.summary.identities == "hidden")[0])
         recording.send_chunks(RrdReader(file).stream())
 
     write_recording(path, application(result.name), send_all)
@@ -108,39 +119,76 @@ def send(
 ) -> None:
     """Everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result, colours)
-    if result.summary.identities == "known":
-        draw(recording, contents, focus)
-    else:
-        draw_tracks(recording, contents, result, focus)
+    draw(recording, contents, focus, None if result.summary.identities == "known" else result)
     recording.send_property("trackbench", _properties(result.summary))
     send_data(Stream(recording), result)
 
 
-def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE) -> None:
-    """Everything that is shown, and its layout."""
+def draw(
+    recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE, hidden: Result | None = None
+) -> None:
+    """Everything that is shown, and its layout; ``hidden`` is the result of a run whose identities are."""
     stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    wide, charts = views.wide_window(tables.truth), charts_of(contents)
-    recording.send_blueprint(layout.blueprint(contents, charts, wide, focus))
+    wide = views.wide_window(tables.truth)
+    blueprint, charts = _blueprint(contents, wide, focus, hidden is not None)
+    recording.send_blueprint(blueprint)
     recording.send_recording_name(contents.name)
     stream.markdown("ranking", contents.ranking)
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    legend.send_legend(stream, legend.entries(colours, list(contents.sensors)))
-    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
+    entries = legend.entries if hidden is None else legend.track_entries
+    legend.send_legend(stream, entries(colours, list(contents.sensors)))
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden is not None)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
-    scene.send_estimates(stream, tables.estimates, tables.truth, colours, contents.hold)
-    send_trails(stream, tables.truth, tables.estimates, colours, contents.hold)
-    for each in (charts.all_runs, charts.recorded, *charts.vehicles.values()):
-        for chart in each.all:
-            send_chart(stream, chart)
+    if hidden is None:
+        scene.send_estimates(stream, tables.estimates, tables.truth, colours, contents.hold)
+        scene.send_trails(stream, tables.truth, tables.estimates, colours, contents.hold)
+    else:
+        scene.send_true_trails(stream, tables.truth, contents.hold)
+        for tracker in colours:
+            _draw_tracks(stream, tables, tracker)
+            _draw_events(stream, hidden, tracker, wide.metres_per_pixel)
+    for chart in charts:
+        send_chart(stream, chart)
 
 
-def _blueprint(contents: Contents, result: Result, focus: Focus) -> rrb.Blueprint:
-    wide = views.wide_window(contents.tables.truth)
-    if result.summary.identities == "known":
-        return layout.blueprint(contents, charts_of(contents), wide, focus)
-    return track_blueprint(contents, charts_of_tracks(contents), wide, focus)
+def _draw_tracks(stream: Stream, tables: Tables, tracker: str) -> None:
+    time = instants(tables)
+    own = {
+        name: table.filter(pc.equal(table["tracker"], tracker))
+        for name in ("tracks", "taken", "gates", "objects")
+        if name in tables and (table := tables[name]).num_rows
+    }
+    if "tracks" in own:
+        send_tracks(stream, tracker, own["tracks"], time)
+    if "objects" in own:
+        send_misses(stream, tracker, own["objects"], tables.truth, time)
+    if "taken" in own and "tracks" in own:
+        send_associations(stream, tracker, own["taken"], own["tracks"], tables.measurements, time)
+    if "gates" in own:
+        send_gates(stream, tracker, own["gates"], time)
+
+
+def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel: float) -> None:
+    """On the map, and as a log."""
+    events = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
+    send_marks(stream, tracker, events, metres_per_pixel)
+    if events:
+        levels = ["WARN" if event.kind in MARKED else "INFO" for event in events]
+        texts = [f"{tracker}: {', '.join(_event_parts(event))}" for event in events]
+        log = rr.TextLog.columns(text=texts, level=levels)
+        stream.columns(path_of(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
+
+
+def _blueprint(contents: Contents, wide: views.Window, focus: Focus, hidden: bool) -> tuple[rrb.Blueprint, list[Chart]]:
+    """The layout, and the charts that are in it."""
+    if hidden:
+        track_charts = charts_of_tracks(contents)
+        return layout.track_blueprint(contents, track_charts, wide, focus), track_charts
+    charts = charts_of(contents)
+    every = [chart for of in (charts.all_runs, charts.recorded, *charts.vehicles.values()) for chart in of.all]
+    return layout.blueprint(contents, charts, wide, focus), every
 
 
 def _properties(summary: Summary) -> rr.AnyValues:
@@ -153,3 +201,14 @@ def _properties(summary: Summary) -> rr.AnyValues:
         versions=[f"{name} {version}" for name, version in summary.versions.items()],
         engine=summary.engine,
     )
+
+
+def _event_parts(event: TrackEvent) -> Iterator[str]:
+    yield event.kind
+    if event.object:
+        yield f"vehicle {event.object}"
+    if event.track is not None:
+        yield f"track {event.track}"
+    yield event.reason
+    if event.cost_m2:
+        yield f"{event.cost_m2:.3g} m²"

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
 from trackbench.results import to_json
-from trackbench.subjects.recording.commands.moments import TRACKER, MomentCommand, worst_option
-from trackbench.subjects.recording.commands.view import open_viewer
-
-if TYPE_CHECKING:
-    from trackbench.subjects.recording.reader import Recorded
+from trackbench.subjects.recording.commands.view import TRACKER, MomentCommand, open_viewer, worst_option
 
 
 @click.command("inspect", cls=MomentCommand)
@@ -49,34 +42,19 @@ def inspect_command(
         raise click.UsageError("--open needs a time: give --at or --worst")
     if vehicle is not None and worst is None and not opened:
         raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
+    from trackbench.subjects.recording.commands.printing import print_inspection
+    from trackbench.subjects.recording.data import read
     from trackbench.subjects.recording.focus import Opening, require_worst
-    from trackbench.subjects.recording.reader import read
+    from trackbench.subjects.recording.inspection import inspect
 
     recorded = read(run)
     require_worst(recorded.result, worst, tracker)
     if recorded.note:
         click.echo(f"{recorded.note}: read from its tables", err=True)
-    json, show = _inspected(recorded, at, worst, tracker, vehicle)
+    inspection = inspect(recorded, at, worst, tracker, vehicle)
     if as_json:
-        click.echo(to_json(json()), nl=False)
+        click.echo(to_json(inspection.json()), nl=False)
     else:
-        show(Console())
+        print_inspection(inspection, Console(highlight=False, markup=False, emoji=False))
     if opened:
         open_viewer((run,), Opening(at, None if at is not None else 1, vehicle, tracker))
-
-
-def _inspected(
-    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None
-) -> tuple[Callable[[], dict[str, Any]], Callable[[Console], None]]:
-    """What gives it as JSON values, and what prints it."""
-    if recorded.result.summary.identities == "hidden":
-        from trackbench.subjects.recording.commands.track_inspection import print_tracks
-        from trackbench.subjects.recording.tracks.inspection import inspect_tracks
-
-        tracks = inspect_tracks(recorded, at, worst, tracker, vehicle)
-        return tracks.json, partial(print_tracks, tracks)
-    from trackbench.subjects.recording.commands.inspection import print_inspection
-    from trackbench.subjects.recording.inspection import inspect
-
-    estimates = inspect(recorded, at, worst, tracker, vehicle)
-    return estimates.json, partial(print_inspection, estimates)

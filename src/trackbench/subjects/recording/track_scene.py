@@ -13,11 +13,8 @@ from trackbench.base.types import Array, Indices
 from trackbench.document.palette import ERROR_COLOURS, IDENTITY_COLOURS
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.results.columns import Columns, split
-from trackbench.subjects.recording.labels import HEIGHT
-from trackbench.subjects.recording.scene import WORLD
-from trackbench.subjects.recording.shapes import ellipse
-from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
-from trackbench.subjects.recording.trails import TRAIL_S
+from trackbench.subjects.recording.scene import HEIGHT, TRAIL_S, WORLD
+from trackbench.subjects.recording.stream import Stream, ellipse, path, pixels, rgba
 
 TRACKS = (*WORLD, "tracks")
 COVARIANCES = (*WORLD, "track_covariances")

@@ -1,1 +1,0 @@
-"""The recording of a run whose identities are hidden: tracks, what they were taken for, and what happened."""
