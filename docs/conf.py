@@ -38,6 +38,7 @@ MENU = {
         "projects/comma2k19",
     ],
     "Python": ["python", "plug-ins", "api"],
+    "For developers": ["developing"],
 }
 
 # Markdown as GitHub reads it.
