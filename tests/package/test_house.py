@@ -6,7 +6,6 @@ import importlib.util
 from types import ModuleType
 
 import pytest
-
 from tests.support.places import DOCS
 
 #: Packages below the command line stand on so many floors at most.
