@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.engine.equations import ComputedBy
 from trackbench.metrics.differences import differences
-from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
-from trackbench.metrics.traffic import TRACK_METRICS, RunRatio
-from trackbench.metrics.traffic.without_truth import DETECTION_METRICS, NO_TRUTH, OF_PREDICTIONS, OF_USE
-from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
+from trackbench.metrics.intervals import clustered, ratio, variance_shares
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.results import Failure, Health, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
 from trackbench.runner.block import Block
@@ -22,56 +20,12 @@ from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_num
 from trackbench.runner.expectations import judge
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.summary import summarised, summary_of_metric
-from trackbench.runner.traffic_sums import PATHS, TrafficSums
+from trackbench.runner.traffic_sums import TrafficEvaluation, track_metrics
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
 
 HEADLINE = "gospa"
-NOT_ASKED = "only built-in trackers are asked what they predict"
-#: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
-NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
-#: What a tracker that says nothing of it has in the place of a value.
-NOT_SAID = "the tracker does not say which detections it used"
-
-
-@dataclass
-class TrafficEvaluation:
-    """What one tracker reached over all runs."""
-
-    blocks: list[TrafficSums]
-    intervals: dict[str, Interval]
-    """By metric, clustered by scene."""
-    reused_ids: int
-    step_time: float
-    """Microseconds for a scan of one run."""
-    known: bool = True
-    """Whether there is a truth."""
-
-    @property
-    def nothing_due(self) -> bool:
-        """Whether there is a truth, and nothing of it had to be tracked."""
-        return self.known and not self.sums("matched_share")[1].any()
-
-    def sums(self, path: str) -> Array:
-        """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
-        column = PATHS.index(path)
-        return np.array([values[:, column] for block in self.blocks for values in block.values]).T
-
-    @property
-    def values(self) -> dict[str, MetricValue]:
-        """As they stand in a result."""
-        found = {}
-        for path, metric in _metrics(self.known).items():
-            if path in self.intervals:
-                found[path] = self.intervals[path].as_value(metric.unit)
-            else:
-                reason = NOTHING_DUE if self.nothing_due else _why_missing(path)
-                found[path] = metric.no_value(reason)
-        if not self.known:
-            found |= {path: metric.no_value(NO_TRUTH) for path, metric in TRACK_METRICS.items()}
-        found["step_time"] = MetricValue(value=self.step_time, unit="us")
-        return found
 
 
 def assemble_traffic(
@@ -87,7 +41,7 @@ def assemble_traffic(
     margin = MarginSummary(**scenario.score.margin.model_dump())
     compared = {name: found[name].intervals for name in ranked}
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    metrics = list(_metrics(known).values())
+    metrics = list(track_metrics(known).values())
     pairs = differences(compared, metrics, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
     engines = engines_of(work, blocks)
     for name, used in engines.items():
@@ -137,7 +91,7 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     reused = int(sum(block.reused_ids.sum() for block in blocks))
     known = _known(work)
     found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
-    for path, metric in _metrics(known).items() if not found.nothing_due else ():
+    for path, metric in track_metrics(known).items() if not found.nothing_due else ():
         interval = metric.finish(found.sums(path))
         if interval is not None:
             found.intervals[path] = clustered(interval, work.scene_of_run)
@@ -185,18 +139,6 @@ def _tracker(
 def _known(work: Work) -> bool:
     """Whether there is a truth."""
     return all(scene.truth.known for scene in work.scenes)
-
-
-def _metrics(known: bool) -> dict[str, RunRatio]:
-    return TRACK_METRICS if known else DETECTION_METRICS
-
-
-def _why_missing(path: str) -> str:
-    if "association" in path or path in OF_USE:
-        return NOT_SAID
-    if path == "confirm_latency":
-        return "no object was ever tracked"
-    return NOT_ASKED if path in OF_PREDICTIONS else "no run tells it"
 
 
 def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Array]:
