@@ -77,7 +77,7 @@ def scans_read(scans: Iterable[Scan], sensors: Collection[str] | None) -> Iterat
     return (scan if sensors is None or scan.sensor in sensors else empty_scan(scan) for scan in scans)
 
 
-class Step(NamedTuple, Generic[Answer]):
+class DriveStep(NamedTuple, Generic[Answer]):
     """One step of a tracker."""
 
     instant: int
@@ -93,7 +93,7 @@ class Step(NamedTuple, Generic[Answer]):
     """Whether the tracker is scored at this instant by this answer."""
 
 
-class Drive(Generic[Answer]):
+class TrackerDrive(Generic[Answer]):
     """A tracker's way through scans; iterating takes the steps, and the tracker ends with the context.
 
     Whatever the tracker raises is raised by the iteration; ``instant`` and ``sensor`` say where.
@@ -129,7 +129,7 @@ class Drive(Generic[Answer]):
         self.engine_used: EngineUsed | None = None
         """What computed a built-in tracker, once the context is left."""
 
-    def __enter__(self) -> Drive[Answer]:
+    def __enter__(self) -> TrackerDrive[Answer]:
         self._tracker = self._start()
         return self
 
@@ -138,7 +138,7 @@ class Drive(Generic[Answer]):
         self.engine_used = self._tracker.engine_used
         self._tracker.close()
 
-    def __iter__(self) -> Iterator[Step[Answer]]:
+    def __iter__(self) -> Iterator[DriveStep[Answer]]:
         tracker: Any = self._tracker
         offline = isinstance(tracker, Offline)
         scans = [scan.prompt() for scan in self._scans] if offline else self._scans
@@ -155,7 +155,7 @@ class Drive(Generic[Answer]):
                 answer = tracker.step(delivery.scan, *identities)
                 seconds = time.perf_counter() - begin - (seconds_on_kernels(self._engine) - making)
                 last = place == len(group) - 1
-                yield Step(instant, *delivery, answer, math.nan if offline else seconds, last)
+                yield DriveStep(instant, *delivery, answer, math.nan if offline else seconds, last)
 
     def _identities(self, delivery: Delivery) -> tuple[Indices, ...]:
         """Of the detections of a scan, where they are hidden."""

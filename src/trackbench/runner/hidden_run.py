@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
-from trackbench.driving.drive import Delivery, Drive, Step
+from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.remote import start_tracks
 from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run
@@ -73,7 +73,7 @@ class HiddenRun(TrackerRun[Tracks]):
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._hidden, self._due, self._kept = hidden, scene.due, kept
         self._truth = scene.truth
-        drive = Drive[Tracks](
+        drive = TrackerDrive[Tracks](
             lambda: start_tracks(config, work.folder, len(piece.runs), work.isolation, work.engine_here),
             hidden.scans,
             config.sensors_used,
@@ -111,7 +111,7 @@ class HiddenRun(TrackerRun[Tracks]):
         assert self._outcome is not None
         return self._outcome
 
-    def _take(self, step: Step[Tracks]) -> None:
+    def _take(self, step: DriveStep[Tracks]) -> None:
         if self._untimed:
             self._untimed -= 1
         else:

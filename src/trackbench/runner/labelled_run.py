@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Estimate, Gaussian, Scan
-from trackbench.driving.drive import Drive, Step, scans_read
+from trackbench.driving.drive import DriveStep, TrackerDrive, scans_read
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
@@ -68,7 +68,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
     ) -> None:
         config, scene, scans = work.trackers[name], work.scenes[piece.scene], measurements.scans
         self._target, self._scene, self._kept = targets.of(config), scene, kept
-        drive = Drive[Estimate | None](
+        drive = TrackerDrive[Estimate | None](
             lambda: stepper_of(work, piece, config, scans_read(scans, config.sensors_used)),
             scans,
             config.sensors_used,
@@ -122,7 +122,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._target.time) - 1, None)
         return self.failure or outcome
 
-    def _take(self, step: Step[Estimate | None]) -> Gaussian | None:
+    def _take(self, step: DriveStep[Estimate | None]) -> Gaussian | None:
         latest = step.answer or self._none
         self.scorer.scan(step.instant, step.scan, latest, step.seconds)
         if step.number is not None:

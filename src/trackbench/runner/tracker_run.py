@@ -7,7 +7,7 @@ from collections.abc import Generator
 from typing import Generic
 
 from trackbench.base.types import Array, Gaussian
-from trackbench.driving.drive import Answer, Drive, Step
+from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
@@ -25,7 +25,7 @@ class TrackerRun(ABC, Generic[Answer]):
         time: ``(instants,)`` s.
     """
 
-    def __init__(self, work: Work, piece: BlockRuns, name: str, drive: Drive[Answer], time: Array) -> None:
+    def __init__(self, work: Work, piece: BlockRuns, name: str, drive: TrackerDrive[Answer], time: Array) -> None:
         self.name = name
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
@@ -57,7 +57,7 @@ class TrackerRun(ABC, Generic[Answer]):
         self.failure = self._work.failure(self._piece, fault, run, **where)
 
     @abstractmethod
-    def _take(self, step: Step[Answer]) -> Gaussian | None:
+    def _take(self, step: DriveStep[Answer]) -> Gaussian | None:
         """Keep and score what the tracker says; after the last step of an instant return what ``advance`` does."""
 
     @abstractmethod

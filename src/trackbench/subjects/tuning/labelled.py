@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
-from trackbench.driving.drive import Drive, scans_read
+from trackbench.driving.drive import TrackerDrive, scans_read
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
@@ -65,7 +65,7 @@ def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given
     sensors, scans = entry.sensors_used, measurements.scans
     sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
     # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
-    drive = Drive[Estimate | None](
+    drive = TrackerDrive[Estimate | None](
         lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
         scans,
         sensors,
