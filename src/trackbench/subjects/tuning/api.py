@@ -16,7 +16,7 @@ from trackbench.scenario.check import check_plugins
 from trackbench.scenario.load import select_trackers
 from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.evaluation import Bench
-from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective
+from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_objectives
 from trackbench.subjects.tuning.ranges import (
     has_option,
     parse_range,
@@ -55,9 +55,10 @@ def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
     if name is None:
         hidden = any(item.config.sensing.identities == "hidden" and not without_truth(item) for item in scenarios)
         name = "gospa" if hidden else "likelihood"
-    if name not in OBJECTIVES:
-        raise InputError(f"no objective {name!r}; {nearest(name, OBJECTIVES)}", key="--objective")
-    return OBJECTIVES[name]
+    known = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
+    if name not in known:
+        raise InputError(f"no objective {name!r}; {nearest(name, known)}", key="--objective")
+    return known[name]
 
 
 def tune_trackers(

@@ -17,14 +17,17 @@ from trackbench.driving.faults import fault_of
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, chosen
 from trackbench.engine.equations import EngineUsed, joined
+from trackbench.metrics import Metric
+from trackbench.results import Failure
+from trackbench.runner.block import run_block
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
 from trackbench.subjects.tuning.given import PackedGiven
-from trackbench.subjects.tuning.hidden import score_hidden
+from trackbench.subjects.tuning.hidden import TRIAL, score_hidden
 from trackbench.subjects.tuning.labelled import score_labelled, score_start
-from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.measures import Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter, Values
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
@@ -97,6 +100,10 @@ class _Scene(NamedTuple):
 
     work: Work
     counted: PackedGiven | None
+    metric: Metric | None
+    """That is summed beside the usual measures, where it is none of these."""
+    measure: str
+    """Of tracks, that is kept beside the usual ones."""
 
 
 class Evaluator:
@@ -110,6 +117,8 @@ class Evaluator:
         isolation: how a tracker that is not built in is kept apart.
         engine: what computes.
         trials: about how many will be made.
+        metric: that is summed beside the usual measures.
+        measure: of tracks, that is kept beside the usual ones.
     """
 
     def __init__(
@@ -121,9 +130,12 @@ class Evaluator:
         isolation: Isolation = ISOLATED,
         engine: EngineName = "numpy",
         trials: int = 1,
+        metric: Metric | None = None,
+        measure: str = "gospa",
     ) -> None:
         self.benches, self.tracker, self.parameters = benches, tracker, parameters
         self._executor = executor
+        self._metric, self._measure = metric, measure
         work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
         self.engine = chosen(engine, trials * sum(item.steps for item in work))
         self._work = [replace(item, engine=self.engine) for item in work]
@@ -146,7 +158,7 @@ class Evaluator:
     def _start(self) -> list[_Start]:
         submitted = []
         for bench, work in zip(self.benches, self._work, strict=True):
-            tasks = _tasks(_start_hidden if bench.hidden else _start_labelled, bench, work)
+            tasks = self._tasks(_start_hidden if bench.hidden else _start_labelled, bench, work)
             entry = bench.scenario.config.trackers[self.tracker]
             submitted.append(
                 [
@@ -166,7 +178,7 @@ class Evaluator:
         found: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
         pending = []
         for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
-            tasks = _tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
+            tasks = self._tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
             for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in found]):
                 for scene, task in enumerate(tasks):
                     for piece in _pieces(work, scene, len(batch.trials)):
@@ -177,6 +189,16 @@ class Evaluator:
                 found[trial][number].append(outcome)
         progress(len(pending), len(pending))
         return [[_joined(parts) for parts in outcomes] for outcomes in found]
+
+    def _tasks(
+        self, make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedGiven | None] = ()
+    ) -> list[Task]:
+        """A function for each scene, and what its calls share."""
+        constants = [
+            _Scene(work.of_scene(scene), counted[scene] if counted else None, self._metric, self._measure)
+            for scene in range(len(work.scenes))
+        ]
+        return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
 
     def _batches(
         self, loaded: Scenario, points: Sequence[Values], found: Sequence[list[Sums | str]]
@@ -198,15 +220,6 @@ class Evaluator:
                 yield group.part(slice(first, first + MOST_TRIALS))
 
 
-def _tasks(
-    make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedGiven | None] = ()
-) -> list[Task]:
-    """A function for each scene, and what its calls share."""
-    scenes = range(len(work.scenes))
-    constants = [_Scene(work.of_scene(scene), counted[scene] if counted else None) for scene in scenes]
-    return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
-
-
 def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
     """The runs of a scene, so many at a time that a batch fits the processor's cache; it does not change them."""
     size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
@@ -222,11 +235,11 @@ def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiec
         raise
     except BaseException as error:
         return _StartPiece(fault_of(error).cause)
-    return _StartPiece(sums, PackedGiven.of(given), engine)
+    return _StartPiece(_with_metric(sums, scene, piece, entry), PackedGiven.of(given), engine)
 
 
 def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    sums, engine = score_hidden(scene.work, piece, entry)
+    sums, engine = score_hidden(scene.work, piece, entry, scene.measure)
     return _StartPiece(sums, engine=engine)
 
 
@@ -241,8 +254,23 @@ def _whole(scenes: Sequence[Sequence[_StartPiece]]) -> _Start:
     return _Start(_joined([piece.sums for piece in every]), tuple(counted), engine)
 
 
+def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry) -> Sums | str:
+    """With what the objective's metric sums of the same runs, as a run sums it."""
+    if scene.metric is None or isinstance(sums, str):
+        return sums
+    metrics = metrics_of_trial(scene.metric)
+    outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).sums[TRIAL]
+    return outcome.cause if isinstance(outcome, Failure) else sums.with_metric(scene.metric, outcome)
+
+
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
-    """The trials of a batch; where the arithmetic of one fails, each by itself."""
+    """The trials of a batch."""
+    outcomes = zip(_together(scene, piece, batch), batch.entries, strict=True)
+    return [_with_metric(sums, scene, piece, entry) for sums, entry in outcomes]
+
+
+def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+    """The usual measures of the trials of a batch; where the arithmetic of one fails, each by itself."""
     number, entry, work = len(batch.trials), batch.entries[0], scene.work
     if scene.counted is None:
         return ["the tracker fails as it is"] * number
@@ -260,12 +288,12 @@ def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
     try:
         return [*score_labelled(work, piece, entry, number, counted)]
     except np.linalg.LinAlgError:
-        return [_labelled(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
+        return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
 
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(scene.work, piece, entry)[0] for entry in batch.entries]
+    return [score_hidden(scene.work, piece, entry, scene.measure)[0] for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

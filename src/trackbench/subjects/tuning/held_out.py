@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from trackbench.metrics import Metric
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired
 from trackbench.metrics.protocol import Direction
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results.score_summary import MarginSummary
 from trackbench.subjects.tuning.evaluation import Evaluator
-from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
+from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.parameters import Values
 
 #: Which values of each measure are better; of the others a verdict says larger or smaller.
@@ -83,12 +84,13 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
             if outcome.sums is None:
                 return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
     without: list[LackingMeasure] = []
-    for measure, unit in {**UNITS, **TRAFFIC_UNITS}.items():
+    sums = next((outcome.sums for outcome in start_outcomes if outcome.sums is not None), None)
+    for measure, unit in (sums.units if sums is not None else {}).items():
         pairs = []
         for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
             assert own.sums is not None
             assert other.sums is not None
-            if measure not in other.sums.values:
+            if not other.sums.has(measure):
                 continue
             lacking = own.sums.lacking(other.sums, [measure if measure == "log_likelihood" else "position_rmse"])
             if lacking is None:
@@ -103,7 +105,7 @@ def _by(
     measure: str, unit: str, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
     """By one measure, the p-values corrected for the number of scenarios."""
-    better = direction(measure)
+    better = direction(measure, pairs[0][1].metric if pairs else None)
     rows = []
     for number, own_sums, other_sums in pairs:
         scene = evaluator.scenes(number)
@@ -123,8 +125,10 @@ def _by(
     ]
 
 
-def direction(measure: str) -> Direction | None:
-    """Which of its values are better."""
+def direction(measure: str, metric: Metric | None = None) -> Direction | None:
+    """Which of its values are better; ``metric``: that of the objective, if it is none of the measures."""
     if measure in BETTER:
         return BETTER[measure]
+    if metric is not None and measure == metric.name:
+        return metric.better
     return TRACK_METRICS[measure].better

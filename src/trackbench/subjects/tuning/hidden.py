@@ -12,19 +12,21 @@ from trackbench.runner.block import run_block
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.subjects.tuning.entry import Entry
-from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, Sums
+from trackbench.subjects.tuning.measures import OF_TRACKS, Sums
 
 TRIAL = "trial"
 
 
-def score_hidden(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, EngineUsed | None]:
+def score_hidden(
+    work: Work, piece: BlockRuns, entry: Entry, measure: str = "gospa"
+) -> tuple[Sums | str, EngineUsed | None]:
     """The sums of one trial over some runs of one scene, or why there are none, where the tracker failed; and what
-    computed it.
+    computed it; ``measure``: a metric of tracks that is wanted beside the usual ones.
     """
     block = run_block(replace(work, trackers={TRIAL: entry}), piece)
     scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
     if isinstance(scores, Failure):
         return scores.cause, engine
     values = np.array(scores.sums.values)
-    wanted = {path: path for path in TRAFFIC_UNITS} | {"prediction_score": "log_likelihood"}
+    wanted = {path: path for path in (*OF_TRACKS, measure) if path in PATHS} | {"prediction_score": "log_likelihood"}
     return Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()}), engine

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices
+from trackbench.metrics import Metric, evaluate, merge_sums
+from trackbench.metrics.builtin import Coverage
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import MetricValue
 
 #: Of labelled objects: the unit of each measure.
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
-#: Of detections that nobody labelled, and which value of each is better.
-TRAFFIC_UNITS = {
-    path: TRACK_METRICS[path].unit for path in ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
-}
-#: Each measure as a sentence names it.
-WORDS = {
+#: Measures of tracks, of detections that nobody labelled.
+OF_TRACKS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
+
+
+class _Words(dict[str, str]):
+    def __missing__(self, measure: str) -> str:
+        return measure.replace("_", " ")
+
+
+_NAMED = {
     "position_rmse": "position RMSE",
     "velocity_rmse": "velocity RMSE",
     "nees": "mean NEES",
@@ -29,8 +36,14 @@ WORDS = {
     "gospa_missed": "GOSPA, missed",
     "gospa_false": "GOSPA, false",
 }
+#: Each measure as a sentence names it.
+WORDS = _Words(_NAMED)
 #: Components of the state whose NEES is taken.
 NEES_DOF = 4
+
+
+#: By accumulator, what a block has summed.
+BlockSums = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -39,11 +52,31 @@ class Sums:
 
     values: dict[str, Array]
     """By measure ``(2, runs)``."""
+    metric: Metric | None = None
+    """That of the objective, if it is none of the measures."""
+    blocks: tuple[BlockSums, ...] = ()
+    """Its sums of consecutive runs, by accumulator."""
 
     @classmethod
     def joined(cls, parts: Sequence[Sums]) -> Sums:
         """Those of consecutive runs as one."""
-        return cls({name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values})
+        values = {name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values}
+        return cls(values, parts[0].metric, tuple(block for part in parts for block in part.blocks))
+
+    def with_metric(self, metric: Metric, block: BlockSums) -> Sums:
+        """With the sums of a metric of the same runs."""
+        return replace(self, metric=metric, blocks=(block,))
+
+    def has(self, name: str) -> bool:
+        """Whether a measure was summed."""
+        return name in self.values or (self.metric is not None and name == self.metric.name)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """By every measure that start and tuned may be compared by, its unit."""
+        of_tracks = {name: TRACK_METRICS[name].unit for name in self.values if name in TRACK_METRICS.keys() - UNITS}
+        own = {} if self.metric is None else {self.metric.name: self.metric.unit}
+        return {name: "" if unit == "1" else unit for name, unit in {**UNITS, **of_tracks, **own}.items()}
 
     def interval(self, name: str, scene: Indices) -> Interval | None:
         """A measure with what each run, or scene, adds to it; None where no run tells it.
@@ -52,6 +85,9 @@ class Sums:
             name: of the measure.
             scene: ``(runs,)`` number of the scene of each run.
         """
+        if self.metric is not None and name == self.metric.name:
+            metrics = metrics_of_trial(self.metric)
+            return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(name)
         if name not in self.values:
             return None
         total, count = self.values[name]
@@ -67,9 +103,8 @@ class Sums:
 
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""
-        found = (
-            self.interval(name, np.zeros(self.values[name].shape[1], dtype=np.intp)) if name in self.values else None
-        )
+        runs = next(iter(self.values.values())).shape[1]
+        found = self.interval(name, np.zeros(runs, dtype=np.intp))
         return np.nan if found is None else found.value
 
     def lacking(self, start: Sums, measures: Sequence[str] = ("position_rmse", "log_likelihood")) -> str | None:
@@ -90,6 +125,11 @@ class Sums:
             if not np.isfinite(self.values[name][0]).all():
                 return f"its {word} are not finite"
         return None
+
+
+def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
+    """What a block computes for a metric: that, and the sums that any block has."""
+    return Coverage(), metric
 
 
 def as_value(interval: Interval | None, unit: str) -> MetricValue:

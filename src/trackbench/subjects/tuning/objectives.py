@@ -9,10 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics.protocol import Direction
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import TOLERANCE
+from trackbench.scenario import Scenario
 from trackbench.subjects.tuning import conditions
 from trackbench.subjects.tuning.evaluation import Outcome
-from trackbench.subjects.tuning.measures import NEES_DOF, Sums
+from trackbench.subjects.tuning.held_out import direction
+from trackbench.subjects.tuning.measures import NEES_DOF, UNITS, WORDS, Sums
 
 #: A trial's quantities, which change smoothly with the values that are tuned, by name.
 Parts = Mapping[str, float]
@@ -50,6 +55,13 @@ class Objective:
     needs_truth: bool = True
     hidden: bool = False
     """Whether it is of detections that nobody labelled."""
+    metric: Metric | None = None
+    """Of one that a metric makes, the metric."""
+
+    @property
+    def better(self) -> Direction | None:
+        """Which values of its measure are better."""
+        return direction(self.measure, self.metric)
 
     def rank(self, parts: Parts) -> float:
         """By which the best trial is chosen: the loss; of a front the error with a price on the inconsistency."""
@@ -211,3 +223,28 @@ OBJECTIVES = {
         ),
     )
 }
+
+
+def metric_objectives(scenario: Scenario) -> dict[str, Objective]:
+    """By name, the objectives that the metrics of a scenario make: those of one value whose direction is known."""
+    config = scenario.config
+    hidden = config.sensing.identities == "hidden"
+    metrics: list[Metric] = [*TRACK_METRICS.values()] if hidden else [*BUILT_IN, *config.score.metrics]
+    directed = [metric for metric in metrics if metric.columns and metric.better is not None]
+    return {metric.name: _of_metric(metric, hidden) for metric in directed if metric.name not in OBJECTIVES}
+
+
+def _of_metric(metric: Metric, hidden: bool) -> Objective:
+    sign = 1.0 if metric.better == "smaller" else -1.0
+    words = WORDS[metric.name]
+    return Objective(
+        metric.name,
+        f"{'smallest' if sign > 0 else 'largest'} {words}",
+        metric.name,
+        _error(metric.name),
+        lambda parts: (sign * parts["error"],),
+        (f"{words} over the start's",),
+        hidden=hidden,
+        # Those of tracks, and some errors, are summed in any case.
+        metric=None if hidden or metric.name in UNITS else metric,
+    )

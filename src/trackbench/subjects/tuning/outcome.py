@@ -9,7 +9,7 @@ from typing import Literal
 from trackbench.base.errors import counted
 from trackbench.metrics.breakdown import DOF
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
-from trackbench.subjects.tuning.held_out import MeasureComparison, direction
+from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
 from trackbench.subjects.tuning.objectives import Off, off_by
 from trackbench.subjects.tuning.parameters import shown
@@ -67,14 +67,14 @@ def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str
     if one.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
     none = f"no difference from the start is shown{where}"
-    gain = one.difference.value * (1.0 if direction(one.measure) == "larger" else -1.0)
+    gain = one.difference.value * (1.0 if tuning.objective.better == "larger" else -1.0)
     return f"the gain may be noise: {none}" if gain > 0.0 else none
 
 
 def _fits(tuning: Tuning, measure: str) -> bool:
     """Whether the tuned values beat the start's on what they were tuned on."""
     gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
-    return gain > 0.0 if direction(measure) == "larger" else gain < 0.0
+    return gain > 0.0 if tuning.objective.better == "larger" else gain < 0.0
 
 
 def _values(compared: list[MeasureComparison]) -> str:

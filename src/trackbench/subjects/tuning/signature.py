@@ -10,7 +10,7 @@ from typing import Any
 
 from trackbench.subjects.tuning.entry import plain, source_of
 from trackbench.subjects.tuning.evaluation import Bench
-from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, WORDS, Sums
+from trackbench.subjects.tuning.measures import WORDS, Sums
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import PluginConfig
 
@@ -35,14 +35,13 @@ def signature_of(
         train: the scenarios.
         start: what the tracker gives as it is in each. It tells of a changed log, plug-in or program.
     """
-    measures = {**UNITS, **TRAFFIC_UNITS}
     return {
         "objective": objective,
         "seed": seed,
         "ranges": {item.key: item.as_json() for item in parameters},
         "scenarios": {bench.name: _settings(bench, tracker) for bench in train},
         START: {
-            bench.name: {name: value for name in measures if math.isfinite(value := sums.value(name))}
+            bench.name: {name: value for name in sums.units if math.isfinite(value := sums.value(name))}
             for bench, sums in zip(train, start, strict=True)
         },
     }

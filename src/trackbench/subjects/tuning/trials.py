@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.subjects.tuning.evaluation import Outcome
-from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
+from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 from trackbench.subjects.tuning.parameters import Values
 
@@ -45,7 +45,7 @@ def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], 
 def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
     found = {}
-    for name in {**UNITS, **TRAFFIC_UNITS}:
+    for name in sums[0].units if sums else ():
         values = np.array([one.value(name) for one in sums])
         if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
             found[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))

@@ -108,7 +108,8 @@ def tune(
         InputError: the tracker fails as it is, does not give what the objective needs, or the storage does not fit.
     """
     objective = task.objective
-    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.trials)
+    wanted = objective.metric, objective.measure
+    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.trials, *wanted)
     start = _start(evaluator, objective)
     used = evaluator.engine_used
     if used is not None:
@@ -140,7 +141,7 @@ def tune(
         progress(task.trials + part / parts * last, total)
 
     best, responses = polished(evaluator, objective, start, made, best, advance_last)
-    others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine)
+    others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine, 1, *wanted)
     held_out = compare_held_out(others, best.values)
     return Tuning(
         tracker=task.tracker,

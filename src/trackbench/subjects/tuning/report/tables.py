@@ -131,7 +131,8 @@ def front(item: Tuning, name: str = "") -> Table:
 
 def trials(item: Tuning, name: str = "") -> Table:
     """The trials, best first."""
-    measured = [measure for measure in WORDS if any(measure in trial.measures for trial in item.trials)]
+    named = dict.fromkeys([*WORDS, item.objective.measure])
+    measured = [measure for measure in named if any(measure in trial.measures for trial in item.trials)]
     columns = [*(Column(parameter.key) for parameter in item.parameters), *(Column(WORDS[one]) for one in measured)]
     last = all(trial.values != item.best.values for trial in item.trials)
     tried = [*item.trials, *([item.best] if last else [])]

@@ -1,0 +1,98 @@
+"""One class in one file makes a metric: every command knows it, a built-in one as one of another package."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trackbench.compare import compare, find
+from trackbench.compare.limits import Limit
+from trackbench.metrics import BUILT_IN
+from trackbench.results import Result
+
+CODE = """
+import numpy as np
+from trackbench.metrics import Metric, ratio
+
+class Near(Metric):
+    name, unit, better = "near", "1", "larger"
+    meaning = "share of the estimates that are near the truth"
+    def init(self, scope):
+        return np.zeros((2, scope.runs))
+    def update(self, sums, chunk):
+        return sums + [chunk.by_run(np.hypot(chunk.error[0], chunk.error[1]) < 0.3), chunk.by_run(1.0)]
+    def merge(self, blocks):
+        return np.concatenate(blocks, axis=1)
+    def finish(self, sums):
+        return ratio(*sums, at_least=0.0, at_most=1.0)
+"""
+NAMES = pytest.mark.parametrize("name", ["near", "position_p95"])
+
+
+@pytest.fixture(scope="module")
+def folder(
+    run_tiny: Callable[..., Result], write_module: Callable[[Path, str], str], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A saved result with a metric of a module that is beside the scenario."""
+    place = tmp_path_factory.mktemp("one_file")
+    expect = (
+        "[{tracker: ekf, metric: near, above: 0}, {tracker: ekf, metric: near, better_than: raw},"
+        "{tracker: ekf, metric: position_p95, above: 0}, {tracker: ekf, metric: position_p95, better_than: raw}]"
+    )
+    metrics = f"['{write_module(place, CODE)}:Near']"
+    result = run_tiny("monte_carlo.runs=12", f"score.metrics={metrics}", f"expect={expect}", folder=place)
+    result.save(place / "tiny")
+    return place / "tiny"
+
+
+@NAMES
+def test_a_run_has_it_and_expects_something_of_it(folder: Path, name: str) -> None:
+    result = Result.load(folder)
+    value = result["ekf"].metrics[name]
+    assert value.value is not None
+    assert value.ci95 is not None
+    assert [item.passed for item in result.summary.expectations if item.metric == name] == [True, True]
+    assert [item.better for item in result.summary.differences if item.metric == name] == ["ekf"]
+    assert result.tables.runs[f"{name}_per_run"].to_numpy().mean() > 0
+
+
+@NAMES
+def test_a_comparison_and_a_gate_know_it(folder: Path, name: str) -> None:
+    (item,) = compare([find(folder)], metrics=[name]).differences
+    assert (item.metric, item.entrant.tracker, item.verdict) == (name, "ekf", "better")
+    gates = compare([find(folder), find(folder)], limits=[Limit(name, 1.0)]).gates
+    assert {gate.outcome for gate in gates} == {"passed"}
+
+
+@NAMES
+def test_page_and_tables_have_a_column_of_it(folder: Path, tmp_path: Path, cli: Callable[..., Any], name: str) -> None:
+    assert cli("report", folder, "--format", "csv", "--out", tmp_path / "csv").status == 0
+    rows = [file.read_text(encoding="utf-8").splitlines() for file in (tmp_path / "csv").rglob("*.csv")]
+    assert any(heading.startswith(name) for table in rows for heading in next(csv.reader(table)))
+    assert cli("report", folder, "--format", "html", "--out", tmp_path).status == 0
+    assert any(name in page.read_text(encoding="utf-8") for page in tmp_path.glob("*.html"))
+
+
+@NAMES
+def test_it_can_be_tuned_for(
+    tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], cli: Callable[..., Any], name: str
+) -> None:
+    metrics = f"['{write_module(tiny.parent, CODE)}:Near']"
+    text = tiny.read_text(encoding="utf-8") + f"\nscore: {{metrics: {metrics}}}\n"
+    tiny.write_text(text, encoding="utf-8")
+    options = ("--trackers", "ekf", "--objective", name, "--trials", "3", "--out", tmp_path / "out.yaml")
+    done = cli("tune", tiny, *options, "--in-process")
+    assert done.status == 0, done.err
+    found = json.loads(next(tmp_path.glob("*.json")).read_text(encoding="utf-8"))
+    assert found["objective"] == name
+    assert name in {item["metric"] for tracker in found["trackers"] for item in tracker["held_out"]}
+
+
+def test_the_list_and_the_reference_have_the_built_in_ones(cli: Callable[..., Any]) -> None:
+    listed = " ".join(cli("list", "metrics").out.split())
+    assert all(metric.meaning in listed for metric in BUILT_IN)
