@@ -102,8 +102,10 @@ def _metrics() -> Iterable[Row]:
 
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
-    yield from _told(metric_paths(list(METRICS.loaded().values())))
-    yield from _told(traffic_paths(truth=True).values(), "hidden identities: ")
+    own = METRICS.loaded().values()
+    yield from _told(metric_paths(metric for metric in own if metric.scores == "estimates"))
+    of_tracks = [metric for metric in own if metric.scores == "tracks"]
+    yield from _told(traffic_paths(truth=True, own=of_tracks).values(), "hidden identities: ")
     yield from _told(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
 
 

@@ -1,7 +1,7 @@
 """Estimates and truth to numbers with a unit, an interval and a verdict."""
 
 from trackbench.metrics.builtin import EstimateMetric
-from trackbench.metrics.evaluate import Evaluation, Sums, evaluate, health, merge_sums, no_metrics
+from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
 from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.registry import BUILT_IN
@@ -19,10 +19,10 @@ __all__ = [
     "Innovation",
     "Interval",
     "Metric",
+    "MetricSums",
     "Scope",
     "Scorer",
     "Scores",
-    "Sums",
     "Target",
     "clustered",
     "evaluate",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,8 +22,10 @@ from trackbench.metrics.registry import BUILT_IN
 from trackbench.metrics.sums import BlockScores, Givers, Scores
 from trackbench.results import Health, MetricValue
 
+log = logging.getLogger(__name__)
+
 #: By accumulator, what is kept of a tracker's estimates.
-Sums = dict[str, Any]
+MetricSums = dict[str, Any]
 
 
 @dataclass
@@ -47,7 +50,7 @@ class Evaluation:
 
 
 def evaluate(
-    sums: Sums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: Givers = frozenset()
+    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: Givers = frozenset()
 ) -> Evaluation:
     """The metrics from the sums of all runs.
 
@@ -63,10 +66,9 @@ def evaluate(
         shared = metric.accumulator is ESTIMATES
         own = found.scores if shared else sums[metric.accumulator.name]
         parts = found.scores.per_part.shape[1] if shared else len(scene)
-        values = _guarded(_checked, metric, own, list(scores.nis), parts)
-        if isinstance(values, Broken):
-            found.broken[metric.name] = values.cause
-            values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
+        values, broken = finished(metric, own, list(scores.nis), parts)
+        if broken:
+            found.broken[metric.name] = broken
         for path, (value, interval) in values.items():
             if metric.shared is None:
                 found.own[path] = interval
@@ -77,6 +79,23 @@ def evaluate(
             if interval is not None:
                 found.intervals[path] = interval
     return found
+
+
+def finished(
+    metric: Metric, sums: Any, sensors: Sequence[str], parts: int
+) -> tuple[dict[str, tuple[MetricValue, Interval | None]], str]:
+    """By path, the values of a metric and what each part adds to them; and why there are none, where it raised.
+
+    Args:
+        metric: which.
+        sums: merged, of all runs.
+        sensors: those of which it may give values.
+        parts: how many independent ones an interval rests on.
+    """
+    values = _guarded(_checked, metric, sums, sensors, parts)
+    if isinstance(values, Broken):
+        return {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}, values.cause
+    return values, ""
 
 
 def no_metrics(reason: str, metrics: Sequence[Metric] = BUILT_IN) -> dict[str, MetricValue]:
@@ -99,7 +118,7 @@ def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
     return {name: item if item is ESTIMATES else Guarded(item) for name, item in found.items()}
 
 
-def merge_sums(blocks: Sequence[Sums], metrics: Sequence[Metric] = BUILT_IN) -> Sums:
+def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_IN) -> MetricSums:
     """The sums of consecutive blocks of runs as one."""
     return {name: item.merge([block[name] for block in blocks]) for name, item in accumulators(metrics).items()}
 
@@ -112,7 +131,7 @@ class Broken:
 
 
 class Guarded:
-    """Sums of a plug-in, which are ``Broken`` once it raises."""
+    """MetricSums of a plug-in, which are ``Broken`` once it raises."""
 
     def __init__(self, accumulator: Accumulator) -> None:
         self._accumulator = accumulator
@@ -200,3 +219,9 @@ def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, I
         return MetricValue(value=float(number), unit=metric.unit), None
     _check_influence(interval.influence, parts)
     return interval.as_value(metric.unit), interval
+
+
+def log_broken(broken: Iterable[Mapping[str, str]]) -> None:
+    """Say once of each metric that it raised; ``broken``: of each tracker why, by name."""
+    for metric, cause in {name: cause for each in broken for name, cause in each.items()}.items():
+        log.warning("metric %s has no value: %s", metric, cause)

@@ -198,9 +198,9 @@ class Accumulator(Protocol):
     @property
     def name(self) -> str: ...
 
-    def init(self, scope: Scope) -> Any: ...
+    def init(self, scope: Any) -> Any: ...
 
-    def update(self, sums: Any, chunk: Chunk) -> Any: ...
+    def update(self, sums: Any, chunk: Any) -> Any: ...
 
     def close(self, sums: Any) -> Any: ...
 
@@ -235,6 +235,10 @@ class Metric(Config):
 
     It has ``init``, ``update`` and ``merge`` of its own, with sums of any type that can be pickled, or names in
     ``shared`` the sums that it has in common with others; and it has ``finish``.
+
+    One of estimates gets a :class:`Scope` and chunks of a block. One of tracks, with hidden identities, gets a
+    :class:`~trackbench.metrics.traffic.TrackScope` and one :class:`~trackbench.metrics.traffic.TrackedRun` after the
+    other.
     """
 
     name: ClassVar[str]
@@ -243,6 +247,8 @@ class Metric(Config):
     """ "1" for a number without a unit."""
     meaning: ClassVar[str]
     """In one line."""
+    scores: ClassVar[Literal["estimates", "tracks"]] = "estimates"
+    """What it is of: estimates of single objects, or tracks where identities are hidden."""
     better: ClassVar[Direction | None] = None
     """Which values are better; None where neither is."""
     compared: ClassVar[bool] = True
@@ -265,11 +271,11 @@ class Metric(Config):
         """What sums for this metric."""
         return self.shared or self
 
-    def init(self, scope: Scope) -> Any:
+    def init(self, scope: Any) -> Any:
         """The sums before the first chunk of a block of runs."""
         raise NotImplementedError
 
-    def update(self, sums: Any, chunk: Chunk) -> Any:
+    def update(self, sums: Any, chunk: Any) -> Any:
         """The sums with one more chunk; they may be changed in place."""
         raise NotImplementedError
 

@@ -63,13 +63,22 @@ def entries(metric: Metric | type[Metric]) -> list[Field]:
     return metric.entries() if isinstance(metric, Metric) else metric.model_construct().entries()
 
 
-def unfit_name(name: str) -> str | None:
-    """Why no metric of one's own can have this name; None if one can."""
+def unfit_name(name: str, scores: str = "estimates") -> str | None:
+    """Why no metric of one's own can have this name; None if one can. ``scores``: what it is of."""
     if not NAME.fullmatch(name):
         return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
-    if name in {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}:
+    if name in _taken_names(scores):
         return f"its name {name!r} is that of a built-in one"
     return None
+
+
+def _taken_names(scores: str) -> set[str]:
+    if scores == "tracks":
+        # The scores of tracks take their time to import.
+        from trackbench.metrics.traffic import TRACK_METRICS
+
+        return {*TRACK_METRICS, "step_time", "health"}
+    return {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}
 
 
 def _lacks(found: Any) -> str | None:
@@ -91,7 +100,9 @@ def _lacks(found: Any) -> str | None:
             return f"its {name} must be True or False, not {getattr(found, name)!r}"
     if not isinstance(found.fields, tuple) or not all(isinstance(field, Field) for field in found.fields):
         return f"its fields must be a tuple of trackbench.metrics.Field, not {found.fields!r}"
-    if unfit := unfit_name(found.name):
+    if found.scores not in ("estimates", "tracks"):
+        return f'scores must be "estimates" or "tracks", not {found.scores!r}'
+    if unfit := unfit_name(found.name, found.scores):
         return unfit
     if found.better not in ("smaller", "larger", None):
         return f'better must be "smaller", "larger" or None, not {found.better!r}'

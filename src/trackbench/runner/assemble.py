@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import pyarrow as pa
 
-from trackbench.metrics import Evaluation, health, no_metrics
+from trackbench.metrics import health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
+from trackbench.metrics.evaluate import log_broken
 from trackbench.results import Health, Result, Tables, TrackerResult
 from trackbench.results.scenario_summary import ReferenceSummary
 from trackbench.results.score_summary import MarginSummary
@@ -26,8 +26,6 @@ from trackbench.scenario import Scenario
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
-
-log = logging.getLogger(__name__)
 
 
 def assemble(
@@ -71,7 +69,7 @@ def assemble(
     )
     for name, used in assembly.engines.items():
         log_left_to_numpy(work.scenario, name, used)
-    _log_broken(found.evaluations)
+    log_broken(evaluation.broken for evaluation in found.evaluations.values())
     return Result(summary, Tables(assembly.tables()))
 
 
@@ -147,10 +145,3 @@ class _Assembly:
                 truth.ids,
             ),
         }
-
-
-def _log_broken(evaluations: Mapping[str, Evaluation]) -> None:
-    """Say once of each metric that it raised."""
-    broken = {metric: cause for item in evaluations.values() for metric, cause in item.broken.items()}
-    for metric, cause in broken.items():
-        log.warning("metric %s has no value: %s", metric, cause)

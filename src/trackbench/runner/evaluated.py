@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums, ratio, variance_shares
+from trackbench.metrics import BlockScores, Evaluation, MetricSums, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
@@ -60,7 +60,7 @@ class Evaluated:
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     """The metrics of every tracker."""
     failures: dict[str, Failure] = {}
-    sums: dict[str, Sums] = {}
+    sums: dict[str, MetricSums] = {}
     for name in work.trackers:
         outcomes = [block.sums[name] for block in blocks]
         failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)

@@ -12,9 +12,12 @@ from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.remote import start_tracks
 from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run
+from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.traffic import (
     Associations,
+    TrackedRun,
     TrackHistory,
+    TrackScope,
     TrafficScoreOptions,
     TruthHistory,
     score_run,
@@ -45,6 +48,8 @@ class TrafficScores:
     """Time spent in the tracker, without the first ``UNTIMED`` of the scans."""
     steps: int
     """Number of scans of single runs that it took in this time."""
+    metrics: MetricSums = field(default_factory=dict)
+    """By accumulator, the sums of the metrics that are not built in."""
     recorded: TrackHistory | None = None
     """Its tracks of the recorded run."""
     taken: Indices | None = None
@@ -138,13 +143,19 @@ class HiddenRun(TrackerRun[Tracks]):
         steps = self._timed * len(runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
+        summing = accumulators(self._work.metrics) if self._truth.known else {}
+        options = TrafficScoreOptions(cutoff=self._work.cutoff or 5.0)
+        scope = TrackScope(self.name, len(runs), options)
+        sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(len(runs)):
             one = range(runs.start + run, runs.start + run + 1)
             truth = TruthHistory(self._time, of_runs(state, one)[..., 0], of_runs(self._due.status, one)[..., 0])
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
-                scores = score_run(truth, history, TrafficScoreOptions(cutoff=self._work.cutoff or 5.0), own)
+                scores = score_run(truth, history, options, own)
+                tracked = TrackedRun(truth, history, own, scores)
+                sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
             else:
                 scores = without_truth(score_without_truth(self._judged_scans(run)))
             number = self._work.number(self._piece.scene, runs.start + run)
@@ -153,6 +164,7 @@ class HiddenRun(TrackerRun[Tracks]):
             if run == self._kept:
                 found.recorded, found.taken = history, self._detections_taken(run)
                 found.predicted = self._predicted[run]
+        found.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return found
 
     def _associations(self) -> Associations | None:

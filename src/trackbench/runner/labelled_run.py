@@ -11,7 +11,7 @@ from trackbench.base.types import Estimate, Gaussian, Scan
 from trackbench.driving.drive import DriveStep, TrackerDrive, scans_read
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
-from trackbench.metrics import BlockScores, Scorer, Sums, score_together
+from trackbench.metrics import BlockScores, MetricSums, Scorer, score_together
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
@@ -27,7 +27,7 @@ from trackbench.sensing.scans import Measurements
 class LabelledOutcome:
     """What a block leaves of one tracker."""
 
-    sums: Sums
+    sums: MetricSums
     recorded: RecordedEstimates | None
     """Its estimates of the recorded run, if that is in this block."""
     modes: ModeSums | None

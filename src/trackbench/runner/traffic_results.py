@@ -8,9 +8,12 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.engine.equations import ComputedBy
+from trackbench.metrics import merge_sums, no_metrics
 from trackbench.metrics.differences import differences
+from trackbench.metrics.evaluate import finished, log_broken
 from trackbench.metrics.intervals import clustered, ratio, variance_shares
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import NO_TRUTH
 from trackbench.results import Failure, Health, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
@@ -20,7 +23,7 @@ from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_num
 from trackbench.runner.expectations import judge
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.summary import summarised, summary_of_metric
-from trackbench.runner.traffic_sums import TrafficEvaluation, track_metrics
+from trackbench.runner.traffic_sums import NOTHING_DUE, TrafficEvaluation, track_metrics
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
@@ -39,9 +42,15 @@ def assemble_traffic(
     if all(HEADLINE in evaluation.intervals for evaluation in found.values()):
         ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
     margin = MarginSummary(**scenario.score.margin.model_dump())
-    compared = {name: found[name].intervals for name in ranked}
+    compared = {
+        name: {
+            **found[name].intervals,
+            **{path: clustered(own, work.scene_of_run) for path, own in found[name].own_intervals.items()},
+        }
+        for name in ranked
+    }
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    metrics = list(track_metrics(known).values())
+    metrics = [*track_metrics(known).values(), *work.metrics]
     pairs = differences(compared, metrics, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
     engines = engines_of(work, blocks)
     for name, used in engines.items():
@@ -70,6 +79,7 @@ def assemble_traffic(
         differences=pairs,
         expectations=judge(scenario.expect, trackers, pairs, 0.0),
     )
+    log_broken(evaluation.broken for evaluation in found.values())
     return Result(summary, Tables(traffic_tables.tables(work, blocks, found)))
 
 
@@ -95,6 +105,19 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
         interval = metric.finish(found.sums(path))
         if interval is not None:
             found.intervals[path] = clustered(interval, work.scene_of_run)
+    if not known or found.nothing_due:
+        found.own = no_metrics(NOTHING_DUE if known else NO_TRUTH, work.metrics)
+        return found
+    sums = merge_sums([block.metrics for block in blocks], work.metrics)
+    for own in work.metrics:
+        values, broken = finished(own, sums[own.accumulator.name], (), len(work.scene_of_run))
+        if broken:
+            found.broken[own.name] = broken
+        for path, (value, influence) in values.items():
+            found.own[path] = value
+            if influence is not None:
+                found.own_intervals[path] = influence
+                found.own[path] = clustered(influence, work.scene_of_run).as_value(own.unit)
     return found
 
 
@@ -111,6 +134,7 @@ def _tracker(
     if name in failures:
         reason = "the tracker failed"
         metrics = {path: metric.no_value(reason) for path, metric in TRACK_METRICS.items()}
+        metrics |= no_metrics(reason, work.metrics)
         return TrackerResult(
             name=name,
             describe=described,

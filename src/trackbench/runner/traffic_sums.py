@@ -86,6 +86,12 @@ class TrafficEvaluation:
     """Microseconds for a scan of one run."""
     known: bool = True
     """Whether there is a truth."""
+    own: dict[str, MetricValue] = field(default_factory=dict)
+    """By path, of the metrics that are not built in."""
+    own_intervals: dict[str, Interval] = field(default_factory=dict)
+    """By path, of those that are means over runs, what each run adds."""
+    broken: dict[str, str] = field(default_factory=dict)
+    """By name, why a metric raised."""
 
     @property
     def nothing_due(self) -> bool:
@@ -109,6 +115,7 @@ class TrafficEvaluation:
                 found[path] = metric.no_value(reason)
         if not self.known:
             found |= {path: metric.no_value(NO_TRUTH) for path, metric in TRACK_METRICS.items()}
+        found |= self.own
         found["step_time"] = MetricValue(value=self.step_time, unit="us")
         return found
 

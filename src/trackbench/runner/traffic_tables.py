@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.driving.tracks import NO_TRACK
+from trackbench.metrics.protocol import run_column
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
 from trackbench.metrics.traffic.existence import BINS
 from trackbench.metrics.traffic.strips import STATES
@@ -80,11 +81,15 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     rows = len(scene)
     paths = list(dict.fromkeys(path for item in found.values() for path in item.intervals))
     metrics = TRACK_METRICS | DETECTION_METRICS
+    own = list(dict.fromkeys(path for item in found.values() for path in item.own_intervals))
     parts: list[Columns] = []
     for name, item in found.items():
         values = {
             column: sums for path in paths for column, sums in zip(metrics[path].columns, item.sums(path), strict=True)
         }
+        for path in own:
+            mean = item.own_intervals.get(path)
+            values[run_column(path)] = np.full(rows, np.nan) if mean is None else mean.value + mean.influence
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
     return stacked(parts)

@@ -205,7 +205,8 @@ def work_of(
         velocity_sigma=entry_velocity(every) if velocity is None else velocity,
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
-        metrics=(*BUILT_IN, *scenario.score.metrics),
+        # Those of tracks that are built in are computed in any case.
+        metrics=(*(BUILT_IN if scenario.sensing.identities == "known" else ()), *scenario.score.metrics),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if scenario.sensing.identities == "hidden" else None,
     )

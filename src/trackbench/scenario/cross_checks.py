@@ -214,7 +214,7 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     from trackbench.scenario.traffic_paths import traffic_paths
 
     truth = scenario.truth
-    return traffic_paths(not (isinstance(truth, RecordingTruth) and truth.without_truth))
+    return traffic_paths(not (isinstance(truth, RecordingTruth) and truth.without_truth), scenario.score.metrics)
 
 
 def _limit(

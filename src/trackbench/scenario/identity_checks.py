@@ -35,6 +35,8 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None:
             yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
+    if any(metric.scores == "tracks" for metric in scenario.score.metrics):
+        yield Problem(("score", "metrics"), f"are of tracks; {REMEDY}")
     if "cutoff_m" in scenario.score.model_fields_set:
         yield Problem(("score", "cutoff_m"), f"is of tracks; {REMEDY}")
     truth = scenario.truth
@@ -54,7 +56,7 @@ def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
         elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.use).startswith("trackbench."):
             yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
-    if scenario.score.metrics:
+    if any(metric.scores != "tracks" for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
     for key in OF_SINGLE_OBJECTS:
         if key in scenario.score.model_fields_set:

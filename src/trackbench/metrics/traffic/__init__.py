@@ -5,7 +5,7 @@ means.
 """
 
 from trackbench.metrics.traffic.histories import Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.run import RunScores, TrafficScoreOptions, score_run
+from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, TrafficScoreOptions, score_run
 from trackbench.metrics.traffic.table import TRACK_METRICS, RunRatio
 
 __all__ = [
@@ -14,6 +14,8 @@ __all__ = [
     "RunRatio",
     "RunScores",
     "TrackHistory",
+    "TrackScope",
+    "TrackedRun",
     "TrafficScoreOptions",
     "TruthHistory",
     "score_run",

@@ -34,7 +34,7 @@ from trackbench.metrics.traffic.tgospa import tgospa
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5
-Sums = dict[str, tuple[float, float]]
+RunSums = dict[str, tuple[float, float]]
 
 
 class TrafficScoreOptions(NamedTuple):
@@ -51,7 +51,7 @@ class TrafficScoreOptions(NamedTuple):
 class RunScores(NamedTuple):
     """The scores of one run."""
 
-    values: Sums
+    values: RunSums
     """Path to (total, count); ``TRACK_METRICS`` says how they combine over runs. What a run cannot tell is left out; of
     waiting in vain ``confirm_latency`` has a total and no count."""
     gospa: GospaParts
@@ -66,6 +66,26 @@ class RunScores(NamedTuple):
     """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
     tgospa_exact: bool
     """See :class:`TgospaParts`."""
+
+
+class TrackScope(NamedTuple):
+    """A block of runs, as a metric of tracks knows it before the first one."""
+
+    tracker: str
+    """Whose tracks they are."""
+    runs: int
+    options: TrafficScoreOptions
+
+
+class TrackedRun(NamedTuple):
+    """What a metric of tracks is given of a run. The arrays are those of the scorer: they are not to be changed."""
+
+    truth: TruthHistory
+    tracks: TrackHistory
+    associations: Associations | None
+    """None where the tracker does not say which detections it used."""
+    scores: RunScores
+    """What the built-in metrics are made of."""
 
 
 def score_run(
@@ -87,7 +107,7 @@ def score_run(
     steps = float(len(truth.time))
     window = max(1, round(options.window / duration.mean())) if duration.any() else 1
     squared_ospa2 = ospa2(of_gospa, window)
-    values: Sums = {
+    values: RunSums = {
         "gospa": (float(parts.total.sum()), steps),
         "gospa_localisation": (float(parts.localisation.sum()), steps),
         "gospa_missed": (float(parts.missed.sum()), steps),
@@ -131,7 +151,7 @@ def count_by_clear(near: Nearby) -> Counted:
     return excusing(near, chosen, LEAST_SIMILARITY * near.cutoff)
 
 
-def _detection_and_association(counted: Counted) -> Sums:
+def _detection_and_association(counted: Counted) -> RunSums:
     objects, tracks, pairs = counted.object_counts, counted.track_counts, counted.pairs
     alike = similarity(pairs.distance, counted.cutoff)
     some = float(objects.sum() + tracks.sum() > 0)
@@ -145,7 +165,7 @@ def _detection_and_association(counted: Counted) -> Sums:
     }
 
 
-def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) -> Sums:
+def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) -> RunSums:
     matched = counted.matched
     due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
     false = float(counted.present.sum()) - true
@@ -160,7 +180,7 @@ def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) 
     }
 
 
-def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:
+def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
     found = matched_errors(truth, tracks, matched)
     return {
         "position_rmse": found.position,

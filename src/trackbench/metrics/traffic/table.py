@@ -16,6 +16,7 @@ Combine = Literal["ratio", "root", "mean"]
 class RunRatio(Metric):
     """A metric of tracks that is the ratio of two sums of each run: of a total and the number of its terms."""
 
+    scores = "tracks"
     combine: ClassVar[Combine] = "ratio"
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
     at_least: ClassVar[float] = 0.0

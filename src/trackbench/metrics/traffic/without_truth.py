@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.traffic.gospa import GospaParts
-from trackbench.metrics.traffic.run import RunScores, Sums
+from trackbench.metrics.traffic.run import RunScores, RunSums
 from trackbench.metrics.traffic.table import by_name, run_ratio, share
 
 NONE = -1
@@ -77,7 +77,7 @@ class UnlabelledScan(NamedTuple):
     """Poisson score of the predicted intensity of detections; None where the tracker was not asked."""
 
 
-def score_without_truth(scans: list[UnlabelledScan]) -> Sums:
+def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     """Path to (total, count) of each metric of ``DETECTION_METRICS`` that can be told.
 
     Tracks that the log begins or ends with count as long as they are seen.
@@ -99,14 +99,14 @@ def score_without_truth(scans: list[UnlabelledScan]) -> Sums:
     return {path: sums for path, sums in found.items() if sums[1] > 0}
 
 
-def without_truth(values: Sums) -> RunScores:
+def without_truth(values: RunSums) -> RunScores:
     """The scores of a run of which nothing else is known."""
     none = np.zeros(0)
     parts = GospaParts(none, none, none)
     return RunScores(values, parts, none, None, (), np.zeros((0, 0), dtype=np.int8), True)
 
 
-def _use(scans: list[UnlabelledScan], track_minutes: float) -> Sums:
+def _use(scans: list[UnlabelledScan], track_minutes: float) -> RunSums:
     used = sum(len(np.unique(_used(scan)[_used(scan) != NONE])) for scan in scans)
     found = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
     own = _lengths((scan.time, [(scan.sensor, number) for number in _present(scan)]) for scan in scans)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
@@ -86,13 +86,13 @@ def axes_and_reference(result: Result) -> Table:
     return Table.of_columns("axes-and-reference", [(TRACKER, names(trackers)), *columns])
 
 
-def other_metrics(result: Result) -> Table | None:
-    """The metrics of plug-ins, a column each; None if there are none."""
+def other_metrics(result: Result, shown: Collection[str] = _SHOWN) -> Table | None:
+    """The metrics that no other table has, a column each; None if there are none."""
     trackers = result.scored
     found: dict[str, str] = {}
     for tracker in trackers:
         for path, metric in tracker.metrics.items():
-            if path not in _SHOWN and not path.startswith(_SHOWN_GROUPS):
+            if path not in shown and not path.startswith(_SHOWN_GROUPS):
                 found.setdefault(path, path if metric.unit == "1" else f"{path}, {metric.unit}")
     if not found:
         return None

@@ -154,6 +154,8 @@ def _details(result: Result) -> Iterator[Section]:
         notes["Identity"] = (Paragraph(f"{reused[0].upper()}{reused[1:]}. {SAME_ID}"),)
     for title, paths in GROUPS.items() if result.scored else ():
         yield Section(title, (_table(title, result.scored, paths), *notes.get(title, ())))
+    if (others := tables.other_metrics(result, {*TRACK_METRICS, "step_time"})) is not None:
+        yield Section("Other metrics", (others,))
 
 
 def about(tracker: TrackerResult) -> str:

@@ -239,7 +239,7 @@ def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiec
 
 
 def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    sums, engine = score_hidden(scene.work, piece, entry, scene.measure)
+    sums, engine = score_hidden(scene.work, piece, entry, scene.measure, scene.metric)
     return _StartPiece(sums, engine=engine)
 
 
@@ -293,7 +293,7 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(scene.work, piece, entry, scene.measure)[0] for entry in batch.entries]
+    return [score_hidden(scene.work, piece, entry, scene.measure, scene.metric)[0] for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics import Metric, evaluate, merge_sums
 from trackbench.metrics.builtin import Coverage
+from trackbench.metrics.evaluate import MetricSums, finished
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import MetricValue
@@ -42,10 +42,6 @@ WORDS = _Words(_NAMED)
 NEES_DOF = 4
 
 
-#: By accumulator, what a block has summed.
-BlockSums = dict[str, Any]
-
-
 @dataclass(frozen=True)
 class Sums:
     """Of each run and measure, the total of its terms and their number."""
@@ -54,7 +50,7 @@ class Sums:
     """By measure ``(2, runs)``."""
     metric: Metric | None = None
     """That of the objective, if it is none of the measures."""
-    blocks: tuple[BlockSums, ...] = ()
+    blocks: tuple[MetricSums, ...] = ()
     """Its sums of consecutive runs, by accumulator."""
 
     @classmethod
@@ -63,7 +59,7 @@ class Sums:
         values = {name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values}
         return cls(values, parts[0].metric, tuple(block for part in parts for block in part.blocks))
 
-    def with_metric(self, metric: Metric, block: BlockSums) -> Sums:
+    def with_metric(self, metric: Metric, block: MetricSums) -> Sums:
         """With the sums of a metric of the same runs."""
         return replace(self, metric=metric, blocks=(block,))
 
@@ -86,8 +82,7 @@ class Sums:
             scene: ``(runs,)`` number of the scene of each run.
         """
         if self.metric is not None and name == self.metric.name:
-            metrics = metrics_of_trial(self.metric)
-            return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(name)
+            return self._of_metric(self.metric, scene)
         if name not in self.values:
             return None
         total, count = self.values[name]
@@ -100,6 +95,15 @@ class Sums:
             return clustered(ratio(total, count), scene)
         mean = ratio(total, count, at_least=0.0)
         return clustered(root(mean) if name.endswith("_rmse") else mean, scene)
+
+    def _of_metric(self, metric: Metric, scene: Indices) -> Interval | None:
+        if metric.scores == "estimates":
+            metrics = metrics_of_trial(metric)
+            return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(metric.name)
+        sums = merge_sums(self.blocks, [metric])[metric.accumulator.name]
+        values, _ = finished(metric, sums, (), len(scene))
+        _, interval = values[metric.name]
+        return None if interval is None else clustered(interval, scene)
 
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.protocol import Direction
-from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic import TRACK_METRICS, RunRatio
 from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning import conditions
@@ -229,7 +229,7 @@ def metric_objectives(scenario: Scenario) -> dict[str, Objective]:
     """By name, the objectives that the metrics of a scenario make: those of one value whose direction is known."""
     config = scenario.config
     hidden = config.sensing.identities == "hidden"
-    metrics: list[Metric] = [*TRACK_METRICS.values()] if hidden else [*BUILT_IN, *config.score.metrics]
+    metrics: list[Metric] = [*(TRACK_METRICS.values() if hidden else BUILT_IN), *config.score.metrics]
     directed = [metric for metric in metrics if metric.columns and metric.better is not None]
     return {metric.name: _of_metric(metric, hidden) for metric in directed if metric.name not in OBJECTIVES}
 
@@ -246,5 +246,5 @@ def _of_metric(metric: Metric, hidden: bool) -> Objective:
         (f"{words} over the start's",),
         hidden=hidden,
         # Those of tracks, and some errors, are summed in any case.
-        metric=None if hidden or metric.name in UNITS else metric,
+        metric=None if isinstance(metric, RunRatio) or metric.name in UNITS else metric,
     )
