@@ -10,6 +10,7 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.metrics import Metric
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.subjects.tuning.entry import Entry
@@ -29,6 +30,7 @@ def score_hidden(
     scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
     if isinstance(scores, Failure):
         return scores.cause, engine
+    assert isinstance(scores, TrafficScores)
     values = np.array(scores.sums.values)
     wanted = {path: path for path in (*OF_TRACKS, measure) if path in PATHS} | {"prediction_score": "log_likelihood"}
     sums = Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()})
