@@ -6,7 +6,6 @@ import gc
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
 
 #: What a shell reports of a program that Ctrl-C ended.
 INTERRUPTED = 130
@@ -18,6 +17,8 @@ def uninterrupted() -> Iterator[None]:
 
     So is SIGTERM; a process lets it through again by ``allow_termination``.
     """
+    from multiprocessing import resource_tracker
+
     # Where this helper of multiprocessing is not there yet, its start would undo what follows.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})

@@ -14,14 +14,12 @@ from typing import Any, NoReturn
 
 import click
 
-from trackbench import __version__
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import is_utf8
 from trackbench.base.process import INTERRUPTED
 from trackbench.base.subjects import Command, offered, resolve
 from trackbench.base.user_code import place_of
 from trackbench.cli import standard_streams
-from trackbench.driving.faults import fault_of
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -81,7 +79,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(__version__, prog_name="trackbench")
+@click.version_option(package_name="trackbench", prog_name="trackbench")
 def cli() -> None:
     """
     \b
@@ -136,14 +134,14 @@ def _run() -> int:
         return _interrupted()
     except SystemExit as end:
         if place_of(end, installed=False) is not None:
-            return _said(f"trackbench: a plug-in failed: {fault_of(end)}", BAD_INPUT)
+            return _plugin_failed(end)
         # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
         status = UNREAD if end.code else 0
     except (OSError, KeyboardInterrupt):
         raise
     except Exception as error:
         if place_of(error, installed=False) is not None:
-            return _said(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
+            return _plugin_failed(error)
         # Not 1, which says that an expectation failed.
         return _said(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
     return status if isinstance(status, int) else 0
@@ -167,6 +165,13 @@ def _kept_running() -> Iterator[None]:
 def _said(text: str, status: int) -> int:
     standard_streams.say(text)
     return status
+
+
+def _plugin_failed(error: BaseException) -> int:
+    # Imported here: NumPy comes with it, for which --help need not wait.
+    from trackbench.driving.faults import fault_of
+
+    return _said(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
 
 
 def _usage(error: click.ClickException) -> str:
