@@ -1,22 +1,24 @@
 """Quantiles and probabilities of Student's t, chi-square and the normal distribution.
 
-From ``scipy.special``: the import of ``scipy.stats``, which wraps the same functions, takes half a second.
+From ``scipy.special``, whose functions ``scipy.stats`` wraps.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array
 
 
 def normal_quantile(probability: float) -> float:
     """Of the standard normal distribution."""
-    return float(_special().ndtri(probability))
+    return float(_special("ndtri")(probability))
 
 
 def normal_density(x: float) -> float:
@@ -32,21 +34,18 @@ def normal_within(x: float) -> float:
 @lru_cache(maxsize=1024)
 def t_quantile(probability: float, freedom: float) -> float:
     """Of Student's t; ``freedom`` may be infinite."""
-    return float(_special().stdtrit(freedom, probability))
+    return float(_special("stdtrit")(freedom, probability))
 
 
 def t_probability(x: Array, freedom: float) -> Array:
     """``(...)`` probabilities that a variable with Student's t distribution is at most ``x``."""
-    return np.asarray(_special().stdtr(freedom, x))
+    return np.asarray(_special("stdtr")(freedom, x))
 
 
 def chi_square_quantile(probability: float, freedom: Array | float) -> Array:
     """``(...)`` of chi-square, for degrees of freedom ``(...)``, which need not be whole."""
-    return np.asarray(2 * _special().gammaincinv(np.asarray(freedom) / 2, probability))
+    return np.asarray(2 * _special("gammaincinv")(np.asarray(freedom) / 2, probability))
 
 
-def _special() -> Any:
-    # A scenario that is only checked need not wait for this import either.
-    from scipy import special
-
-    return special
+def _special(name: str) -> Callable[..., Any]:
+    return scipy_function("scipy.special", "_ufuncs", name)

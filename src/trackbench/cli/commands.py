@@ -20,6 +20,7 @@ from trackbench.base.process import INTERRUPTED
 from trackbench.base.subjects import Command, offered, resolve
 from trackbench.base.user_code import place_of
 from trackbench.cli import standard_streams
+from trackbench.cli.pandas_import import defer_pandas
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -71,7 +72,11 @@ class Commands(click.Group):
         return sorted(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        return resolve(COMMANDS[cmd_name].target) if cmd_name in COMMANDS else None
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = resolve(COMMANDS[cmd_name].target)
+        defer_pandas()
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

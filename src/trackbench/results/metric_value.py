@@ -15,7 +15,7 @@ Json = dict[str, Any]
 class Part(BaseModel):
     """A part of a result: frozen, and without keys that are not known."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ConditionVerdict(Part):

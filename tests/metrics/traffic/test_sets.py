@@ -14,10 +14,11 @@ from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
 
+from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.gospa import GospaParts, gospa, gospa_of_sets
-from trackbench.metrics.traffic.matching import assign, best_matching
+from trackbench.metrics.traffic.matching import best_matching
 from trackbench.metrics.traffic.ospa import ospa, ospa2, ospa_of_parts
 
 NOW = datetime.datetime(2000, 1, 1)
@@ -122,7 +123,9 @@ def test_the_matching_of_a_group_is_the_assignment_with_most_gain(seed: int) -> 
     for k in range(20):
         own = chosen & (group == k)
         assert len(set(row[own])) == len(set(column[own])) == own.sum()
-        assert gain[k, row[own], column[own]].sum() == pytest.approx(gain[k][assign(gain[k])].sum(), rel=1e-12)
+        assert gain[k, row[own], column[own]].sum() == pytest.approx(
+            gain[k][largest_assignment(gain[k])].sum(), rel=1e-12
+        )
 
 
 def enumerated_ospa2(truth: TruthHistory, tracks: TrackHistory, cutoff: float, window: int) -> list[float]:

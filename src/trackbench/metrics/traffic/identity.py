@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Indices
 from trackbench.metrics.traffic.assignment import NearPairs
-from trackbench.metrics.traffic.matching import assign
 
 
 class IdentityCounts(NamedTuple):
@@ -35,5 +35,5 @@ def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) ->
     objects, tracks = len(object_counts), len(track_counts)
     together = np.bincount(pairs.object * tracks + pairs.track, minlength=objects * tracks)
     table = together.reshape(objects, tracks).astype(float)
-    true = int(table[assign(table)].sum())
+    true = int(table[largest_assignment(table)].sum())
     return IdentityCounts(true, int(object_counts.sum()) - true, int(track_counts.sum()) - true)

@@ -6,14 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.linalg import cholesky, symmetrise
 from trackbench.base.types import Array
+from trackbench.metrics.consistency import point95
 from trackbench.metrics.traffic.assignment import NearPairs
 from trackbench.metrics.traffic.histories import TrackHistory, TruthHistory
-
-#: NEES of four components that a consistent filter has at most, in 95 % of all cases.
-BOUND = float(chi_square_quantile(0.95, 4.0))
 
 
 class MatchedErrors(NamedTuple):
@@ -37,7 +34,7 @@ def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs
     factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
     squares = error**2
     nees = (factor.whiten(error) ** 2).sum(axis=0)[factor.positive]
-    inside = np.where(np.isfinite(nees), nees <= BOUND, np.nan)
+    inside = np.where(np.isfinite(nees), nees <= point95(4), np.nan)
     return MatchedErrors(
         _finite_sum(squares[:2].sum(axis=0)),
         _finite_sum(squares[2:].sum(axis=0)),

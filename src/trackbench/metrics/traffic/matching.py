@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array, Indices, Mask
 
 #: Passes that settle what is plain before the rest is solved group by group.
@@ -46,15 +47,6 @@ def parts_of(group: Indices) -> list[slice]:
     return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def assign(gain: Array) -> tuple[Indices, Indices]:
-    """Rows and columns of the matching with the largest total ``gain`` ``(rows, columns)``."""
-    # Its import takes .1 s, which a scenario that is only checked need not wait for.
-    from scipy.optimize import linear_sum_assignment
-
-    found: tuple[Indices, Indices] = linear_sum_assignment(gain, maximize=True)
-    return found
-
-
 def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
     """``(P,)`` which pairs of one group, with gains above zero, are matched."""
     rows, i = np.unique(row, return_inverse=True)
@@ -62,7 +54,7 @@ def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
     matrix = np.zeros((len(rows), len(columns)))
     matrix[i, j] = gain
     partner = np.full(len(rows), -1)
-    first, second = assign(matrix)
+    first, second = largest_assignment(matrix)
     partner[first] = second
     return np.asarray(partner[i] == j)
 

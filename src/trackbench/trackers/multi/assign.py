@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array, Indices, indices
 from trackbench.trackers.multi.gate import GatedPairs
 
@@ -42,7 +41,7 @@ def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> l
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
         value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
         value[row, column], index[row, column] = weight[part], part
-        chosen = index[_solver()(value, maximize=True)]
+        chosen = index[largest_assignment(value)]
         taken.append(chosen[chosen >= 0])
     return taken
 
@@ -71,10 +70,3 @@ def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices
     found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
     same = indices(detection[found] == track) if len(order) else found
     return same, found[same]
-
-
-def _solver() -> Any:
-    # A scenario that is only checked need not wait for this import.
-    from scipy.optimize import linear_sum_assignment
-
-    return linear_sum_assignment
