@@ -1,0 +1,63 @@
+"""What commands import, as their start waits for it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+#: Packages that take .1 s or more to import.
+SLOW = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "rerun", "pydantic", "rich", "gymnasium", "llvmlite")
+
+
+def loaded(folder: Path, *arguments: str) -> set[str]:
+    """The modules that a command imports."""
+    code = (
+        "import atexit, json, sys; from trackbench.cli import main; out = open('loaded.json', 'w'); "
+        "atexit.register(lambda: (json.dump(list(sys.modules), out), out.flush())); "
+        f"sys.argv = {['trackbench', *arguments]!r}; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return set(json.loads((folder / "loaded.json").read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_help_and_version_wait_for_no_library(tmp_path: Path, option: str) -> None:
+    assert not loaded(tmp_path, option).intersection(SLOW)
+
+
+def test_a_run_waits_for_neither_pandas_nor_the_packages_of_scipy(tiny: Path) -> None:
+    modules = loaded(tiny.parent, "run", "tiny.yaml")
+    modules = loaded(tiny.parent, "run", "tiny.yaml")
+    assert "scipy.special._ufuncs" in modules
+    assert not modules & {"pandas.core.frame", "scipy._lib._array_api", "scipy.stats", "scipy.optimize._minimize"}
+
+
+def test_pyarrow_knows_pandas_once_it_is_imported() -> None:
+    code = """
+import sys
+import pyarrow as pa
+from trackbench.cli.pandas_import import defer_pandas
+defer_pandas()
+pa.table({"a": [1.0]})
+assert "pandas" not in sys.modules
+import pandas as pd
+print(pa.array(pd.Series([1.0, float("nan")])).null_count, pa.table({"a": [1.0]}).to_pandas().shape)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "1 (1, 1)\n", done.stderr
+
+
+def test_a_table_is_given_to_pandas_without_an_import_before() -> None:
+    code = """
+import pyarrow as pa
+from trackbench.cli.pandas_import import defer_pandas
+defer_pandas()
+print(pa.table({"a": [1.0]}).to_pandas().shape)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "(1, 1)\n", done.stderr
