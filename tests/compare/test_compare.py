@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
+from importlib import import_module
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -331,7 +332,7 @@ def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monk
         turned = {path: type(path, (type(metric),), {"better": "larger"}) for path, metric in METRICS.items()}
         return {path: metric() for path, metric in turned.items()}
 
-    monkeypatch.setattr("trackbench.compare.comparability.compared_metrics", larger)
+    monkeypatch.setattr(import_module("trackbench.compare.comparability"), "compared_metrics", larger)
     sets = [keep(), keep(WORSE_EKF)]
     assert judged(sets, 0)["ekf"] == "passed"
     assert judged(sets[::-1], 0)["ekf"] == "failed"

@@ -369,14 +369,14 @@ def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
     of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
     one, other = block_of(whole, range(6)), block_of(whole, range(3, 6))
-    assert block_of(whole, range(3)).scans is None
+    assert block_of(whole, range(3)).recorded_scans is None
     for name in TWO:
         np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
         np.testing.assert_allclose(
             one.recorded[name].covariance, other.recorded[name].covariance, rtol=1e-12, atol=1e-12
         )
         assert one.recorded[name].mean.shape == (4, 30, 1)
-    for a, b in zip(one.scans, other.scans, strict=True):
+    for a, b in zip(one.recorded_scans.scans, other.recorded_scans.scans, strict=True):
         np.testing.assert_array_equal(a.measurement, b.measurement)
 
 

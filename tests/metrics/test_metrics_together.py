@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, scored_together, target
-from tests.support.scenes import block_of, random_walk, scan, truth, values, work
+from tests.support.scenes import SHARED, block_of, random_walk, scan, truth, values, work
 
 from trackbench.metrics import Interval, evaluate
 from trackbench.metrics.builtin import PositionRmse
@@ -249,6 +249,6 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     # The moments over stretches are those of the sums themselves.
     position = parts.per_part[ERROR["px"]] + parts.per_part[ERROR["py"]]
     assert parts.classes.square[1, 0] == pytest.approx((position**2).sum(), rel=1e-12)
-    found = evaluate({ESTIMATES.name: scores}, np.zeros(1, dtype=np.intp)).values
+    found = evaluate({ESTIMATES.name: scores}, np.zeros(1, dtype=np.intp), SHARED).values
     low, high = found["position_rmse"].ci95
     assert low < found["position_rmse"].value < high

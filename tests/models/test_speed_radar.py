@@ -84,6 +84,6 @@ def test_synthetic_measurements_scatter_as_stated():
     of = truth(time, *(np.full((400, 1, 1), value) for value in (3000.0, 0.0, 0.0, 12.0)))
     config = FilterConfig(filter="ekf", motion="cv", acceleration_sigma_mps2=1)
     block = block_of(work(of, {"radar": SpeedRadar(**SENSOR)}, {"ekf": config}, 1), range(1))
-    third = np.array([item.measurement[2, 0] for item in block.scans])
+    third = np.array([item.measurement[2, 0] for item in block.recorded_scans.scans])
     assert third.mean() == pytest.approx(12, abs=4 * 2 / 20)
     assert third.std() == pytest.approx(2, rel=0.15)

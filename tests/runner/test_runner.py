@@ -393,6 +393,7 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
             assert item["value"] == pytest.approx(values[item["a"]] - values[item["b"]], rel=1e-12)
     found = {(i["a"], i["b"]): i["verdict"] for i in result.json()["differences"] if i["metric"] == "position_rmse"}
     compared = ["position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
+    compared += ["position_p95", "velocity_p95"]
     assert list(dict.fromkeys(item.metric for item in result.summary.differences)) == compared
     assert found["raw", "ekf"] == "ekf better"
     assert result.json()["ranking"][-1] == "raw"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trackbench.base.types import Array, Observer, Scan, Truth
-from trackbench.metrics import BlockScores, evaluate
+from trackbench.metrics import BUILT_IN, BlockScores, evaluate
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import MetricValue
@@ -19,6 +19,8 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 
 #: The driving noise of each motion model, as a scenario states it.
+#: The metrics that are made of the sums they share.
+SHARED = [metric for metric in BUILT_IN if metric.accumulator is ESTIMATES]
 NOISE = {
     "cv": {"acceleration_sigma_mps2": 2.0},
     "ca": {"jerk_sigma_mps3": 3.0},
@@ -159,4 +161,4 @@ def block_of(whole: Work, runs: range) -> Block:
 
 def values(scores: BlockScores) -> dict[str, MetricValue]:
     """The metrics of runs of a single scene, by path."""
-    return evaluate({ESTIMATES.name: scores}, np.zeros(len(scores.due), dtype=np.intp)).values
+    return evaluate({ESTIMATES.name: scores}, np.zeros(len(scores.due), dtype=np.intp), SHARED).values

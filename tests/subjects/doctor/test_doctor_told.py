@@ -11,8 +11,7 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor import step_count
 from trackbench.subjects.doctor.assumptions import Assumptions
-from trackbench.subjects.doctor.checks.prediction import prediction
-from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks import prediction, process_noise
 from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
@@ -88,8 +87,8 @@ def test_the_steps_of_drives_and_of_their_evidence() -> None:
 def test_a_check_without_a_prediction_points_to_no_misses() -> None:
     tracker = under_test(SilentAtMisses)
     assert tracker.silent_at_misses
-    for part, names in ((prediction, ["prediction"]), (process_noise, ["process_noise", "noise_per_step"])):
-        made = Doctor(SENSORS)._made(part, tracker)
+    for module, names in ((prediction, ["prediction"]), (process_noise, ["process_noise", "noise_per_step"])):
+        made = Doctor(SENSORS)._made(module.CHECKS[0], tracker)
         assert [(check.name, check.passed, check.result) for check in made.checks] == [
             (name, None, NO_PREDICTION) for name in names
         ]
