@@ -24,7 +24,17 @@ from trackbench.subjects.recording.data import TABLES, read
 from trackbench.subjects.recording.inspection import inspect
 
 #: Parts of a tracker's metrics that are computed afresh.
-AFRESH = ("position_rmse", "velocity_rmse", "course_rmse", "rmse", "nees", "nis", "coverage")
+AFRESH = (
+    "position_rmse",
+    "velocity_rmse",
+    "course_rmse",
+    "rmse",
+    "nees",
+    "nis",
+    "coverage",
+    "position_p95",
+    "velocity_p95",
+)
 
 
 @pytest.fixture(scope="module")
