@@ -59,6 +59,6 @@ def _sums(changes: Mapping[str, object], number: int) -> Array:
     blocks = [run_block(work, piece) for piece in work.pieces()]
     found = []
     for name in TRACKERS:
-        scores = [block.scores[name] for block in blocks]
+        scores = [block.outcomes[name] for block in blocks]
         found.append([values for each in scores if isinstance(each, TrafficScores) for values in each.sums.values])
     return np.array(found)

@@ -27,7 +27,8 @@ def config(name, sigma=SIGMA, **keys):
 def scores_of(sensors, trackers, dt, seed=1, **more):
     """Of trackers on truths that constant velocity draws at the instants of the sensors."""
     of = random_walk(RUNS, STEPS, dt, SIGMA, seed, START)
-    return block_of(work(of, sensors, trackers, RUNS, acceleration=SIGMA, **more), range(RUNS)).scores
+    block = block_of(work(of, sensors, trackers, RUNS, acceleration=SIGMA, **more), range(RUNS))
+    return {name: outcome.scores for name, outcome in block.outcomes.items()}
 
 
 def summaries(scores):
@@ -101,7 +102,9 @@ def test_a_filter_told_the_wrong_sensor_noise_is_found_out(told, verdict, whiten
     whole = work(of, {"lidar": LIDAR}, {"kf": config("kf")}, RUNS)
     (scene,) = whole.scenes
     sensors = [replace(sensor, noise_covariance=told**2 * sensor.noise_covariance) for sensor in scene.sensors]
-    found = values(block_of(replace(whole, scenes=[replace(scene, sensors=sensors)]), range(RUNS)).scores["kf"])
+    found = values(
+        block_of(replace(whole, scenes=[replace(scene, sensors=sensors)]), range(RUNS)).outcomes["kf"].scores
+    )
     assert found["nees"].verdict == verdict
     assert found["nis.lidar"].verdict == verdict
     assert found["whiteness.lidar"].verdict == whiteness
@@ -159,6 +162,6 @@ def test_covariances_that_a_loose_start_breaks_are_counted():
 def test_blocks_of_another_truth_in_each_run_score_as_one():
     of = random_walk(30, 20, 0.1, SIGMA, 4, START)
     whole = work(of, {"lidar": LIDAR}, {"kf": config("kf")}, 30)
-    one = block_of(whole, range(30)).scores["kf"]
-    two = merge([block_of(whole, runs).scores["kf"] for runs in (range(11), range(11, 30))])
+    one = block_of(whole, range(30)).outcomes["kf"].scores
+    two = merge([block_of(whole, runs).outcomes["kf"].scores for runs in (range(11), range(11, 30))])
     np.testing.assert_allclose(two.where(frozenset()).per_run, one.where(frozenset()).per_run, rtol=1e-12)

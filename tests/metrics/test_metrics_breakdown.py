@@ -208,7 +208,7 @@ def test_one_run_has_no_interval():
 
 def test_cells_add_up_to_everything():
     of = random_walk(4, 60, 0.05, 4.0, seed=2, start=np.array([15.0, 10.0, 10.0, 5.0]))
-    scores = block_of(work(of, SENSORS, TWO, 4), range(4)).scores["ekf"]
+    scores = block_of(work(of, SENSORS, TWO, 4), range(4)).outcomes["ekf"].scores
     sums = scores.where(frozenset())
     rows = list(cells(class_sums(sums.cells, 4)))
     assert len(rows) > 2

@@ -215,15 +215,16 @@ def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
 def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
     of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 5)
-    expected = block_of(whole, range(5)).scores
+    expected = block_of(whole, range(5)).outcomes
     monkeypatch.setattr(scorer, "BATCH", batch)
-    for name, found in block_of(whole, range(5)).scores.items():
+    for name, outcome in block_of(whole, range(5)).outcomes.items():
+        found = outcome.scores
         for field in ("due", "diverged", "repaired", "spread"):
-            a, b = getattr(found, field), getattr(expected[name], field)
+            a, b = getattr(found, field), getattr(expected[name].scores, field)
             np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
-        same_errors(found, expected[name])
+        same_errors(found, expected[name].scores)
         for sensor in SENSORS:
-            a, b = found.nis[sensor].per_run, expected[name].nis[sensor].per_run
+            a, b = found.nis[sensor].per_run, expected[name].scores.nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
 
 
@@ -325,7 +326,7 @@ def test_merged_blocks_are_one_block(own):
     one = block_of(whole, range(12))
     parts = [block_of(whole, runs) for runs in (range(5), range(5, 6), range(6, 12))]
     for name in TWO:
-        single, merged = one.scores[name], merge([part.scores[name] for part in parts])
+        single, merged = one.outcomes[name].scores, merge([part.outcomes[name].scores for part in parts])
         assert single.steps == merged.steps
         for field in ("due", "diverged", "repaired"):
             np.testing.assert_allclose(getattr(merged, field), getattr(single, field), rtol=1e-12, err_msg=field)
@@ -347,7 +348,7 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
     exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
-    scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
+    scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).outcomes["raw"].scores
     found = values(scores)
     assert found["position_rmse"].value < 1e-5
     assert found["velocity_rmse"].value < 1e-4
@@ -358,7 +359,7 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     of = random_walk(40, 60, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
     rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
     whole = work(of, rare, {"raw": PluginConfig(use="raw")}, 40, settle=1.0)
-    scores = block_of(whole, range(40)).scores["raw"]
+    scores = block_of(whole, range(40)).outcomes["raw"].scores
     valid = np.stack([seen.valid for seen in sense(whole.scenes[0].sensors, 1, "test", range(40)).scans])
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
@@ -421,10 +422,10 @@ def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, member):
     of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
     block = block_of(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
-    failure = block.scores["bad"]
+    failure = block.outcomes["bad"]
     assert isinstance(failure, Failure)
     assert failure.cause == cause
-    assert not isinstance(block.scores["good"], Failure)
+    assert not isinstance(block.outcomes["good"], Failure)
     if how != "silent":
         assert (failure.step, failure.time_s) == (3, pytest.approx(0.3))
     assert (failure.run, failure.object) == ((5, "v1") if member else (None, None))

@@ -160,7 +160,7 @@ def test_a_scene_s_runs_do_not_depend_on_the_other_scenes_nor_on_their_number():
 
 def test_scenes_of_different_length_are_added_instant_by_instant():
     whole = scenes(2, 2)
-    short, long = (run_block(whole, piece).scores["raw"] for piece in whole.pieces())
+    short, long = (run_block(whole, piece).outcomes["raw"].scores for piece in whole.pieces())
     both = merge([short, long])
     count = errors(both).per_step[ERROR["count"]]
     assert len(count) == len(whole.scenes[1].instants()) > len(whole.scenes[0].instants())
@@ -172,7 +172,7 @@ def test_scenes_of_different_length_are_added_instant_by_instant():
 
 def test_the_first_scene_may_be_the_shortest():
     whole = scenes(2, 2)
-    both = merge([run_block(whole, piece).scores["raw"] for piece in whole.pieces()])
+    both = merge([run_block(whole, piece).outcomes["raw"].scores for piece in whole.pieces()])
     assert both.spread.shape == (2, len(whole.scenes[1].instants()))
     assert np.isnan(both.spread[:, -1]).all()
 
@@ -204,7 +204,7 @@ def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
     near = {"lidar": SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": 1.0})}
     for lost_after, last in ((1.0, 3.0), (2.5, 4.5)):
         whole = replace(work(of, near, {"ekf": TWO["ekf"]}, 2), lost_after=lost_after)
-        count = errors(block_of(whole, range(2)).scores["ekf"]).per_step[ERROR["count"]]
+        count = errors(block_of(whole, range(2)).outcomes["ekf"].scores).per_step[ERROR["count"]]
         assert time[np.flatnonzero(count)[-1]] == pytest.approx(last)
 
 
@@ -231,14 +231,16 @@ def test_silence_of_a_sensor_is_no_excuse():
     time = np.arange(60) * 0.1
     of = truth(time, *(values[:, None, None] for values in (10 + 2 * time, 0 * time, 2 + 0 * time, 0 * time)))
     silent = {"lidar": SENSORS["lidar"].model_copy(update={"dropouts": (Dropout(from_s=2, to_s=5),)})}
-    count = errors(block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).scores["ekf"]).per_step[ERROR["count"]]
+    count = errors(block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).outcomes["ekf"].scores).per_step[
+        ERROR["count"]
+    ]
     assert (count[5:] == 2).all()
 
 
 def test_a_single_run_is_cut_into_stretches_of_time():
     of = random_walk(1, 201, 0.05, 2.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 1)
-    (scores,) = (block_of(whole, range(1)).scores[name] for name in ("ekf",))
+    (scores,) = (block_of(whole, range(1)).outcomes[name].scores for name in ("ekf",))
     parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
     assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)

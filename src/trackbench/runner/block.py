@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache
@@ -52,20 +52,26 @@ class Block:
     """Those of the recorded run, if it is in this block."""
 
     @property
-    def sums(self) -> dict[str, Any]:
-        """By tracker, the sums of its metrics, or its failure."""
-        return {name: item if isinstance(item, Failure) else item.sums for name, item in self.outcomes.items()}
-
-    @property
-    def scores(self) -> dict[str, Any]:
-        """By tracker, the sums that the built-in metrics share, or its failure."""
-        return {name: item if isinstance(item, Failure) else item.scores for name, item in self.outcomes.items()}
-
-    @property
     def recorded(self) -> dict[str, RecordedEstimates]:
         """With known identities, by tracker its estimates of the recorded run, if it is in this block."""
         labelled = {name: item for name, item in self.outcomes.items() if isinstance(item, LabelledOutcome)}
         return {name: item.recorded for name, item in labelled.items() if item.recorded is not None}
+
+
+def failures_and_outcomes(
+    trackers: Iterable[str], blocks: Sequence[Block]
+) -> tuple[dict[str, Failure], dict[str, list[Any]]]:
+    """By tracker, the first failure of those that failed in any block; of the others what each block leaves."""
+    failures: dict[str, Failure] = {}
+    outcomes: dict[str, list[Any]] = {}
+    for name in trackers:
+        every = [block.outcomes[name] for block in blocks]
+        failure = next((outcome for outcome in every if isinstance(outcome, Failure)), None)
+        if failure is None:
+            outcomes[name] = every
+        else:
+            failures[name] = failure
+    return failures, outcomes
 
 
 def run_block(

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics import BlockScores, Evaluation, MetricSums, evaluate, merge_sums, ratio, variance_shares
+from trackbench.metrics import BlockScores, Evaluation, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
-from trackbench.runner.block import Block
+from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.work import Work
 
 
@@ -59,15 +59,8 @@ class Evaluated:
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     """The metrics of every tracker."""
-    failures: dict[str, Failure] = {}
-    sums: dict[str, MetricSums] = {}
-    for name in work.trackers:
-        outcomes = [block.sums[name] for block in blocks]
-        failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
-        if failure is None:
-            sums[name] = merge_sums([item for item in outcomes if not isinstance(item, Failure)], work.metrics)
-        else:
-            failures[name] = failure
+    failures, outcomes = failures_and_outcomes(work.trackers, blocks)
+    sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
     together = frozenset(name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage)
     evaluations = {

@@ -57,11 +57,6 @@ class TrafficScores:
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
 
-    @property
-    def scores(self) -> TrafficScores:
-        """Itself: there are no sums that several metrics share."""
-        return self
-
 
 class HiddenRun(TrackerRun[Tracks]):
     """One tracker; each is scored alone, when it has taken all scans.

@@ -12,9 +12,9 @@ from trackbench.base.execution import InProcess
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.results import Failure, Result
+from trackbench.results import Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks
+from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks, failures_and_outcomes
 from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
@@ -106,8 +106,5 @@ class PendingRun:
 def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
     runs = counted(work.runs * len(work.scenes), "run")
     log.info("%s: %s in %.1f s, %s", work.scenario, runs, seconds, counted(len(blocks), "block"))
-    spent = {name: [block.outcomes[name] for block in blocks] for name in work.trackers}
-    for name, outcomes in spent.items():
-        scores = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
-        if len(scores) == len(blocks):
-            log.info("%s: %s took %.2f s", work.scenario, name, sum(score.seconds for score in scores))
+    for name, outcomes in failures_and_outcomes(work.trackers, blocks)[1].items():
+        log.info("%s: %s took %.2f s", work.scenario, name, sum(outcome.seconds for outcome in outcomes))

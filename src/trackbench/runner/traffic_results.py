@@ -17,7 +17,7 @@ from trackbench.metrics.traffic.without_truth import NO_TRUTH
 from trackbench.results import Failure, Health, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
-from trackbench.runner.block import Block
+from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.describe import describe
 from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
 from trackbench.runner.expectations import judge
@@ -84,16 +84,8 @@ def assemble_traffic(
 
 
 def _evaluated(work: Work, blocks: Sequence[Block]) -> tuple[dict[str, Failure], dict[str, TrafficEvaluation]]:
-    failures: dict[str, Failure] = {}
-    found: dict[str, TrafficEvaluation] = {}
-    for name in work.trackers:
-        outcomes = [block.outcomes[name] for block in blocks]
-        failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
-        if failure is not None:
-            failures[name] = failure
-            continue
-        found[name] = _evaluation(work, [item for item in outcomes if isinstance(item, TrafficScores)])
-    return failures, found
+    failures, outcomes = failures_and_outcomes(work.trackers, blocks)
+    return failures, {name: _evaluation(work, items) for name, items in outcomes.items()}
 
 
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:

@@ -13,9 +13,9 @@ from trackbench import results
 from trackbench.base.errors import InputError
 from trackbench.cli.options import isolation_options
 from trackbench.cli.terminal import progress
-from trackbench.cli.tracker_name import require_tracker
 from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
+from trackbench.subjects.doctor.tracker_name import require_tracker
 
 if TYPE_CHECKING:
     from trackbench.driving.isolation import Isolation

@@ -20,6 +20,7 @@ from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Metric
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
+from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
@@ -259,8 +260,11 @@ def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry
     if scene.metric is None or isinstance(sums, str):
         return sums
     metrics = metrics_of_trial(scene.metric)
-    outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).sums[TRIAL]
-    return outcome.cause if isinstance(outcome, Failure) else sums.with_metric(scene.metric, outcome)
+    outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).outcomes[TRIAL]
+    if isinstance(outcome, Failure):
+        return outcome.cause
+    assert isinstance(outcome, LabelledOutcome)
+    return sums.with_metric(scene.metric, outcome.sums)
 
 
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
