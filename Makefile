@@ -7,7 +7,7 @@ GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
-	@echo "make test      linter, types, import contracts, documentation site and tests: under 8 minutes on 2 cores"
+	@echo "make test      linter, types, import contracts, documentation site and tests: about 5 minutes on 2 cores"
 	@echo "make test-all  the same, with the slow tests and the commands of the documentation's pages as they are printed"
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
@@ -17,12 +17,13 @@ demo: $(VENV)/.installed
 	@echo "  $(BIN)/trackbench view results/highway"
 
 # What a change is tried with. Tests that need Chromium or a Vulkan driver are skipped where it is missing.
-test: $(VENV)/.installed-dev lint types contracts docs
+test: $(VENV)/.installed-dev
+	$(MAKE) -j2 lint types contracts docs
 	$(BIN)/pytest -n auto -m "not docs_pages and not slow"
 
-# The slow tests, and the commands of the documentation's pages as they are printed.
+# The slow tests, and the commands of the documentation's pages as they are printed; FIFTH=0 to 4 takes a fifth of them.
 test-long: $(VENV)/.installed-dev
-	$(BIN)/pytest -n auto -m "docs_pages or slow"
+	$(BIN)/pytest -n auto -m "docs_pages or slow" $(if $(FIFTH),--fifth $(FIFTH))
 
 # Everything that must hold of a commit.
 test-all: test test-long
