@@ -17,7 +17,7 @@ import yaml
 from .protocol import read
 from .scores import scored
 from .shipped import update
-from .tuning import Kept, all_tuned
+from .tuning import KernelCache, all_tuned
 
 OUT = Path(__file__).parents[2] / "results" / "tuned"
 
@@ -35,7 +35,7 @@ def main() -> None:
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
         if not given.scores_only:
             found = {tracker: {} for tracker in protocol.trackers}
-            for tracker, name, best in all_tuned(protocol, pool, Kept(given.resume)):
+            for tracker, name, best in all_tuned(protocol, pool, KernelCache(given.resume)):
                 print(f"{tracker}, {name}: {best}", flush=True)
                 found[tracker][name] = best
             values.write_text(yaml.safe_dump(found, sort_keys=False), encoding="utf-8")

@@ -92,7 +92,7 @@ def batches(protocol: Protocol) -> list[Proposals]:
     return [Proposals("spread", protocol.spread), *(Proposals("local", local.size, radius) for radius in local.radii)]
 
 
-class Kept:
+class KernelCache:
     """What came of each scenario's own search, in a folder if one is given: a search that was interrupted, or that has
     other families, does not try it again."""
 
@@ -116,7 +116,7 @@ class Kept:
         return None if self._folder is None else self._folder / f"{tracker}_{scenario}.pickle"
 
 
-def all_tuned(protocol: Protocol, pool: Executor, kept: Kept) -> Iterator[tuple[str, str, dict[str, Any]]]:
+def all_tuned(protocol: Protocol, pool: Executor, kept: KernelCache) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Tracker, set of scenarios and values: of each scenario by itself, then of the families and of all."""
     alone = {
         (tracker, name): pool.submit(tuned, protocol, tracker, [name], [kept.of(tracker, name)])

@@ -16,7 +16,7 @@ from tests.engine.compared import equations_of
 from trackbench.engine import machine
 from trackbench.engine.equations import Equations
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.machine import Kept, Processor
+from trackbench.engine.machine import KernelCache, Processor
 
 KEY = "0" * 64
 X = np.linspace(0.0, 1.0, 20)
@@ -43,7 +43,7 @@ def count(kernels: Kernels, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def run(folder: Path, factor: float = 3.0, processor: str | None = None) -> None:
     """Compute by new kernels, which know of what is kept alone."""
-    found = Kernels(Processor(processor), Kept(folder))(squared(factor), {"x": X})
+    found = Kernels(Processor(processor), KernelCache(folder))(squared(factor), {"x": X})
     np.testing.assert_array_equal(found["y"], factor * X * X)
 
 
@@ -86,7 +86,7 @@ def only_checksum(file: Path) -> None:
 
 
 def of_another(file: Path) -> None:
-    other = Kept(file.parent)
+    other = KernelCache(file.parent)
     other.put(KEY, b"code of something else")
     os.replace(file.parent / f"{KEY}.o", file)
 
@@ -196,7 +196,7 @@ def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: P
     assert [process.wait(60) for process in both] == [0, 0]
     files = list((tmp_path / "kernels").iterdir())
     assert len(files) == 20
-    assert all(Kept(tmp_path / "kernels").find(file.stem) for file in files)
+    assert all(KernelCache(tmp_path / "kernels").find(file.stem) for file in files)
 
 
 def test_without_llvmlite_there_are_no_kernels(monkeypatch: pytest.MonkeyPatch) -> None:

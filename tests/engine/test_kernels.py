@@ -176,7 +176,7 @@ def test_the_same_output_twice_is_two_where_numpy_computes_again(kernels: Kernel
     assert compared(kernels, equations_of(doubled, {"x": 1}), given()) > 0
 
 
-class Kept:
+class KernelCache:
     """A function that remembers."""
 
     def __init__(self) -> None:
@@ -344,7 +344,7 @@ def test_a_value_kept_from_another_call(kernels: Kernels) -> None:
     equations = equations_of(lambda v: {"y": v["x"] * remembered(v["dt"])}, {"x": 1, "dt": 0})
     for batch in ((19,), (2, 3)):
         assert compared(kernels, equations, {**given(batch), "dt": 0.1}) == 0
-    first = Kept()
+    first = KernelCache()
     kernels(equations_of(first, {"x": 1}), values)
     # What it kept is of another graph than the one of the second trace.
     second = equations_of(lambda v: {"y": v["x"] + first.first}, {"x": 1})

@@ -13,7 +13,7 @@ from tests.support.scenes import NOISE, tracker
 
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.machine import Kept, Processor
+from trackbench.engine.machine import KernelCache, Processor
 from trackbench.filters import Belief, InteractingMultipleModel, SingleModelFilter, select
 from trackbench.models.motion import ConstantProcessNoise, ConstantVelocity
 from trackbench.subjects.tuning.entry import combined
@@ -48,7 +48,7 @@ class CountingProcessor(Processor):
 @pytest.fixture
 def counted(kernels: Kernels, tmp_path: Path) -> Kernels:
     """Kernels of which none is kept from before."""
-    return Kernels(CountingProcessor(), Kept(tmp_path))
+    return Kernels(CountingProcessor(), KernelCache(tmp_path))
 
 
 def own_values(name: str, seed: int = 1) -> tuple[FilterConfig, dict[str, np.ndarray]]:

@@ -12,7 +12,7 @@ from trackbench.engine import layout
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input
-from trackbench.engine.machine import Kept, Processor
+from trackbench.engine.machine import KernelCache, Processor
 from trackbench.models.motion.cv import ConstantVelocity
 
 X = np.linspace(0.0, 1.0, 20)
@@ -46,7 +46,7 @@ def traced(kernels: Kernels, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def run(folder: Path, equations: Equations) -> None:
     """Compute by new kernels, which know of what is kept alone."""
-    found = Kernels(Processor(), Kept(folder))(equations, {"x": X})
+    found = Kernels(Processor(), KernelCache(folder))(equations, {"x": X})
     for name, value in equations.function({"x": X}).items():
         np.testing.assert_array_equal(found[name], value)
 

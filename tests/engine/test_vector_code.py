@@ -11,7 +11,7 @@ from tests.engine.programs import random_program, random_values
 
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.machine import Kept, Processor
+from trackbench.engine.machine import KernelCache, Processor
 
 #: By the name of a kind of processor, what it must have.
 PROCESSORS = {"x86-64": "sse2", "x86-64-v2": "sse4.2", "x86-64-v3": "avx2", "x86-64-v4": "avx512f"}
@@ -25,7 +25,7 @@ def of_processor(name: str, folder: Path, kernels: Kernels) -> Kernels:
         pytest.skip("this is another kind of machine")
     if not llvm.get_host_cpu_features().get(PROCESSORS[name]):
         pytest.skip(f"this processor has no {PROCESSORS[name]}")
-    return Kernels(Processor(name), Kept(folder))
+    return Kernels(Processor(name), KernelCache(folder))
 
 
 def every_operation(values: Values) -> Values:

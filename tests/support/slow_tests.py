@@ -1,7 +1,7 @@
 """Which tests are left to the slow tier because of their cost, and which fifth of that tier a run takes.
 
-    pytest -n 2 -m "not docs_pages and not slow" --durations=0 -vv --durations-min=0 > durations.txt
-    python -m tests.support.slow_tests durations.txt > tests/slow_tests.txt
+pytest -n 2 -m "not docs_pages and not slow" --durations=0 -vv --durations-min=0 > durations.txt
+python -m tests.support.slow_tests durations.txt > tests/slow_tests.txt
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def scan_of(values: Values, of: Scan) -> Scan:
     )
 
 
-def untold(kind: str) -> Scan:
+def scan_placeholder(kind: str) -> Scan:
     """A scan of which nothing is known but its kind, so that a sensor that reads more of it cannot be traced."""
     known: list[Any] = [kind if name == "kind" else _Untold(name) for name in Scan._fields]
     return Scan(*known)

@@ -20,8 +20,8 @@ from trackbench.engine.beliefs import (
     put_together,
     rank,
     scan_of,
+    scan_placeholder,
     taken_apart,
-    untold,
 )
 from trackbench.engine.equations import EngineUsed, Equations, Values
 from trackbench.engine.kernels import Kernels
@@ -148,7 +148,7 @@ class FusedFilter:
     def computed(
         self,
         name: str,
-        function: Callable[[Asked, Values], Values],
+        function: Callable[[FilterCall, Values], Values],
         values: dict[str, Any],
         scan: Scan | None = None,
         made_for: Hashable = None,
@@ -182,7 +182,7 @@ class FusedFilter:
     def _made(
         self,
         name: str,
-        function: Callable[[Asked, Values], Values],
+        function: Callable[[FilterCall, Values], Values],
         values: Mapping[str, Any],
         scan: Scan | None,
         made_for: Hashable,
@@ -196,8 +196,8 @@ class FusedFilter:
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
 
         def of(filter: Filter[Any], values: Values) -> Values:
-            known = untold(kind) if is_traced(values) else self._scan
-            return function(Asked(filter, self.modes, known), values)
+            known = scan_placeholder(kind) if is_traced(values) else self._scan
+            return function(FilterCall(filter, self.modes, known), values)
 
         any_filter = settled(of, self.filter, options.with_options, options.models, sensors)
         key = name, self._form, *map(form_of, sensors), made_for, tuple(inputs)
@@ -220,7 +220,7 @@ def fused(filter: Filter[Any]) -> FusedFilter:
     return FusedFilter(filter, kernels())
 
 
-class Asked(NamedTuple):
+class FilterCall(NamedTuple):
     """What a function of a filter is asked for."""
 
     filter: Any
@@ -235,48 +235,48 @@ def describe(filter: Filter[Any]) -> str:
     return f"{type(filter).__name__} with {', '.join(type(motion).__name__ for motion in filter.motions)}"
 
 
-def prediction(asked: Asked, values: Values) -> AnyBelief:
+def prediction(call: FilterCall, values: Values) -> AnyBelief:
     """The belief after the time among the values."""
-    belief = put_together(values, asked.modes)
+    belief = put_together(values, call.modes)
     # Where no time passes, modes are not mixed: that one of them is not finite is then nothing to the others.
-    if asked.modes and (is_traced(values) or values["dt"] > 0.0):
-        found: AnyBelief = asked.filter.predict_by(belief, values["dt"], values["chain"])
+    if call.modes and (is_traced(values) or values["dt"] > 0.0):
+        found: AnyBelief = call.filter.predict_by(belief, values["dt"], values["chain"])
     else:
-        found = asked.filter.predict(belief, values["dt"])
+        found = call.filter.predict(belief, values["dt"])
     return found
 
 
-def _predicted(asked: Asked, values: Values) -> Values:
-    return taken_apart(prediction(asked, values))
+def _predicted(call: FilterCall, values: Values) -> Values:
+    return taken_apart(prediction(call, values))
 
 
-def _expected(asked: Asked, values: Values) -> Values:
-    belief = put_together(values, asked.modes)
-    return of_prediction(asked.filter.predict_measurement(belief, any_scan(values, asked.scan)))
+def _expected(call: FilterCall, values: Values) -> Values:
+    belief = put_together(values, call.modes)
+    return of_prediction(call.filter.predict_measurement(belief, any_scan(values, call.scan)))
 
 
-def _updated(asked: Asked, values: Values) -> Values:
-    belief = put_together(values, asked.modes)
-    expected = prediction_of(values, asked.modes) if "expected" in values else None
-    return _said(asked.filter.update(belief, scan_of(values, asked.scan), expected))
+def _updated(call: FilterCall, values: Values) -> Values:
+    belief = put_together(values, call.modes)
+    expected = prediction_of(values, call.modes) if "expected" in values else None
+    return _said(call.filter.update(belief, scan_of(values, call.scan), expected))
 
 
-def _step(asked: Asked, values: Values, guard: StepGuard | None) -> Values:
-    predicted = prediction(asked, values)
-    said = asked.filter.update(predicted, scan_of(values, asked.scan))
-    found = {**_said(said), **_seen(asked.filter.cartesian(said.belief))}
+def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
+    predicted = prediction(call, values)
+    said = call.filter.update(predicted, scan_of(values, call.scan))
+    found = {**_said(said), **_seen(call.filter.cartesian(said.belief))}
     # The next step makes what can be reused again, which is quicker than to write and read it.
     found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}
     return found if guard is None else {**found, "refused": guard(predicted)}
 
 
-def _smoothed(asked: Asked, values: Values) -> Values:
+def _smoothed(call: FilterCall, values: Values) -> Values:
     belief, later = put_together(values, 0), put_together(values, 0, LATER)
-    return taken_apart(asked.filter.smooth(belief, later, values["dt"]))
+    return taken_apart(call.filter.smooth(belief, later, values["dt"]))
 
 
-def _cartesian(asked: Asked, values: Values) -> Values:
-    return _seen(asked.filter.cartesian(put_together(values, asked.modes)))
+def _cartesian(call: FilterCall, values: Values) -> Values:
+    return _seen(call.filter.cartesian(put_together(values, call.modes)))
 
 
 def _seen(cartesian: Gaussian) -> Values:

@@ -17,7 +17,7 @@ from trackbench.engine import vector_code
 from trackbench.engine.equations import Equations, Values, by_numpy
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
-from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
+from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
 from trackbench.engine.user_equations import has_user_equations
 
@@ -41,7 +41,7 @@ class Kernel(NamedTuple):
     """How many rows there are of numbers and of masks."""
 
 
-class Passage(NamedTuple):
+class CallPlan(NamedTuple):
     """What is to be done with inputs of certain shapes."""
 
     equations: Equations
@@ -63,11 +63,11 @@ class Kernels:
     again by NumPy.
     """
 
-    def __init__(self, processor: Processor | None = None, kept: Kept | None = None) -> None:
+    def __init__(self, processor: Processor | None = None, kept: KernelCache | None = None) -> None:
         self._processor = processor or Processor()
-        self._kept = kept or Kept()
+        self._kept = kept or KernelCache()
         self._found: dict[Hashable, Kernel | None] = {}
-        self._plans: dict[Hashable, Passage] = {}
+        self._plans: dict[Hashable, CallPlan] = {}
         self._unproven: set[Hashable] = set()
         """For what the kernels of a user's functions were made that have not been compared with NumPy."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
@@ -99,7 +99,7 @@ class Kernels:
         """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
         return self._processor.function(self._code(text), arrays)
 
-    def _plan(self, equations: Equations, values: Values) -> Passage:
+    def _plan(self, equations: Equations, values: Values) -> CallPlan:
         looks = []
         for name in equations.ranks:
             value = values[name]
@@ -112,7 +112,7 @@ class Kernels:
         key = equations.key or id(equations), equations.name, *looks
         return self._plans.get(key) or self._planned(key, equations, values)
 
-    def _planned(self, key: Hashable, equations: Equations, values: Values) -> Passage:
+    def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
         batch = batch_of(equations.ranks, values)
         inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
         made_for = equations.name, equations.key, inputs
@@ -133,7 +133,7 @@ class Kernels:
         # The equations are kept, so that no others have their id.
         grouped = any(item.level == GROUP for _, item, _ in ways)
         groups = prod(batch[:-1]) if grouped else 1
-        plan = self._plans[key] = Passage(equations, kernel, made_for, batch, prod(batch), groups, ways)
+        plan = self._plans[key] = CallPlan(equations, kernel, made_for, batch, prod(batch), groups, ways)
         return plan
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -183,7 +183,7 @@ class Kernels:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
 
     def _proves(
-        self, equations: Equations, plan: Passage, values: Values, outputs: Mapping[str, Array], held: Mask | None
+        self, equations: Equations, plan: CallPlan, values: Values, outputs: Mapping[str, Array], held: Mask | None
     ) -> bool:
         """Whether NumPy gives the same of the first and the last member, which makes sure that a user's function is one
         of each member by itself, and does not go by the type of what it is given."""
@@ -203,7 +203,7 @@ class Kernels:
         return True
 
     def _again(
-        self, equations: Equations, plan: Passage, values: Values, outputs: dict[str, Array], which: Mask
+        self, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array], which: Mask
     ) -> None:
         """Compute some members by NumPy."""
         places = np.flatnonzero(which)
@@ -220,7 +220,7 @@ class Kernels:
 
 
 def _by_numpy_alone(
-    equations: Equations, plan: Passage, values: Values, outputs: Mapping[str, Array], places: Indices
+    equations: Equations, plan: CallPlan, values: Values, outputs: Mapping[str, Array], places: Indices
 ) -> Iterator[tuple[str, Array]]:
     """What NumPy gives of some members: of each output its name, and ``(components..., places)``."""
     batch, count = plan.batch, len(places)
@@ -258,7 +258,7 @@ def _as_it_is(item: Input, value: Any, batch: tuple[int, ...]) -> bool:
     return bool(value.shape == item.full(batch))
 
 
-def _run(plan: Passage, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
+def _run(plan: CallPlan, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
     """The outputs, and of which members they are right; None: of all."""
     members, batch = plan.members, plan.batch
     padded = max(members, vector_code.WIDTH)

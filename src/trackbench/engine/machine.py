@@ -136,7 +136,7 @@ class MachineCode:
         self.call = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 3, *[ctypes.c_void_p] * arrays)(address)
 
 
-class Kept:
+class KernelCache:
     """Object files on disk, by what they were made from.
 
     Each file begins with a checksum of its key and of itself: what is damaged, or is another's, counts as not there.

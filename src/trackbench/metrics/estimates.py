@@ -11,7 +11,7 @@ from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.parts import stretches
 from trackbench.metrics.protocol import Chunk, Scope
-from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, Givers, merge
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, TrackerSet, merge
 
 
 class EstimateSums:
@@ -50,8 +50,8 @@ class _Summing:
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
         self._found, found = np.unique(classes, return_inverse=True)
         self._class = found.reshape(scope.classes.shape)
-        self._per_step: dict[Givers, Array] = {}
-        self._per_class: dict[Givers, Array] = {}
+        self._per_step: dict[TrackerSet, Array] = {}
+        self._per_class: dict[TrackerSet, Array] = {}
         self._diverged = np.zeros(scope.runs, dtype=bool)
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
@@ -103,7 +103,7 @@ class _Summing:
             steps=self._steps,
         )
 
-    def _of(self, givers: Givers) -> tuple[Array, Array]:
+    def _of(self, givers: TrackerSet) -> tuple[Array, Array]:
         """Sums ``(12, instants)`` and ``(12, classes, runs)`` of the estimates that only these trackers gave."""
         if givers not in self._per_step:
             rows, instants = len(ERROR_FIELDS), len(self._scope.target.time)
@@ -138,7 +138,7 @@ class _Summing:
         for total, value in zip(per_class, values, strict=True):
             total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
 
-    def _add_few(self, givers: Givers, instants: Indices, members: Indices, values: Array) -> None:
+    def _add_few(self, givers: TrackerSet, instants: Indices, members: Indices, values: Array) -> None:
         """Add values ``(fields, estimates)`` at some instants and members."""
         per_step, per_class = self._of(givers)
         objects, runs = np.divmod(members, self._scope.runs)

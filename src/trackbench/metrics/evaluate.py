@@ -19,7 +19,7 @@ from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
 from trackbench.metrics.registry import BUILT_IN
-from trackbench.metrics.sums import BlockScores, Givers, Scores
+from trackbench.metrics.sums import BlockScores, Scores, TrackerSet
 from trackbench.results import Health, MetricValue
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ class Evaluation:
 
 
 def evaluate(
-    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: Givers = frozenset()
+    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: TrackerSet = frozenset()
 ) -> Evaluation:
     """The metrics from the sums of all runs.
 

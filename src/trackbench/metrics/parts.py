@@ -8,10 +8,10 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import class_sums
-from trackbench.metrics.sums import SHORTEST, STRETCHES, BlockScores, Givers, Scores
+from trackbench.metrics.sums import SHORTEST, STRETCHES, BlockScores, Scores, TrackerSet
 
 
-def scores_of(merged: BlockScores, givers: Givers, scene: Indices) -> Scores:
+def scores_of(merged: BlockScores, givers: TrackerSet, scene: Indices) -> Scores:
     """What the metrics of a tracker are made of.
 
     Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run is cut

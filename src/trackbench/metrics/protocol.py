@@ -17,7 +17,7 @@ from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
-from trackbench.metrics.sums import ERROR, Givers
+from trackbench.metrics.sums import ERROR, TrackerSet
 from trackbench.results import MetricValue
 
 Direction = Literal["smaller", "larger"]
@@ -28,11 +28,11 @@ Outcome = Interval | MetricValue | float | None
 class Agreement(NamedTuple):
     """Which trackers gave an estimate that counts, at the instants of a chunk."""
 
-    all: Givers
+    all: TrackerSet
     """Those that take part."""
     everywhere: Mask
     """``(instants, batch)`` where each of them gave one."""
-    partly: Mapping[Givers, tuple[Indices, Indices]]
+    partly: Mapping[TrackerSet, tuple[Indices, Indices]]
     """Instants and members where these alone gave one."""
 
 

@@ -40,7 +40,7 @@ LAGS = 20
 #: independent: an error is forgotten within a few measurements.
 STRETCHES, SHORTEST = 20, 4.0
 
-Givers = frozenset[str]
+TrackerSet = frozenset[str]
 
 
 @dataclass
@@ -84,7 +84,7 @@ class ErrorSums:
 class BlockScores:
     """Sums over the estimates of one tracker in a block of runs; they merge exactly."""
 
-    errors: dict[Givers, ErrorSums]
+    errors: dict[TrackerSet, ErrorSums]
     """By the trackers that gave an estimate of the same object at the same instant of the same run."""
     due: Array
     """``(runs,)`` number of instants and objects at which there should be an estimate."""
@@ -114,7 +114,7 @@ class BlockScores:
         due = float(self.due.sum())
         return self.given / due if due else float("nan")
 
-    def where(self, givers: Givers) -> ErrorSums:
+    def where(self, givers: TrackerSet) -> ErrorSums:
         """The sums where all of these trackers gave an estimate."""
         found = [sums for others, sums in self.errors.items() if givers <= others]
         if not found:
@@ -195,7 +195,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     )
 
 
-def _merged(blocks: Sequence[BlockScores], givers: Givers, runs: Indices) -> ErrorSums:
+def _merged(blocks: Sequence[BlockScores], givers: TrackerSet, runs: Indices) -> ErrorSums:
     """The sums of one set of givers; ``runs``: where those of each block begin, and the end."""
     known = [(block.errors[givers], at) for block, at in zip(blocks, runs, strict=False) if givers in block.errors]
     per_run = np.zeros((len(ERROR_FIELDS), runs[-1]))

@@ -100,7 +100,7 @@ class TrackerResult(Part):
     """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     @property
-    def aside(self) -> str:
+    def reference_kind(self) -> str:
         """In a word, why it is no competitor: it knows what no tracker knows. Empty of one that is a competitor."""
         if self.smoother is not None:
             return "offline"
@@ -109,7 +109,7 @@ class TrackerResult(Part):
     @property
     def is_reference(self) -> bool:
         """Whether it is no competitor."""
-        return bool(self.aside)
+        return bool(self.reference_kind)
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

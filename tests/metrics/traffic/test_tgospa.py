@@ -9,7 +9,7 @@ import pytest
 from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
 
 from trackbench.metrics.traffic import TrackHistory, TruthHistory, trajectory_paths
-from trackbench.metrics.traffic.couples import Couples, Settled, settled
+from trackbench.metrics.traffic.object_track_pairs import ObjectTrackPairs, Presolved, presolve
 from trackbench.metrics.traffic.tgospa import tgospa
 
 CUTOFF, SWITCH = 3.0, 1.5
@@ -135,9 +135,9 @@ def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.Monke
     ours = [tgospa(counted, SWITCH).total for counted in cases]
     shares = []
 
-    def nothing_settled(couples: Couples, half: float) -> Settled:
-        shares.append(settled(couples, half).assigned.any(axis=1).mean())
-        return Settled(np.zeros(couples.gain.shape, dtype=bool), np.ones(couples.gain.shape, dtype=bool))
+    def nothing_settled(pairs: ObjectTrackPairs, half: float) -> Presolved:
+        shares.append(presolve(pairs, half).assigned.any(axis=1).mean())
+        return Presolved(np.zeros(pairs.gain.shape, dtype=bool), np.ones(pairs.gain.shape, dtype=bool))
 
     monkeypatch.setattr(trajectory_paths, "settled", nothing_settled)
     assert [tgospa(counted, SWITCH).total for counted in cases] == pytest.approx(ours, rel=1e-12)

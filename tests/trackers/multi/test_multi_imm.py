@@ -15,7 +15,7 @@ from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.multi import build_multi
 from trackbench.trackers.multi.detections import side_by_side
 from trackbench.trackers.multi.gate import GatedPairs, under_modes
-from trackbench.trackers.multi.hard import Situation
+from trackbench.trackers.multi.hard import AssociationInput
 from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.soft import weighed
 from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
@@ -93,7 +93,7 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
     predicted, detection_probability, gate, density = filter.predict_measurement(belief, scan), 0.9, 0.999, 0.02
     expected = PredictedTracks(belief, predicted, np.ones(1, dtype=bool))
     tracks = TrackFilter(filter, InitialConfig())
-    at = Situation(tracks, expected, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0))
+    at = AssociationInput(tracks, expected, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0))
     pairs = GatedPairs(np.zeros(2, int), np.arange(2), np.ones(2), np.zeros(2))
     pairs = under_modes(pairs, predicted, filter.measured(detections.scan), belief.probability)
     found = weighed(at, pairs, None, density, 6)

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.traffic.assignment import Counted
-from trackbench.metrics.traffic.couples import Couples
+from trackbench.metrics.traffic.object_track_pairs import ObjectTrackPairs
 from trackbench.metrics.traffic.trajectory_paths import ROUNDING, Weights, solve_one, solve_together
 
 
@@ -47,19 +47,21 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
     bounds = np.searchsorted(pairs.object[order], np.arange(counted.due.shape[1] + 1))
     of_object = np.split(order, bounds[1:-1])
 
-    def couples(objects: frozenset[int]) -> Couples:
+    def pairs_of(objects: frozenset[int]) -> ObjectTrackPairs:
         own = np.concatenate([of_object[item] for item in sorted(objects)])
-        return _couples(pairs.instant[own], pairs.object[own], pairs.track[own], gain[own], len(counted.due))
+        return _object_track_pairs(pairs.instant[own], pairs.object[own], pairs.track[own], gain[own], len(counted.due))
 
     half = switch**2 / 2
     solved = {
-        frozenset([item]): solve_one(couples(frozenset([item])), half) for item, own in enumerate(of_object) if len(own)
+        frozenset([item]): solve_one(pairs_of(frozenset([item])), half)
+        for item, own in enumerate(of_object)
+        if len(own)
     }
     while merged := _conflicts(solved):
         for group in merged:
             solved = {objects: weights for objects, weights in solved.items() if not objects <= group}
-            solved[group] = solve_together(couples(group), half)
-    matched = sum(float(item.weight[item.couples.gain > 0].sum()) for item in solved.values())
+            solved[group] = solve_together(pairs_of(group), half)
+    matched = sum(float(item.weight[item.pairs.gain > 0].sum()) for item in solved.values())
     return TgospaParts(
         localisation=square * matched - sum(item.saved() for item in solved.values()),
         missed=square / 2 * (float(counted.due.sum()) - matched),
@@ -69,12 +71,14 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
     )
 
 
-def _couples(instant: Indices, objects: Indices, tracks: Indices, gain: Array, steps: int) -> Couples:
+def _object_track_pairs(
+    instant: Indices, objects: Indices, tracks: Indices, gain: Array, steps: int
+) -> ObjectTrackPairs:
     numbers = tracks.max() + 1
-    couple, which = np.unique(objects * numbers + tracks, return_inverse=True)
-    table = np.zeros((steps, len(couple)))
+    pair, which = np.unique(objects * numbers + tracks, return_inverse=True)
+    table = np.zeros((steps, len(pair)))
     table[instant, which] = gain
-    return Couples(*np.divmod(couple, numbers), table)
+    return ObjectTrackPairs(*np.divmod(pair, numbers), table)
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:
@@ -82,7 +86,7 @@ def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:
     users: dict[int, list[tuple[frozenset[int], Array]]] = defaultdict(list)
     for objects, item in solved.items():
         for column in np.flatnonzero(item.weight.any(axis=0)).tolist():
-            users[int(item.couples.track[column])].append((objects, item.weight[:, column]))
+            users[int(item.pairs.track[column])].append((objects, item.weight[:, column]))
     unions: list[frozenset[int]] = []
     for shared in users.values():
         if len(shared) > 1 and np.max(sum(weight for _, weight in shared)) > 1 + ROUNDING:

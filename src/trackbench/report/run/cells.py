@@ -29,7 +29,7 @@ TRACKER = Column("tracker", left=True)
 
 def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
     """Each tracker's name, and whether it is no competitor."""
-    return [Cell(t.name, (t.aside,) if t.aside else (), tracker=t.name) for t in trackers]
+    return [Cell(t.name, (t.reference_kind,) if t.reference_kind else (), tracker=t.name) for t in trackers]
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:

@@ -24,8 +24,8 @@ from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
+from trackbench.subjects.tuning.availability import PackedGiven
 from trackbench.subjects.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
-from trackbench.subjects.tuning.given import PackedGiven
 from trackbench.subjects.tuning.hidden import TRIAL, score_hidden
 from trackbench.subjects.tuning.labelled import score_labelled, score_start
 from trackbench.subjects.tuning.measures import Sums, metrics_of_trial

@@ -17,14 +17,14 @@ from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
+from trackbench.subjects.tuning.availability import Availability
 from trackbench.subjects.tuning.conditions import CONDITIONS, members
 from trackbench.subjects.tuning.entry import Entry
-from trackbench.subjects.tuning.given import Given
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.trackers.estimates import log_likelihood
 
 
-def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given, EngineUsed | None]:
+def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Availability, EngineUsed | None]:
     """The sums of a tracker as it is over some runs of one scene, the estimates and innovations that it gives, and what
     computed it.
 
@@ -40,7 +40,7 @@ def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given
     return sums.of_trials()[0], sums.given, sums.engine
 
 
-def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given) -> list[Sums]:
+def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability) -> list[Sums]:
     """The sums of several trials over some runs of one scene.
 
     Args:
@@ -56,7 +56,7 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, coun
     return _run(work, piece, entry, trials, counted).of_trials()
 
 
-def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given | None) -> _Sums:
+def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability | None) -> _Sums:
     keep_freed_memory()
     scene = work.scenes[piece.scene]
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
@@ -102,11 +102,11 @@ class _Sums:
         classes: Classes,
         shape: tuple[int, int, int],
         scans: int,
-        counted: Given | None,
+        counted: Availability | None,
     ) -> None:
         self._state, self._due = targets.state, targets.due
         self._shape, self._counted = shape, counted
-        self.given = Given.none(len(self._due), scans, *shape[1:])
+        self.given = Availability.none(len(self._due), scans, *shape[1:])
         """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
         self.engine: EngineUsed | None = None

@@ -94,7 +94,7 @@ class PartSource(NamedTuple):
     sign: float = 1.0
 
 
-class Off(NamedTuple):
+class NeesDeviation(NamedTuple):
     """A mean NEES, over all estimates or under a condition, as the logarithm of it over its degrees of freedom."""
 
     scenario: int
@@ -103,14 +103,14 @@ class Off(NamedTuple):
     value: float
 
 
-def off_by(parts: Parts) -> Iterator[Off]:
+def nees_deviations(parts: Parts) -> Iterator[NeesDeviation]:
     """How far each mean NEES of a trial is off."""
     for name, value in parts.items():
         if name.startswith(NEES):
-            yield Off(int(name.removeprefix(NEES)), "", value)
+            yield NeesDeviation(int(name.removeprefix(NEES)), "", value)
         elif name.startswith(UNDER):
             number, condition = name.removeprefix(UNDER).split(" ", 1)
-            yield Off(int(number), condition, value)
+            yield NeesDeviation(int(number), condition, value)
 
 
 def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
@@ -164,7 +164,7 @@ def mean_nees(parts: Parts) -> float:
 
 def _consistent(parts: Parts) -> tuple[float, ...]:
     worst: dict[int, float] = {}
-    for scenario, condition, value in off_by(parts):
+    for scenario, condition, value in nees_deviations(parts):
         off = conditions.excess(value) if condition else max(0.0, abs(value) - SLACK)
         worst[scenario] = max(off, worst.get(scenario, 0.0))
     return (parts["error"] + PRICE * float(np.mean(list(worst.values()))),)

@@ -11,7 +11,7 @@ from trackbench.metrics.breakdown import DOF
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
-from trackbench.subjects.tuning.objectives import Off, off_by
+from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
 from trackbench.subjects.tuning.parameters import shown
 from trackbench.subjects.tuning.split import SAME_MOTION
 from trackbench.subjects.tuning.tune import Tuning
@@ -62,7 +62,7 @@ def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str
     if one.verdict == "worse":
         if _fits(tuning, one.measure):
             return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
-        price = ", the price of consistency" if list(off_by(tuning.best.parts)) else ""
+        price = ", the price of consistency" if list(nees_deviations(tuning.best.parts)) else ""
         return f"worse than the start{where}, as on what they were tuned on{price}"
     if one.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
@@ -131,13 +131,17 @@ def remarks(tuning: Tuning) -> Iterator[str]:
 def _consistency(tuning: Tuning) -> Iterator[str]:
     """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
     for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
-        off = [one for one in off_by(tuning.best.parts) if one.scenario == number]
+        off = [one for one in nees_deviations(tuning.best.parts) if one.scenario == number]
         if not off:
             continue
         worst = max(off, key=_beyond)
         if _beyond(worst) > 0.0:
             found = f"{scenario}: mean NEES {_nees(worst)}"
-            if all(any(_beyond(one) > 0.0 for one in off_by(trial.parts)) for trial in tuning.trials if trial.parts):
+            if all(
+                any(_beyond(one) > 0.0 for one in nees_deviations(trial.parts))
+                for trial in tuning.trials
+                if trial.parts
+            ):
                 found += "; no values that were tried are consistent"
             yield found if not apart else found.replace(scenario, f"{scenario}, tuned on", 1)
         for nees in tuning.held_out.of("nees"):
@@ -146,13 +150,13 @@ def _consistency(tuning: Tuning) -> Iterator[str]:
                 yield f"{scenario}, held out: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
 
 
-def _beyond(one: Off) -> float:
+def _beyond(one: NeesDeviation) -> float:
     """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
     low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if one.condition else (-OFF, OFF)
     return max(one.value - high, low - one.value)
 
 
-def _nees(one: Off) -> str:
+def _nees(one: NeesDeviation) -> str:
     """ "6.31 turning, where 4 is right"."""
     dof = DOF["nees_position"] if one.condition in HALVES else NEES_DOF
     where = f" {one.condition}" if one.condition else ""

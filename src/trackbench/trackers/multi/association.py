@@ -13,7 +13,7 @@ from trackbench.filters import MultiModelBelief, choose
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.trackers.multi.assign import best_assignment, in_order_of_list, of_same_object
 from trackbench.trackers.multi.gate import GatedPairs, gated, under_modes
-from trackbench.trackers.multi.hard import Association, Situation, decided, missed
+from trackbench.trackers.multi.hard import Association, AssociationInput, decided, missed
 from trackbench.trackers.multi.soft import weighed
 from trackbench.trackers.multi.table import NONE, TrackTable
 
@@ -25,7 +25,7 @@ LEAST_DETECTION = 1e-3
 
 def associated(
     config: AssociateConfig,
-    at: Situation,
+    at: AssociationInput,
     table: TrackTable,
     origin: Indices | None,
     probability: float,
@@ -67,7 +67,7 @@ def associated(
     return weighed(at, pairs, table.evidence, density, config.max_cluster, compute)
 
 
-def _nearest(at: Situation, pairs: GatedPairs) -> Association:
+def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:
     probability = at.detection_probability.take(pairs.track)
     ratio = np.log(probability / at.intensity.false_alarms) + pairs.log_likelihood
     chosen = best_assignment(pairs, ratio - np.log(missed(probability, at.gate)), at.run)
@@ -75,7 +75,7 @@ def _nearest(at: Situation, pairs: GatedPairs) -> Association:
 
 
 def _established(
-    at: Situation, pairs: GatedPairs, confirmed: Mask, density: float, max_cluster: int, compute: Compute
+    at: AssociationInput, pairs: GatedPairs, confirmed: Mask, density: float, max_cluster: int, compute: Compute
 ) -> Association:
     """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
 
@@ -100,7 +100,7 @@ def _threshold(gate: float, components: int) -> float:
     return float(chi_square_quantile(gate, components))
 
 
-def _by_origin(at: Situation, of_track: Indices, of_detection: Indices) -> Association:
+def _by_origin(at: AssociationInput, of_track: Indices, of_detection: Indices) -> Association:
     objects = int(max(of_track.max(initial=-1), of_detection.max(initial=-1))) + 1
     detection = np.where(of_detection >= 0, at.detections.run * objects + of_detection, NONE)
     track, taken = of_same_object(at.run * objects + of_track, detection)

@@ -19,7 +19,7 @@ from trackbench.engine.beliefs import (
     taken_apart,
 )
 from trackbench.engine.equations import Values
-from trackbench.engine.filters import Asked, FusedFilter, fused, prediction
+from trackbench.engine.filters import FilterCall, FusedFilter, fused, prediction
 from trackbench.filters import AnyBelief, Filter, bare, choose, select, selected_prediction
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.multi.fused_close import close_in_all
@@ -98,26 +98,26 @@ class FusedTrackFilter(TrackFilter):
         return put_together(self.filter.computed("belief", _after, values, scan), self.filter.modes)
 
 
-def _begun(asked: Asked, values: Values, initial: InitialConfig) -> Values:
-    return taken_apart(begun(asked.filter, initial, scan_of(values, asked.scan)))
+def _begun(call: FilterCall, values: Values, initial: InitialConfig) -> Values:
+    return taken_apart(begun(call.filter, initial, scan_of(values, call.scan)))
 
 
-def _expected(asked: Asked, values: Values, view: FieldOfView | None) -> Values:
-    scan = any_scan(values, asked.scan)._replace(field_of_view=view)
-    found = expected(asked.filter, prediction(asked, values), scan)
+def _expected(call: FilterCall, values: Values, view: FieldOfView | None) -> Values:
+    scan = any_scan(values, call.scan)._replace(field_of_view=view)
+    found = expected(call.filter, prediction(call, values), scan)
     return {**taken_apart(bare(found.belief)), **of_prediction(found.measurement), "in view": found.in_view}
 
 
-def _after(asked: Asked, values: Values) -> Values:
-    before, scan = put_together(values, asked.modes), scan_of(values, asked.scan)
-    after = asked.filter.update(before, scan, prediction_of(values, asked.modes)).belief
+def _after(call: FilterCall, values: Values) -> Values:
+    before, scan = put_together(values, call.modes), scan_of(values, call.scan)
+    after = call.filter.update(before, scan, prediction_of(values, call.modes)).belief
     return taken_apart(choose(scan.valid, bare(after), bare(before)))
 
 
-def _mixture(asked: Asked, values: Values, slots: int) -> Values:
-    before, predicted = put_together(values, asked.modes), prediction_of(values, asked.modes)
-    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, asked.scan) for number in range(slots)]
-    updated = [bare(asked.filter.update(before, scan, predicted).belief) for scan in scans]
+def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
+    before, predicted = put_together(values, call.modes), prediction_of(values, call.modes)
+    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, call.scan) for number in range(slots)]
+    updated = [bare(call.filter.update(before, scan, predicted).belief) for scan in scans]
     share = [values[f"share {number}"] for number in range(slots)]
-    mixed = of_slots(asked.filter.motions, bare(before), updated, share, values["kept"])
+    mixed = of_slots(call.filter.motions, bare(before), updated, share, values["kept"])
     return taken_apart(choose(values["valid"], mixed, bare(before)))

@@ -14,7 +14,7 @@ from trackbench.trackers.multi.table import NONE
 from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
 
 
-class Situation(NamedTuple):
+class AssociationInput(NamedTuple):
     """The tracks and the detections of a scan, before they are associated."""
 
     filter: TrackFilter
@@ -55,7 +55,7 @@ class Association(NamedTuple):
     """``(2, L)`` probability that the object exists, and that it is not hidden if so, where the method has them."""
 
 
-def decided(at: Situation, track: Indices, detection: Indices, log_ratio: Array) -> Association:
+def decided(at: AssociationInput, track: Indices, detection: Indices, log_ratio: Array) -> Association:
     """Each of the tracks takes its detection; the others keep their prediction.
 
     Args:

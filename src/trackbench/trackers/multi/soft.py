@@ -7,13 +7,13 @@ import numpy as np
 from trackbench.base.types import Array, Indices
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.trackers.multi.gate import GatedPairs
-from trackbench.trackers.multi.hard import Association, Situation
+from trackbench.trackers.multi.hard import Association, AssociationInput
 from trackbench.trackers.multi.marginals import marginals
 from trackbench.trackers.multi.table import NONE
 
 
 def weighed(
-    at: Situation,
+    at: AssociationInput,
     pairs: GatedPairs,
     existence: Array | None,
     density: float,

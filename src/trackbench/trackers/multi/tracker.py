@@ -20,7 +20,7 @@ from trackbench.trackers.late import LateMethod, ProcessedScan, appended, positi
 from trackbench.trackers.multi.association import CLAIMED, associated
 from trackbench.trackers.multi.detections import RunDetections, side_by_side
 from trackbench.trackers.multi.duplicates import duplicates
-from trackbench.trackers.multi.hard import Association, Situation
+from trackbench.trackers.multi.hard import Association, AssociationInput
 from trackbench.trackers.multi.intensity import intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
 from trackbench.trackers.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
@@ -185,7 +185,7 @@ class MultiObjectTracker:
         config, runs = self.associate, len(ahead.next_id)
         detections = side_by_side(scan, as_listed=config.method == "naive")
         origin = None if origins is None else origins[detections.column, detections.run]
-        at = self._situation(ahead, expected, detections)
+        at = self._association_input(ahead, expected, detections)
         probability = self._stated_probability(scan)
         found = associated(config, at, ahead.table, origin, probability, self._compute)
         table, ends = self._judged(ahead.table, found, at)
@@ -199,7 +199,9 @@ class MultiObjectTracker:
             undetected = undetected.after_scan(scan, self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, expected: PredictedTracks, detections: RunDetections) -> Situation:
+    def _association_input(
+        self, ahead: MultiObjectState, expected: PredictedTracks, detections: RunDetections
+    ) -> AssociationInput:
         scan = detections.scan
         density = intensity(
             scan,
@@ -210,9 +212,9 @@ class MultiObjectTracker:
         )
         probability = np.where(expected.in_view, self._stated_probability(scan), 0.0)
         run, gate = ahead.table.run, self.associate.gate
-        return Situation(self._track_filter, expected, detections, run, probability, gate, density)
+        return AssociationInput(self._track_filter, expected, detections, run, probability, gate, density)
 
-    def _judged(self, before: TrackTable, found: Association, at: Situation) -> tuple[TrackTable, Mask]:
+    def _judged(self, before: TrackTable, found: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""
         hit, confirmed, scan = found.detection != NONE, before.id != NONE, at.detections.scan
         values = {
@@ -235,7 +237,7 @@ class MultiObjectTracker:
         table = before._replace(belief=found.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends
 
-    def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
+    def _begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable:
         """A track for each detection that probably stems from none."""
         config, scan = self.associate, at.detections.scan
         existence: Array | None = None

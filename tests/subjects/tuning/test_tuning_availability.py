@@ -13,8 +13,8 @@ from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
+from trackbench.subjects.tuning.availability import Availability, PackedGiven
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.given import Given, PackedGiven
 from trackbench.subjects.tuning.held_out import compare_held_out
 from trackbench.subjects.tuning.labelled import score_labelled, score_start
 from trackbench.subjects.tuning.measures import Sums
@@ -93,8 +93,8 @@ def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Sce
     piece = BlockRuns(0, range(4))
     whole, given, _ = score_start(work, piece, entry)
     random = np.random.default_rng(1)
-    some = Given(*(random.random(mask.shape) < 0.5 for mask in given))
-    others = Given(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
+    some = Availability(*(random.random(mask.shape) < 0.5 for mask in given))
+    others = Availability(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
     halves = [score_labelled(work, piece, entry, 1, counted)[0] for counted in (some, others)]
     for name in whole.values:
         total = halves[0].values[name] + halves[1].values[name]
@@ -126,8 +126,8 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
 
 def test_masks_are_packed_and_unpacked() -> None:
     random = np.random.default_rng(0)
-    coverage = Given(random.random((13, 2, 5)) < 0.5, random.random((21, 2, 5)) < 0.5)
-    parts = [Given(*(mask[..., runs] for mask in coverage)) for runs in (slice(0, 2), slice(2, 5))]
+    coverage = Availability(random.random((13, 2, 5)) < 0.5, random.random((21, 2, 5)) < 0.5)
+    parts = [Availability(*(mask[..., runs] for mask in coverage)) for runs in (slice(0, 2), slice(2, 5))]
     joined = PackedGiven.joined([PackedGiven.of(part) for part in parts])
     for found, expected in zip(joined.unpacked(), coverage, strict=True):
         np.testing.assert_array_equal(found, expected)

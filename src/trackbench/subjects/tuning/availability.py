@@ -13,7 +13,7 @@ from trackbench.base.types import Mask
 Bytes = npt.NDArray[np.uint8]
 
 
-class Given(NamedTuple):
+class Availability(NamedTuple):
     """Of which objects and runs of one scene there is an estimate at an instant, and an innovation of a scan.
 
     Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
@@ -27,7 +27,7 @@ class Given(NamedTuple):
     """``(scans, objects, runs)``, the scans in the order in which they were taken."""
 
     @classmethod
-    def none(cls, instants: int, scans: int, objects: int, runs: int) -> Given:
+    def none(cls, instants: int, scans: int, objects: int, runs: int) -> Availability:
         """Of no object; to be filled in."""
         return cls(*(np.zeros((number, objects, runs), dtype=bool) for number in (instants, scans)))
 
@@ -43,7 +43,7 @@ class PackedGiven(NamedTuple):
     scans: int
 
     @classmethod
-    def of(cls, given: Given) -> PackedGiven:
+    def of(cls, given: Availability) -> PackedGiven:
         """The packed masks."""
         estimates, innovations = (np.packbits(mask, axis=0) for mask in given)
         return cls(estimates, innovations, len(given.estimates), len(given.innovations))
@@ -59,7 +59,7 @@ class PackedGiven(NamedTuple):
         here = slice(runs.start, runs.stop)
         return self._replace(estimates=self.estimates[..., here], innovations=self.innovations[..., here])
 
-    def unpacked(self) -> Given:
+    def unpacked(self) -> Availability:
         """The masks."""
         sizes = (self.estimates, self.instants), (self.innovations, self.scans)
-        return Given(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))
+        return Availability(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))

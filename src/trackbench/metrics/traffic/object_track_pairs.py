@@ -10,7 +10,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.traffic.instants import last_instant
 
 
-class Couples(NamedTuple):
+class ObjectTrackPairs(NamedTuple):
     """Couples ``(E,)`` of an object and a track that are near each other at some instant."""
 
     object: Indices
@@ -19,7 +19,7 @@ class Couples(NamedTuple):
     """``(T, E)`` what it saves to have them assigned to each other."""
 
 
-class Settled(NamedTuple):
+class Presolved(NamedTuple):
     """What is the same in every optimum, ``(T, E)`` each; what is in neither is not assigned."""
 
     assigned: Mask
@@ -27,27 +27,27 @@ class Settled(NamedTuple):
     """To be decided."""
 
 
-def settled(couples: Couples, half: float) -> Settled:
-    """The couples that every optimum assigns at an instant.
+def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
+    """The pairs that every optimum assigns at an instant.
 
-    A couple has an advantage where it gains more than the best other couples of its object and of its track together.
-    Take a stretch of instants without a disadvantage. To assign the couple from its start, or up to its end, costs at
+    A pair has an advantage where it gains more than the best other pairs of its object and of its track together.
+    Take a stretch of instants without a disadvantage. To assign the pair from its start, or up to its end, costs at
     most three changes there: it begins or ends, and its object and its track each leave or take another. So it is
     assigned at every instant up to which, and after which, its advantages in the stretch sum to more. Where the run
     begins and ends, there is no such cost.
 
     Args:
-        couples: with a gain of 0 or more.
+        pairs: with a gain of 0 or more.
         half: cost of a change.
     """
-    advantage = couples.gain - _rivals(couples.gain, couples.object) - _rivals(couples.gain, couples.track)
+    advantage = pairs.gain - _rivals(pairs.gain, pairs.object) - _rivals(pairs.gain, pairs.track)
     enough = (_since(advantage) > 3 * half) & (_since(advantage[::-1])[::-1] - advantage > 3 * half)
     assigned = enough & (advantage > 0)
     excluded = np.zeros_like(assigned)
-    for owner in (couples.object, couples.track):
+    for owner in (pairs.object, pairs.track):
         for own in _columns_of(owner):
             excluded[:, own] |= assigned[:, own].any(axis=1, keepdims=True)
-    return Settled(assigned, ~excluded)
+    return Presolved(assigned, ~excluded)
 
 
 def _since(advantage: Array) -> Array:
@@ -58,7 +58,7 @@ def _since(advantage: Array) -> Array:
 
 
 def _rivals(gain: Array, owner: Indices) -> Array:
-    """``(T, E)`` the best gain among the other couples of the same owner; 0 where there is none."""
+    """``(T, E)`` the best gain among the other pairs of the same owner; 0 where there is none."""
     found = np.zeros_like(gain)
     for own in _columns_of(owner):
         if len(own) > 1:
