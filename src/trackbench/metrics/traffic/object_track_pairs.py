@@ -11,7 +11,7 @@ from trackbench.metrics.traffic.instants import last_instant
 
 
 class ObjectTrackPairs(NamedTuple):
-    """Couples ``(E,)`` of an object and a track that are near each other at some instant."""
+    """Pairs ``(E,)`` of an object and a track that are near each other at some instant."""
 
     object: Indices
     track: Indices

@@ -49,7 +49,7 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
     def pairs_of(objects: frozenset[int]) -> ObjectTrackPairs:
         own = np.concatenate([of_object[item] for item in sorted(objects)])
-        return _object_track_pairs(pairs.instant[own], pairs.object[own], pairs.track[own], gain[own], len(counted.due))
+        return _near_pairs(pairs.instant[own], pairs.object[own], pairs.track[own], gain[own], len(counted.due))
 
     half = switch**2 / 2
     solved = {
@@ -71,9 +71,7 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
     )
 
 
-def _object_track_pairs(
-    instant: Indices, objects: Indices, tracks: Indices, gain: Array, steps: int
-) -> ObjectTrackPairs:
+def _near_pairs(instant: Indices, objects: Indices, tracks: Indices, gain: Array, steps: int) -> ObjectTrackPairs:
     numbers = tracks.max() + 1
     pair, which = np.unique(objects * numbers + tracks, return_inverse=True)
     table = np.zeros((steps, len(pair)))
