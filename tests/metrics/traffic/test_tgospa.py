@@ -139,7 +139,7 @@ def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.Monke
         shares.append(presolve(pairs, half).assigned.any(axis=1).mean())
         return Presolved(np.zeros(pairs.gain.shape, dtype=bool), np.ones(pairs.gain.shape, dtype=bool))
 
-    monkeypatch.setattr(trajectory_paths, "settled", nothing_settled)
+    monkeypatch.setattr(trajectory_paths, "presolve", nothing_settled)
     assert [tgospa(counted, SWITCH).total for counted in cases] == pytest.approx(ours, rel=1e-12)
     assert np.mean(shares) > 0.3
 

@@ -98,7 +98,7 @@ def _standings(result: Result) -> Iterator[Block]:
         yield Items(tuple(items), numbered=True)
         beside = [t for t in result.scored if t not in result.contenders]
         if beside:
-            yield Items(tuple(Item(said[t.name], f"{t.name} ({t.aside})", t.describe, t.name) for t in beside))
+            yield Items(tuple(Item(said[t.name], f"{t.name} ({t.reference_kind})", t.describe, t.name) for t in beside))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

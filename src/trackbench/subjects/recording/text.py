@@ -116,7 +116,7 @@ def _row(tracker: TrackerResult) -> str:
     nees = tracker.nees
     over = tracker.metrics.get("position_over_reference")
     cells = (
-        f"{tracker.name} ({tracker.aside})" if tracker.aside else tracker.name,
+        f"{tracker.name} ({tracker.reference_kind})" if tracker.reference_kind else tracker.name,
         with_interval(tracker.position_rmse),
         number(None if over is None else over.value),
         number(nees.value),
