@@ -56,7 +56,7 @@ trackers:
   ekf:
     filter: ekf
     motion: cv
-    initial: {{from: first_reading}}
+    initial: {{from: first_measurement}}
     sweep:
       acceleration_sigma_mps2: {sigmas}
       initial.velocity_sigma_mps: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]

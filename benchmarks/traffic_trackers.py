@@ -130,7 +130,7 @@ def beside_stonesoup(method: str) -> tuple[float, float, int]:
     later = [scan_of_run(scan, 0)._replace(time=scan.time + 1 / RATE) for scan in seen.scans]
     keys = {"confirm": [1, 1], "delete_after_s": 9.0, "gate": gate}
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA}
-    initial = {"from": "first_reading", "sensors": ["start"], "velocity_sigma_mps": 4.0}
+    initial = {"from": "first_measurement", "sensors": ["start"], "velocity_sigma_mps": 4.0}
     config = {**given, "initial": initial, "associate": {"method": method, **keys}}
     of = build_multi(FilterConfig.model_validate(config))
     state, begun = of.step(None, scan_of_run(first._replace(sensor="start"), 0))

@@ -52,7 +52,7 @@ sensors:
   lidar: {type: lidar, rate_hz: 5, position_sigma_m: 0.15, detection_probability: 0.9}
 trackers:
   raw: {use: raw}
-  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: {from: two_readings, least_time_s: 0}}
+  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: {from: two_measurements, least_time_s: 0}}
 monte_carlo: {runs: 4, seed: 7}
 """
 

@@ -112,7 +112,7 @@ def _bins(world: World, method: str, keys: dict[str, Any]) -> Array:
         FilterConfig.model_validate(
             {
                 "filter": "kf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA,
-                "initial": {"from": "first_reading", "velocity_sigma_mps": VELOCITY_SIGMA}, "associate": associate,
+                "initial": {"from": "first_measurement", "velocity_sigma_mps": VELOCITY_SIGMA}, "associate": associate,
             }
         )
     )  # fmt: skip

@@ -36,7 +36,7 @@ SCENE = {
         "from_first_reading": {
             **WHITE,
             "filter": "kf",
-            "initial": {"from": "first_reading", "velocity_sigma_mps": float(np.sqrt((5**2 + 10**2) / 2 / 2))},
+            "initial": {"from": "first_measurement", "velocity_sigma_mps": float(np.sqrt((5**2 + 10**2) / 2 / 2))},
         },
     },
 }

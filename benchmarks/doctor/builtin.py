@@ -20,24 +20,26 @@ from .mutant import ExaminedTracker, Mutant
 
 
 def _initial(start: str, velocity_sigma: float) -> dict[str, Any]:
-    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_reading" else {"least_time_s": 0}
+    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_measurement" else {"least_time_s": 0}
     return {"from": start, **known}
 
 
 def ekf_cv(
-    start: str = "first_reading", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
+    start: str = "first_measurement", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
 ) -> FilterTracker:
     initial = _initial(start, velocity_sigma)
     return builtin.ekf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
 
 
-def kf_cv(start: str = "first_reading", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0) -> FilterTracker:
+def kf_cv(
+    start: str = "first_measurement", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
+) -> FilterTracker:
     initial = _initial(start, velocity_sigma)
     return builtin.kf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
 
 
 def ukf_ctrv(
-    start: str = "two_readings",
+    start: str = "two_measurements",
     velocity_sigma: float = 20.0,
     acceleration_sigma: float = 3.0,
     yaw_acceleration_sigma: float = 0.5,
@@ -89,7 +91,7 @@ def _certain(tracker: FilterTracker) -> FilterTracker:
 
 def any_filter(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.behind("overconfident_start", "all", _certain)
-    start = {"start": "first_reading"}
+    start = {"start": "first_measurement"}
     polar = wrong.RadarPolarStart
     yield subject.behind("polar_start", "position", SeenBy, polar, True, sensor="radar", options=start)
     corrections = [
@@ -129,7 +131,7 @@ def linearised(subject: ExaminedTracker) -> Iterator[Mutant]:
 
 
 def turning(subject: ExaminedTracker) -> Iterator[Mutant]:
-    start = {"start": "two_readings"}
+    start = {"start": "two_measurements"}
     yield subject.behind("arctan_quadrant", "first_course", _with_motion, wrong.CourseByArctan, options=start)
     subtracting = wrong.subtracts_too_much
     yield subject.behind("covariance_not_psd", "subtracts_too_much", _with_correction, subtracting)

@@ -25,8 +25,8 @@ from .plain_ukf import PlainUkf
 from .sampling_filters import EnsembleFilter, ParticleFilter, SquareRootEnsemble
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "alpha_beta.py"
-STARTS = ("first_reading", "two_readings")
-RADIAL = {"from": "first_reading", "velocity": "radial"}
+STARTS = ("first_measurement", "two_measurements")
+RADIAL = {"from": "first_measurement", "velocity": "radial"}
 
 #: Driving noise of each motion model, from calm to lively: acceleration m/s^2 or jerk m/s^3, yaw acceleration rad/s^2.
 TUNINGS: dict[str, list[dict[str, float]]] = {
@@ -68,7 +68,7 @@ def _built_in() -> dict[str, Make]:
     made: dict[str, Make] = {}
     for make, motions in MOTIONS.items():
         for motion, start in product(motions, STARTS):
-            if (make, motion, start) == (builtin.ekf, "ctra", "first_reading"):
+            if (make, motion, start) == (builtin.ekf, "ctra", "first_measurement"):
                 # Linearised about a course of which one reading says nothing, it can lose its target for seconds.
                 continue
             for number, tuning in enumerate(TUNINGS[motion]):
@@ -135,7 +135,7 @@ UNBELIEVABLE: dict[str, Make] = {"raw": RawTracker, "fading_memory": FadingMemor
 ONE_SENSOR: dict[str, tuple[str, Make]] = {
     f"{make.__name__} {motion}, {kind} alone": (
         kind,
-        partial(make, motion=motion, initial="two_readings", sensors=[kind], **TUNINGS[motion][1]),
+        partial(make, motion=motion, initial="two_measurements", sensors=[kind], **TUNINGS[motion][1]),
     )
     for make, motion, kind in product((builtin.ekf, builtin.ukf), ("cv", "ctrv"), ("radar", "lidar"))
 }

@@ -152,9 +152,9 @@ class StartAtOneInstant:
     def differs(self, elapsed: float) -> bool:
         return True
 
-    def two_readings(self, first: Belief, second: Belief, dt: float) -> Belief:
+    def two_measurements(self, first: Belief, second: Belief, dt: float) -> Belief:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return super().two_readings(first, second, np.float64(dt))
+            return super().two_measurements(first, second, np.float64(dt))
 
 
 class NoiseAlongCourse:

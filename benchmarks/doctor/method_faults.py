@@ -76,8 +76,8 @@ def motion_jacobians(subject: ExaminedTracker) -> Iterator[Mutant]:
 def starts(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("overconfident_start", "all", filtering.CertainStart)
     for variant, mixin in (("position", filtering.PolarStart), ("with_rate", filtering.PolarStartWithRate)):
-        yield subject.mixed("polar_start", variant, mixin, "radar", start="first_reading")
-    yield subject.mixed("nonfinite", "dt_in_start", filtering.StartAtOneInstant, start="two_readings")
+        yield subject.mixed("polar_start", variant, mixin, "radar", start="first_measurement")
+    yield subject.mixed("nonfinite", "dt_in_start", filtering.StartAtOneInstant, start="two_measurements")
 
 
 def corrections(subject: ExaminedTracker) -> Iterator[Mutant]:
@@ -94,7 +94,7 @@ def divisions(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed(fault, "dt_in_noise", filtering.NoisePerSecond)
     if subject.turning:
         yield subject.mixed(fault, "yaw_rate", filtering.UnguardedTurn)
-        yield subject.mixed(fault, "speed", filtering.UnguardedSpeed, start="first_reading")
+        yield subject.mixed(fault, "speed", filtering.UnguardedSpeed, start="first_measurement")
     else:
         yield subject.mixed(fault, "speed", filtering.NoiseAlongCourse)
     if subject.uses_rate:
@@ -104,7 +104,7 @@ def divisions(subject: ExaminedTracker) -> Iterator[Mutant]:
 def unscented(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("angle_mean_not_circular", "spread", sensing.BareSpread, "radar")
     yield subject.mixed("angle_mean_not_circular", "mean", sensing.BareMean, "radar")
-    yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
+    yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_measurements")
 
 
 def innovation(subject: ExaminedTracker) -> Iterator[Mutant]:

@@ -41,7 +41,7 @@ def rotation(angle: float) -> Array:
 class PlainTracker:
     """Start, timing and sensors; a filter adds ``predict`` and ``update`` of its own state."""
 
-    def __init__(self, start: str = "first_reading", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0):
+    def __init__(self, start: str = "first_measurement", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0):
         self.start = start
         self.velocity_sigma = velocity_sigma
         self.acceleration_sigma = acceleration_sigma
@@ -67,14 +67,16 @@ class PlainTracker:
         if not scan.valid:
             return track._replace(time=scan.time)
         position, noise = self.first_position(scan)
-        if self.start == "first_reading":
+        if self.start == "first_measurement":
             return Track(scan.time, *self.from_cartesian(*self.one_measurement(position, noise, scan)))
         if track.first is None:
             return Track(scan.time, first=(scan.time, position, noise))
         elapsed = scan.time - track.first[0]
         if not self.differs(elapsed):
             return track._replace(time=scan.time)
-        return Track(scan.time, *self.from_cartesian(*self.two_readings(track.first[1:], (position, noise), elapsed)))
+        return Track(
+            scan.time, *self.from_cartesian(*self.two_measurements(track.first[1:], (position, noise), elapsed))
+        )
 
     def differs(self, elapsed: float) -> bool:
         """Whether two measurements are far enough apart in time for a velocity."""
@@ -92,7 +94,7 @@ class PlainTracker:
         P[2, 2] = P[3, 3] = self.velocity_sigma**2
         return np.concatenate([position, self.first_velocity(scan)]), P
 
-    def two_readings(self, first: Belief, second: Belief, dt: float) -> Belief:
+    def two_measurements(self, first: Belief, second: Belief, dt: float) -> Belief:
         """Two-point differencing (Bar-Shalom, Li and Kirubarajan 2001, section 5.5.3)."""
         (a, Ra), (b, Rb) = first, second
         P = np.block([[Rb, Rb / dt], [Rb / dt, (Ra + Rb) / dt**2]])

@@ -30,7 +30,7 @@ class ConstantTurnRate(PlainTracker):
 
     def __init__(
         self,
-        start: str = "two_readings",
+        start: str = "two_measurements",
         velocity_sigma: float = 20.0,
         acceleration_sigma: float = 3.0,
         yaw_acceleration_sigma: float = 0.5,

@@ -18,7 +18,7 @@ class SampledTracker(PlainTracker):
     stochastic = True
     count = 4000
 
-    def __init__(self, start: str = "two_readings", seed: int | None = None, **options: Any) -> None:
+    def __init__(self, start: str = "two_measurements", seed: int | None = None, **options: Any) -> None:
         super().__init__(start=start, **options)
         self.random = np.random.default_rng(seed)
         self.track: Any = None

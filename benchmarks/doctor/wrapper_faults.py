@@ -95,7 +95,7 @@ def timing(subject: ExaminedTracker) -> Iterator[Mutant]:
 
 def start(subject: ExaminedTracker) -> Iterator[Mutant]:
     for sigma in (0.1, 0.3, 1.0):
-        start = {"start": "first_reading"}
+        start = {"start": "first_measurement"}
         yield subject.optioned("overconfident_start", f"velocity_{sigma}", start, velocity_sigma=sigma)
 
 

@@ -113,7 +113,7 @@ def innovations(logs: list[TrackLog], kind: str = "radar", acceleration: float =
     for log in logs:
         if len(log.scans) < 2 * SETTLING:
             continue
-        tracker = ekf(motion="cv", acceleration_sigma_mps2=acceleration, initial="first_reading")
+        tracker = ekf(motion="cv", acceleration_sigma_mps2=acceleration, initial="first_measurement")
         state, found = None, []
         for scan in log.scans:
             state, answer = tracker.step(state, scan._replace(kind=kind))

@@ -38,7 +38,7 @@ def _start(words: str) -> str:
 
 
 Q = "process_noise_diag: [20, 20, 4, 4]"
-FIRST = _start("from: first_reading")
+FIRST = _start("from: first_measurement")
 #: From the true velocity, and a position with the error of a reading there; from the true state.
 KNOWN_VELOCITY = _start("from: truth, position_sigma_m: 34.4, velocity_sigma_mps: 0.001")
 KNOWN_START = _start("from: truth, position_sigma_m: 0.001, velocity_sigma_mps: 0.001")
@@ -48,7 +48,7 @@ WHITE = "acceleration_sigma_mps2: 2"
 HYPOTHESES: dict[str, tuple[str, Sequence[str]]] = {
     "as published": (f"{Q}, {FIRST}", ()),
     "first 10 s not scored": (f"{Q}, {FIRST}", ("score.settle_s=10",)),
-    "first velocity along the line of sight": (f"{Q}, {_start('from: first_reading, velocity: radial')}", ()),
+    "first velocity along the line of sight": (f"{Q}, {_start('from: first_measurement, velocity: radial')}", ()),
     "speed read without error": (f"{Q}, {FIRST}", ("sensors.speed_radar.speed_sigma_mps=0.001",)),
     "first velocity known": (f"{Q}, {KNOWN_VELOCITY}", ()),
     "start known": (f"{Q}, {KNOWN_START}", ()),

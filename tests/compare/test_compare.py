@@ -35,7 +35,7 @@ POSITION = METRICS["position_rmse"]
 WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
 TWIN = (
     "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3, "
-    "initial: {from: two_readings, least_time_s: 0}}"
+    "initial: {from: two_measurements, least_time_s: 0}}"
 )
 RANDOM = "truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {a: {pieces: [{white: {motion: cv, acceleration_sigma_mps2: 1}}]}}}"  # noqa: E501
 
@@ -213,8 +213,8 @@ def test_equal_seeds_are_not_taken_for_equal_measurements(keep: Keep, tmp_path: 
 def test_one_tracker_each_is_compared_whatever_its_name(keep: Keep) -> None:
     found = compare([keep(TWIN), keep(TWIN, WORSE_EKF)], trackers=["twin"])
     assert [item.identical for item in found.differences] == [True]
-    first = keep("trackers={old: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}}")
-    second = keep("trackers={new: {filter: ekf, motion: cv, acceleration_sigma_mps2: 30, initial: first_reading}}")
+    first = keep("trackers={old: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_measurement}}")
+    second = keep("trackers={new: {filter: ekf, motion: cv, acceleration_sigma_mps2: 30, initial: first_measurement}}")
     (item,) = compare([first, second]).differences
     assert (item.entrant, item.against) == (Entrant(tracker="new", set=1), Entrant(tracker="old"))
     assert item.verdict == "worse"

@@ -81,7 +81,7 @@ def test_the_example_s_extended_filter_is_the_built_in_one() -> None:
     ],
 )
 def test_the_messages_of_the_page_are_those_of_the_code(changes: dict[str, Any], message: str) -> None:
-    usual = {"filter": "own_filters:ekf", "state": ["px", "vx", "py", "vy"], "initial": "two_readings"}
+    usual = {"filter": "own_filters:ekf", "state": ["px", "vx", "py", "vy"], "initial": "two_measurements"}
     with pytest.raises(InputError) as caught:
         create("filterpy", {**usual, **changes}, EXAMPLES)
     assert message in str(caught.value)

@@ -28,7 +28,7 @@ BATCH = 1000
 #: A filter of several models gives other digits where a batch has no measurement at all, so that none is of one alone.
 SPLITS = [[125] * 8, [3, 5, 8, 9, 475, 500], [997, 3]]
 #: Tracks that start with an unknown course lead many members into the branches that NumPy computes.
-STARTS = {"near the truth": None, "unknown": {"from": "first_reading", "velocity_sigma_mps": 10}}
+STARTS = {"near the truth": None, "unknown": {"from": "first_measurement", "velocity_sigma_mps": 10}}
 #: Filters that take a while to compile.
 SLOW = ["ukf-ctrv", "ekf-imm"]
 #: Older processors, and this one.
@@ -95,7 +95,7 @@ sensors:
   lidar: {type: lidar, rate_hz: 5, position_sigma_m: 0.2, detection_probability: 0.8}
 trackers:
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3}
-  kf: {filter: kf, motion: cv, acceleration_sigma_mps2: 3, initial: {from: two_readings}}
+  kf: {filter: kf, motion: cv, acceleration_sigma_mps2: 3, initial: {from: two_measurements}}
 monte_carlo: {runs: 24, seed: 7}
 """
 

@@ -71,5 +71,5 @@ def test_every_filter(name, method):
 @pytest.mark.parametrize("velocity", ["zero", "radial", "range_rate"])
 def test_every_start(velocity):
     seen = traffic(vehicles(5), 10, 2, detection=0.9, clutter=2.0, seed=6)
-    initial = {"from": "first_reading", "velocity": velocity, "velocity_sigma_mps": 7.0}
+    initial = {"from": "first_measurement", "velocity": velocity, "velocity_sigma_mps": 7.0}
     assert_same_tracks(tracker("ekf", CTRV, "gnn", initial), seen)

@@ -56,7 +56,7 @@ def own_values(name: str, seed: int = 1) -> tuple[FilterConfig, dict[str, np.nda
     keys, limits = SEARCHED[name]
     random = np.random.default_rng(seed)
     drawn = {key: random.uniform(*interval, BATCH) for key, interval in limits.items()}
-    return FilterConfig.model_validate({**keys, "initial": {"from": "batch"}}), drawn
+    return FilterConfig.model_validate(keys), drawn
 
 
 @pytest.mark.parametrize("name", SEARCHED)
@@ -82,7 +82,6 @@ def test_fifty_values_need_no_other_kernel(name: str, counted: Kernels) -> None:
 
 @pytest.mark.parametrize("name", SEARCHED)
 def test_each_member_may_have_its_own(name: str) -> None:
-    """From a batch of measurements, which take the model of some members at a time."""
     entry, drawn = own_values(name)
     whole = combined(entry, drawn)
     of, by_kernels = build(whole), build(whole)

@@ -27,7 +27,7 @@ from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial_config import InitialConfig
 
 pytestmark = pytest.mark.usefixtures("kernels")
-FIRST = InitialConfig.model_validate({"from": "first_reading", "velocity_sigma_mps": 10})
+FIRST = InitialConfig.model_validate({"from": "first_measurement", "velocity_sigma_mps": 10})
 SCANS = drive(12, 9, ["lidar", "radar"]).scans
 
 
@@ -187,9 +187,8 @@ def test_a_model_that_is_edited_has_its_new_equations(edited: Callable[[float], 
 @pytest.mark.parametrize(
     "model", [*COMPILED, own_models.BranchOnTime, own_models.Random], ids=lambda model: model.__name__
 )
-def test_a_batch_of_first_measurements(model: type[Fading]) -> None:
-    """Which takes the model too."""
-    start = InitialConfig.model_validate({"from": "batch", "measurements": 3, "velocity_sigma_mps": 10})
+def test_a_start_from_the_first_measurement(model: type[Fading]) -> None:
+    start = InitialConfig.model_validate({"velocity_sigma_mps": 10})
     said, used = tracked(model(), "fused", start=start)
     expected, _ = tracked(model(), "numpy", start=start)
     assert np.isfinite(said[-1].mean).all()

@@ -19,7 +19,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.filtered import FilterTracker
 
 pytestmark = pytest.mark.usefixtures("kernels")
-FIRST = {"from": "first_reading", "velocity_sigma_mps": 10}
+FIRST = {"from": "first_measurement", "velocity_sigma_mps": 10}
 OWN = "tests.engine.own_sensors"
 
 

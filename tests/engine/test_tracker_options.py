@@ -23,9 +23,9 @@ pytestmark = pytest.mark.usefixtures("kernels")
 #: Of what is not as well conditioned as a step: a fit to a few measurements, a course that nothing is known of, the
 #: inverse of a covariance.
 ROUGH_LIMIT = 1e-10
-FIRST = {"from": "first_reading", "velocity_sigma_mps": 10}
-TWO = {"from": "two_readings", "least_time_s": 0.3}
-BATCH = {"from": "batch", "measurements": 3, "velocity_sigma_mps": 15}
+FIRST = {"from": "first_measurement", "velocity_sigma_mps": 10}
+TWO = {"from": "two_measurements", "least_time_s": 0.3}
+DEFAULT = {"velocity_sigma_mps": 15}
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +64,10 @@ STARTS: dict[str, tuple[str, dict[str, Any] | None, float]] = {
     "first, at rest before": ("ekf-cv", {**FIRST, "skip": 2, "waiting": "at_rest"}, agreement.LIMIT),
     "first, by range rate": ("ukf-ca", {**FIRST, "velocity": "range_rate"}, agreement.LIMIT),
     "two": ("ekf-cv", TWO, agreement.LIMIT),
-    "batch": ("ekf-cv", BATCH, ROUGH_LIMIT),
-    "batch with a yaw": ("ukf-ctrv", BATCH, ROUGH_LIMIT),
-    "batch of several models": ("ekf-imm", BATCH, ROUGH_LIMIT),
-    "batch of a stated noise": ("ekf-ca-diagonal", BATCH, ROUGH_LIMIT),
+    "default with a yaw": ("ukf-ctrv", DEFAULT, ROUGH_LIMIT),
+    "default of several models": ("ekf-imm", DEFAULT, ROUGH_LIMIT),
+    "default of a stated noise": ("ekf-ca-diagonal", DEFAULT, ROUGH_LIMIT),
+    "two with a yaw": ("ukf-ctrv", TWO, ROUGH_LIMIT),
 }
 
 
@@ -113,7 +113,7 @@ def test_tracks_that_lose_their_course() -> None:
         for k, scan in enumerate(moving.scans)
     ]
     scans = [scan._replace(valid=np.isfinite(scan.measurement[0])) for scan in scans]
-    found = compared(both("ekf-ctrv", moving, BATCH), scans, 1e-9)
+    found = compared(both("ekf-ctrv", moving, DEFAULT), scans, 1e-9)
     lost = [0 if state.fallback is None else int(state.fallback.where.sum()) for state, _ in found]
     assert max(lost) > 3
 

@@ -52,7 +52,7 @@ def assert_member_is(batch, single, index, tolerance):
 
 
 @every_tracker
-@pytest.mark.parametrize("initial", ["first_reading", "two_readings", "truth"])
+@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements", "truth"])
 def test_a_batch_is_the_loop_over_its_members(keys, initial):
     size = 4
     scans = list(measurements(size, 14, seed=3))
@@ -78,7 +78,7 @@ def test_a_batch_is_the_loop_over_its_members(keys, initial):
         ]
         made = made.with_prior(times, motion, normal)
     # Gauss-Newton steps from a course of which nothing is known enlarge the rounding of the last bit.
-    loose = initial == "first_reading" and keys["filter"] == "iekf" and not made.filter.motion.linear
+    loose = initial == "first_measurement" and keys["filter"] == "iekf" and not made.filter.motion.linear
     batch = through(made, scans)
     for i in range(size):
         for whole, single in zip(batch, through(alone[i], [member(seen, i) for seen in scans]), strict=True):
@@ -98,7 +98,7 @@ def test_batch_axes_of_any_shape(keys):
 
 
 @pytest.mark.parametrize("keys", TRACKERS.values(), ids=TRACKERS)
-@given(seed=st.integers(0, 2**32 - 1), initial=st.sampled_from(["first_reading", "two_readings"]))
+@given(seed=st.integers(0, 2**32 - 1), initial=st.sampled_from(["first_measurement", "two_measurements"]))
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_covariances_stay_symmetric_and_positive_definite(keys, seed, initial):
     for estimate in through(tracker(**keys, initial=initial), measurements(5, 25, seed)):
@@ -182,7 +182,7 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf-cv", "ekf-ctra", "ukf-ctrv", "ckf-ctra"])
 def test_thousands_of_steps_leave_the_filter_as_sound_as_ever(name):
-    made = tracker(**TRACKERS[name], initial="first_reading")
+    made = tracker(**TRACKERS[name], initial="first_measurement")
     random = np.random.default_rng(1)
     state, dt = None, 0.1
     target = np.stack([50 * np.ones(4), np.zeros(4), np.zeros(4), 10 * np.ones(4)])

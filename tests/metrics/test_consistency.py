@@ -137,7 +137,7 @@ def test_missed_measurements_leave_a_filter_consistent():
 
 
 def test_a_start_from_two_readings_is_consistent_once_settled():
-    trackers = {"kf": config("kf", initial="two_readings")}
+    trackers = {"kf": config("kf", initial="two_measurements")}
     scores = scores_of({"lidar": LIDAR}, trackers, dt=0.1, settle=3.0)
     found = values(scores["kf"])
     assert near(found["nees"].ci95, 4.0)

@@ -297,7 +297,7 @@ def test_the_error_is_taken_over_that_of_the_reference():
 TWO = {
     "ekf": FilterConfig.model_validate(TRACKERS["ekf-cv"]),
     "ukf": FilterConfig.model_validate(
-        {**TRACKERS["ukf-ctrv"], "sensors": ["radar"], "initial": {"from": "two_readings", "least_time_s": 0}}
+        {**TRACKERS["ukf-ctrv"], "sensors": ["radar"], "initial": {"from": "two_measurements", "least_time_s": 0}}
     ),
     "prior": FilterConfig.model_validate({**TRACKERS["ekf-cv"], "initial": "truth"}),
     "raw": PluginConfig(use="raw"),

@@ -18,7 +18,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
-KEYS = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "initial": "first_reading"}
+KEYS = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "initial": "first_measurement"}
 
 
 def tracker(**keys: Any) -> Any:
@@ -50,7 +50,7 @@ def test_other_sensors_and_correlations_stay() -> None:
 
 
 def test_one_of_several_objects_assumes_it_too() -> None:
-    with_gnn = {"associate": {"method": "gnn", "confirm": [1, 1]}, "initial": {"from": "first_reading"}}
+    with_gnn = {"associate": {"method": "gnn", "confirm": [1, 1]}, "initial": {"from": "first_measurement"}}
     seen = scan("lidar", 0.0, np.array([[5.0], [2.0]]), noise=np.diag([0.04, 0.04]))
     _, tracks = tracker(**with_gnn, measurement_noise={"lidar": {"position_sigma_m": 2.0}}).step(None, seen)
     np.testing.assert_allclose(np.diag(tracks.covariance[..., 0])[:2], 4.0)

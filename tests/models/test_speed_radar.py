@@ -58,7 +58,7 @@ def test_radial_velocity_of_each_kind():
 
 
 def test_taking_a_range_rate_for_the_speed_is_another_model_and_not_other_measurements():
-    keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_reading"}
+    keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_measurement"}
     confused, speed = tracker(**keys, sensor_models={"radar": "speed_radar"}), tracker(**keys)
     state, other = None, None
     for k in range(5):
@@ -69,7 +69,7 @@ def test_taking_a_range_rate_for_the_speed_is_another_model_and_not_other_measur
 
 
 def test_the_confusion_leaves_other_sensors_alone():
-    keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_reading"}
+    keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_measurement"}
     confused, plain = tracker(**keys, sensor_models={"elsewhere": "speed_radar"}), tracker(**keys)
     seen = [scan("radar", float(k), np.array([[50.0 + k], [0.2], [1.0]])) for k in range(3)]
     a = b = None

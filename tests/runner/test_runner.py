@@ -213,7 +213,7 @@ def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny
     # Both start from two measurements, and so have no estimate at the first instant.
     count = column(tiny_result.tables["steps"], "count", tracker="ekf")
     assert tracker(tiny_result, "ekf")["metrics"]["coverage"]["value"] == pytest.approx(count.sum() / (21 * 2 * 4))
-    first = run_tiny("trackers.ekf.initial=first_reading")
+    first = run_tiny("trackers.ekf.initial=first_measurement")
     assert tracker(first, "ekf")["metrics"]["coverage"]["value"] == 1.0
     truth = run_tiny("trackers.ekf.initial=truth", "sensors.radar.detection_probability=0.5")
     assert tracker(truth, "ekf")["failed"] is None
@@ -402,7 +402,7 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
 def test_the_result_says_what_was_run(tiny_result: Result) -> None:
     summary = tiny_result.json()
     described = {entry["name"]: entry["describe"] for entry in summary["trackers"]}
-    ekf = "ekf, cv, acceleration sigma 3 m/s^2, initial: two_readings with least time 0 s, all sensors"
+    ekf = "ekf, cv, acceleration sigma 3 m/s^2, initial: two_measurements with least time 0 s, all sensors"
     assert described == {"raw": "raw, all sensors", "ekf": ekf}
     assert summary["truth"] | {"steps": 21, "dt": 0.1, "duration_s": 2.0, "objects": ["v1", "v2"]} == summary["truth"]
     assert summary["sensors"]["lidar"]["rate_hz"] == 5

@@ -44,13 +44,13 @@ trackers:
     filter: ekf
     motion: cv
     acceleration_sigma_mps2: 1
-    initial: {from: first_reading}
+    initial: {from: first_measurement}
     associate: {method: gnn}
   oracle:
     filter: ekf
     motion: cv
     acceleration_sigma_mps2: 1
-    initial: {from: first_reading}
+    initial: {from: first_measurement}
     associate: {method: oracle}
 monte_carlo: {runs: 4, seed: 3}
 """

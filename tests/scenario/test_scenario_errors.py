@@ -251,10 +251,10 @@ BAD = [
     ),
     (
         "initial: truth",
-        "initial: {from: two_readings, velocity_sigma_mps: 3}",
+        "initial: {from: two_measurements, velocity_sigma_mps: 3}",
         [
-            "22: trackers.ukf.initial.velocity_sigma_mps: not used with from: two_readings; remove it, "
-            "or use from: first_reading or batch or truth"
+            "22: trackers.ukf.initial.velocity_sigma_mps: not used with from: two_measurements; remove it, "
+            "or use from: first_measurement or batch or truth"
         ],
     ),
     (
@@ -281,7 +281,7 @@ BAD = [
     ),
     (
         "sensors: [front, roof]",
-        "sensors: [front, roof], initial: {from: first_reading, velocity: radial, sensors: [roof]}",
+        "sensors: [front, roof], initial: {from: first_measurement, velocity: radial, sensors: [roof]}",
         [
             "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
             "that does"
@@ -289,7 +289,7 @@ BAD = [
     ),
     (
         "sensors: [front, roof]",
-        "sensors: [roof], initial: {from: first_reading, velocity: range_rate}",
+        "sensors: [roof], initial: {from: first_measurement, velocity: range_rate}",
         [
             "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
             "that does"

@@ -17,7 +17,7 @@ sensors:
   front: {type: radar, rate_hz: 20, range_sigma_m: 1e-1, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
   roof: {type: lidar, preset: velodyne_vlp16, max_range_m: 50}
 trackers:
-  ekf: &ekf {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}
+  ekf: &ekf {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_measurement}
   iekf: {<<: *ekf, filter: iekf, sensors: [roof]}
   mine: {use: raw}
 expect:
@@ -48,7 +48,7 @@ def test_initial_as_one_word(tmp_path: Path) -> None:
     tracker = load(tmp_path, GOOD).config.trackers["ekf"]
 
     assert isinstance(tracker, FilterConfig)
-    assert tracker.initial.source == "first_reading"
+    assert tracker.initial.source == "first_measurement"
 
 
 def test_preset_gives_defaults_that_keys_override(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_the_examples_of_the_page_are_one_valid_scenario(tmp_path: Path) -> None
         ("filter: ekf", "filter: ekf\n    use: raw"),
         ("below: 1.0", "below: 1.0, above: 0.1"),
         ("observer: ego", "observer: {z: 1}"),
-        ("from: first_reading, velocity_sigma_mps", "from: birth, velocity_sigma_mps"),
+        ("from: first_measurement, velocity_sigma_mps", "from: birth, velocity_sigma_mps"),
         ("  front_radar:\n", "  front.radar:\n"),
     ],
 )

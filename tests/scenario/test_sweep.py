@@ -77,16 +77,17 @@ def test_any_option_can_vary(tmp_path):
     loaded = load(
         tmp_path,
         "  all: &all\n    motion: cv\n    acceleration_sigma_mps2: 1\n"
-        "    sweep: {filter: [kf, ukf], sensors: [[front, roof], [roof]], initial: [truth, {from: first_reading}]}\n"
+        "    sweep: {filter: [kf, ukf], sensors: [[front, roof], [roof]],\n"
+        "            initial: [truth, {from: first_measurement}]}\n"
         "  q: {filter: ekf, motion: cv, sweep: {process_noise_diag: [[20, 20, 4, 4], [1, 1, 1, 0.5]]}}\n"
-        "  p: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1, initial: {from: first_reading},\n"
+        "  p: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1, initial: {from: first_measurement},\n"
         "      sweep: {initial.velocity_sigma_mps: [5, 10]}}\n"
         "  w: {filter: ukf, motion: cv, acceleration_sigma_mps2: 1, sweep: {augmented: [true, false]}}\n",
     )
 
     assert loaded.sweeps["all"][0] == "all_kf_front-roof_truth"
     assert len(loaded.sweeps["all"]) == 8
-    assert loaded.config.trackers["all_ukf_roof_first_reading"].initial.source == "first_reading"
+    assert loaded.config.trackers["all_ukf_roof_first_reading"].initial.source == "first_measurement"
     assert loaded.sweeps["q"] == ("q_20-20-4-4", "q_1-1-1-0p5")
     assert loaded.config.trackers["p_10"].initial.velocity_sigma_mps == 10
     assert loaded.sweeps["w"] == ("w_true", "w_false")

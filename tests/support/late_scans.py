@@ -13,7 +13,7 @@ from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial_config import InitialConfig
 
-FIRST = {"from": "first_reading", "velocity_sigma_mps": 10}
+FIRST = {"from": "first_measurement", "velocity_sigma_mps": 10}
 
 
 class WhiteAcceleration(MotionModel):

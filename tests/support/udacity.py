@@ -18,10 +18,10 @@ sensors:
   lidar: {type: lidar, position_sigma_m: 0.15}
   radar: {type: radar, range_sigma_m: 0.3, azimuth_sigma_deg: 1.718873, range_rate_sigma_mps: 0.3}
 trackers:
-  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}
-  ekf_lidar: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading, sensors: [lidar]}
+  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_measurement}
+  ekf_lidar: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_measurement, sensors: [lidar]}
   ukf: {filter: ukf, motion: ctrv, acceleration_sigma_mps2: 0.8, yaw_acceleration_sigma_radps2: 0.4,
-        sigma_points: classic, initial: {from: two_readings, least_time_s: 0}}
+        sigma_points: classic, initial: {from: two_measurements, least_time_s: 0}}
   cheat: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: truth}
   raising: {use: "serve_faults:Raising"}
   vanishing: {use: "serve_faults:Vanishing"}

@@ -91,7 +91,7 @@ def test_the_built_in_trackers_pass(name: str, motion: str) -> None:
     check_tracker(name, motion=motion, **SIGMAS[motion])
 
 
-@pytest.mark.parametrize("initial", ["first_reading", "two_readings"])
+@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
 def test_every_start_from_measurements_passes(initial: str) -> None:
     check_tracker("ekf", motion="cv", initial=initial, **SIGMAS["cv"])
 

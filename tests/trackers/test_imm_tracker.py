@@ -22,7 +22,7 @@ from trackbench.trackers.config import FilterConfig
 CV, CTRV = {"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}
 CA = {"model": "ca", **NOISE["ca"]}
 FILTERS = ["ekf", "iekf", "ukf", "ckf"]
-STARTS = ["first_reading", "two_readings", "truth"]
+STARTS = ["first_measurement", "two_measurements", "truth"]
 
 
 def primed(made, size):

@@ -46,7 +46,7 @@ def first_known(found: list[Estimate]) -> int:
     return next(i for i, estimate in enumerate(found) if np.isfinite(estimate.mean).all())
 
 
-@pytest.mark.parametrize(("source", "needed"), [("first_reading", 1), ("two_readings", 3), ("batch", 2)])
+@pytest.mark.parametrize(("source", "needed"), [("first_measurement", 1), ("two_measurements", 3)])
 @pytest.mark.parametrize("skip", [0, 1, 3])
 def test_skipped_measurements_do_not_start_a_track(source: str, needed: int, skip: int) -> None:
     found = estimates({"from": source, "skip": skip}, [scan(0.1 * k) for k in range(12)])
@@ -55,18 +55,18 @@ def test_skipped_measurements_do_not_start_a_track(source: str, needed: int, ski
 
 def test_missed_measurements_are_not_counted_as_skipped() -> None:
     scans = [scan(0.1 * k, valid=k not in (0, 2)) for k in range(6)]
-    assert first_known(estimates({"from": "two_readings", "least_time_s": 0, "skip": 1}, scans)) == 4
+    assert first_known(estimates({"from": "two_measurements", "least_time_s": 0, "skip": 1}, scans)) == 4
 
 
 def test_start_after_skipping_is_that_of_the_two_readings_that_count() -> None:
     scans = [scan(0.0)._replace(measurement=np.array([[50.0], [50.0]])), scan(0.1), scan(0.3)]
-    estimate = estimates({"from": "two_readings", "least_time_s": 0, "skip": 1}, scans)[-1]
+    estimate = estimates({"from": "two_measurements", "least_time_s": 0, "skip": 1}, scans)[-1]
     np.testing.assert_allclose(estimate.mean[:, 0], [1.6, 2.7, *VELOCITY], atol=1e-12)
 
 
 def test_waiting_at_rest_stands_where_the_latest_measurement_is() -> None:
     scans = [scan(0.0, valid=False), scan(0.1), scan(0.2, valid=False), scan(0.3), scan(0.4)]
-    found = estimates({"from": "two_readings", "least_time_s": 0, "skip": 1, "waiting": "at_rest"}, scans)
+    found = estimates({"from": "two_measurements", "least_time_s": 0, "skip": 1, "waiting": "at_rest"}, scans)
     assert np.isnan(found[0].mean).all()
     np.testing.assert_allclose(found[1].mean[:, 0], [1.2, 2.9, 0, 0])
     np.testing.assert_allclose(found[2].mean, found[1].mean)
@@ -79,10 +79,10 @@ def test_sensors_of_the_start_are_not_updated_with_later() -> None:
     """A track that the radar may start but not correct goes straight on when only the radar reads."""
     options = {"sensors": ["lidar"]}
     scans = [scan(0.0, "other"), scan(0.1, "other"), scan(0.2, "other")._replace(measurement=np.full((2, 1), 99.0))]
-    found = estimates({"from": "two_readings", "least_time_s": 0, "sensors": ["lidar", "other"]}, scans, **options)
+    found = estimates({"from": "two_measurements", "least_time_s": 0, "sensors": ["lidar", "other"]}, scans, **options)
     np.testing.assert_allclose(found[2].mean[:, 0], [1.4, 2.8, *VELOCITY], atol=1e-12)
     assert found[2].innovation is None
-    assert np.isnan(estimates({"from": "two_readings", "least_time_s": 0}, scans, **options)[2].mean).all()
+    assert np.isnan(estimates({"from": "two_measurements", "least_time_s": 0}, scans, **options)[2].mean).all()
 
 
 def test_sensors_that_start_tracks_are_sensors_used() -> None:

@@ -42,7 +42,7 @@ IMM = {
 
 
 @pytest.mark.parametrize("keys", [*TRACKERS.values(), IMM], ids=[*TRACKERS, "imm"])
-@pytest.mark.parametrize("initial", ["first_reading", "batch"])
+@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
 def test_replayed_scans_are_as_good_as_in_order(keys: dict[str, Any], initial: str) -> None:
     scans = mixed_scans()
     late = [scans[k] for k in (0, 2, 1, 3, 6, 5, 4, 8, 10, 9, 7, 11, 12, 14, 13, 15)]

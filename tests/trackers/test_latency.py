@@ -170,19 +170,19 @@ def columns(table: Table) -> dict[str, list[str]]:
         ({"sensors": ["lidar"]}, "lidar"),
         (
             {"sensors": ["lidar"], "initial": {"sensors": ["radar"]}},
-            "initial: batch with sensors radar, late: replay, lidar",
+            "initial: first_measurement with sensors radar, late: replay, lidar",
         ),
         ({"smoother": "rts"}, "all sensors"),
-        ({"initial": {"from": "batch"}, "late": "drop"}, "late: drop, all sensors"),
+        ({"initial": {"from": "first_measurement"}, "late": "drop"}, "late: drop, all sensors"),
         ({"initial": "truth", "late": "drop"}, "initial: truth, late: drop, all sensors"),
         (
-            {"initial": {"from": "two_readings", "skip": 3, "covariance_diag": [1, 1, 4, 4]}, "sensors": ["lidar"]},
-            "initial: two_readings with skip 3 and covariance diag(1, 1, 4, 4), lidar",
+            {"initial": {"from": "two_measurements", "skip": 3, "covariance_diag": [1, 1, 4, 4]}, "sensors": ["lidar"]},
+            "initial: two_measurements with skip 3 and covariance diag(1, 1, 4, 4), lidar",
         ),
         ({"associate": {"method": "gnn"}}, "late: replay, all sensors"),
         (
             {"associate": {"method": "gnn"}, "initial": {"velocity": "zero"}},
-            "initial: first_reading with velocity zero, late: replay, all sensors",
+            "initial: first_measurement with velocity zero, late: replay, all sensors",
         ),
         (
             {"measurement_noise": {"radar": {"range_sigma_m": 0.5, "azimuth_sigma_deg": 1.0}}},

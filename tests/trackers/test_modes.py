@@ -39,8 +39,7 @@ def of(tmp_path: Path, code: str | None = None, runs: int = 3) -> tb.Result:
     path.write_text(SCENARIO)
     changes = {"truth.objects.car.pieces": [{"for_s": 2}], "truth.duration_s": 2}
     if code is None:
-        # A state with a yaw starts late.
-        changes["score.settle_s"] = 0.5
+        changes |= {"trackers.imm.initial": "two_measurements", "score.settle_s": 0.2}
     else:
         (tmp_path / "mine.py").write_text(code)
         changes["trackers"] = {"mine": {"use": "mine:Mine"}}

@@ -49,7 +49,7 @@ def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(mot
     ids=str,
 )
 def test_every_filter_adds_the_stated_noise(keys):
-    made = tracker(**keys, motion="cv", process_noise_diag=Q, initial={"from": "first_reading", "covariance_diag": P0})
+    made = tracker(**keys, motion="cv", process_noise_diag=Q, initial={"velocity": "zero", "covariance_diag": P0})
     state, first = made.step(None, scan("radar", 0.0, MEASUREMENT))
     np.testing.assert_array_equal(first.covariance[..., 0], np.diag(P0))
     _, second = made.step(state, scan("radar", 2.0, MEASUREMENT, valid=False))
@@ -58,7 +58,7 @@ def test_every_filter_adds_the_stated_noise(keys):
 
 
 def test_a_second_sensor_at_the_same_instant_adds_no_noise():
-    made = tracker(filter="ekf", motion="cv", process_noise_diag=Q, initial="first_reading")
+    made = tracker(filter="ekf", motion="cv", process_noise_diag=Q, initial="first_measurement")
     state, first = made.step(None, scan("radar", 0.0, MEASUREMENT))
     _, second = made.step(state, scan("lidar", 0.0, MEASUREMENT[:2], valid=False))
     np.testing.assert_array_equal(first.covariance, second.covariance)
@@ -72,7 +72,7 @@ def test_published_filter_step_by_step():
         filter="ekf",
         motion="cv",
         process_noise_diag=Q,
-        initial={"from": "first_reading", "velocity": "radial", "covariance_diag": P0},
+        initial={"from": "first_measurement", "velocity": "radial", "covariance_diag": P0},
     )
     state = x = p = None
     f = np.eye(4) + np.eye(4, k=2)
@@ -95,8 +95,8 @@ def test_published_filter_step_by_step():
 
 def test_a_stated_covariance_of_two_readings_keeps_their_mean():
     keys = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
-    stated = tracker(**keys, initial={"from": "two_readings", "covariance_diag": P0})
-    plain = tracker(**keys, initial="two_readings")
+    stated = tracker(**keys, initial={"from": "two_measurements", "covariance_diag": P0})
+    plain = tracker(**keys, initial="two_measurements")
     a = b = None
     for k in range(2):
         seen = scan("radar", float(k), MEASUREMENT + np.array([[10.0 * k], [0], [0]]))
@@ -120,7 +120,7 @@ def test_radial_velocity_starts_a_track():
         filter="ekf",
         motion="cv",
         process_noise_diag=Q,
-        initial={"from": "first_reading", "velocity": "radial", "velocity_sigma_mps": 3},
+        initial={"from": "first_measurement", "velocity": "radial", "velocity_sigma_mps": 3},
     )
     _, estimate = made.step(None, scan("radar", 0.0, MEASUREMENT, noise=RADAR_NOISE))
     np.testing.assert_allclose(estimate.mean[2:, 0], [7 * np.cos(0.4), 7 * np.sin(0.4)])
@@ -146,13 +146,13 @@ def test_radial_velocity_starts_a_track():
             {
                 "motion": "cv",
                 "process_noise_diag": Q,
-                "initial": {"from": "first_reading", "velocity_sigma_mps": 2.0, "covariance_diag": P0},
+                "initial": {"from": "first_measurement", "velocity_sigma_mps": 2.0, "covariance_diag": P0},
             },
             "initial.velocity_sigma_mps: not used with covariance_diag, which says it all; remove one of them",
         ),
         (
             {"motion": "cv", "process_noise_diag": Q, "initial": {"from": "truth", "velocity": "radial"}},
-            "initial.velocity: not used with from: truth; remove it, or use from: first_reading",
+            "initial.velocity: not used with from: truth; remove it, or use from: first_measurement",
         ),
         ({"motion": "cv"}, "acceleration_sigma_mps2: missing: motion cv needs acceleration_sigma_mps2"),
         (

@@ -11,7 +11,7 @@ from trackbench.trackers.raw import RawTracker
 
 EKF = {"filter": "ekf", "motion": "cv", **NOISE["cv"]}
 #: From the first two measurements that there are.
-TWO = {"from": "two_readings", "least_time_s": 0}
+TWO = {"from": "two_measurements", "least_time_s": 0}
 FAR = np.array([[40.0], [30.0]])
 
 
@@ -19,7 +19,7 @@ FAR = np.array([[40.0], [30.0]])
 def test_from_the_first_reading(kind):
     measurement = np.array([[50.0], [0.6], [3.0]]) if kind == "radar" else FAR
     seen = scan(kind, 2.0, measurement)
-    _, estimate = tracker(**EKF, initial={"from": "first_reading", "velocity_sigma_mps": 7.0}).step(None, seen)
+    _, estimate = tracker(**EKF, initial={"velocity": "zero", "velocity_sigma_mps": 7.0}).step(None, seen)
     position = SENSOR_MODELS[kind].position(seen)
     np.testing.assert_allclose(estimate.mean[:, 0], [*position.mean[:, 0], 0, 0], atol=1e-12)
     stated = position.covariance[..., 0] if position.covariance.ndim == 3 else position.covariance
@@ -110,7 +110,7 @@ def test_a_repaired_covariance_is_reported_where_it_happened():
 
 
 def test_a_lane_that_waits_stays_as_it_is_and_reports_no_repair():
-    made = tracker(filter="ukf", motion="ctra", initial="first_reading", **NOISE["ctra"])
+    made = tracker(filter="ukf", motion="ca", initial="first_measurement", **NOISE["ca"])
     one = np.array([True, False])
     state = None
     for k in range(50):

@@ -65,7 +65,7 @@ def assert_lidar_alone_decides(order: Mapping[str, Any], trackers: Mapping[str, 
 
 
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
-@pytest.mark.parametrize("start", ["two_readings", "first_reading", "truth"])
+@pytest.mark.parametrize("start", ["two_measurements", "first_measurement", "truth"])
 def test_estimates_do_not_depend_on_a_sensor_that_is_not_read(start: str, order: Mapping[str, Any]) -> None:
     every = {
         name.replace("-", "_"): {**keys, "initial": start, "sensors": ["lidar"]} for name, keys in TRACKERS.items()
@@ -85,7 +85,7 @@ def test_nor_does_a_tracker_by_name_that_is_told_so_beside_its_options(order: Ma
 
 
 def test_between_its_own_scans_it_predicts_from_the_last_of_them() -> None:
-    made = tracker(filter="kf", motion="cv", acceleration_sigma_mps2=2, initial="first_reading", sensors=["lidar"])
+    made = tracker(filter="kf", motion="cv", acceleration_sigma_mps2=2, initial="first_measurement", sensors=["lidar"])
     state, first = made.step(None, scan("lidar", 0.0, np.array([[40.0], [30.0]])))
     radar = np.array([[50.0], [0.6], [3.0]])
     for time in (0.1, 0.3):
@@ -98,7 +98,7 @@ def test_between_its_own_scans_it_predicts_from_the_last_of_them() -> None:
 
 
 def test_all_scans_adds_the_process_noise_in_smaller_pieces() -> None:
-    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_reading"}
+    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_measurement"}
     variances = {}
     for advance_at in ("own_scans", "all_scans"):
         made = tracker(**keys, sensors=["lidar"], advance_at=advance_at)
@@ -111,7 +111,7 @@ def test_all_scans_adds_the_process_noise_in_smaller_pieces() -> None:
 
 
 def test_a_sensor_that_only_starts_tracks_advances_the_state() -> None:
-    initial = {"from": "two_readings", "sensors": ["radar"]}
+    initial = {"from": "two_measurements", "sensors": ["radar"]}
     made = tracker(filter="kf", motion="cv", **NOISE["cv"], sensors=["lidar"], initial=initial)
     assert made.advances("radar")
     assert made.advances("lidar")

@@ -142,7 +142,7 @@ SOUND: dict[str, Make] = {
     "sort": looped(SortLike),
     "sort, two hits, age 6": looped(SortLike, min_hits=2, max_age=6),
     "sort, five hits, age 30": looped(SortLike, min_hits=5, max_age=30, max_distance=5.0),
-    "pmb, tracks start from radar": _reading("pmb", initial={"from": "first_reading", "sensors": ["radar"]}),
+    "pmb, tracks start from radar": _reading("pmb", initial={"from": "first_measurement", "sensors": ["radar"]}),
     "gnn, reads lidar alone": _reading("gnn", sensors=["lidar"]),
     "jpda, reads radar alone": _reading("jpda", sensors=["radar"]),
     "pmb, ckf": built_in("pmb", "ckf", "cv", 4.0),

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from trackbench.base.config.key_units import in_words
-from trackbench.trackers.config import ONE_DETECTION, FilterConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial_config import InitialConfig
 
 
@@ -29,9 +29,9 @@ def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str
 
 
 def _initial(tracker: FilterConfig) -> str:
-    """How its tracks start: "initial: two_readings with skip 3"; empty where it is as unless given."""
+    """How its tracks start: "initial: two_measurements with skip 3"; empty where it is as unless given."""
     given = tracker.initial
-    usual = InitialConfig.model_validate({} if tracker.associate is None else ONE_DETECTION)
+    usual = InitialConfig()
     other = {name: value for name, value in given if value != getattr(usual, name)}
     if not other:
         return ""

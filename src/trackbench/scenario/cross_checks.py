@@ -141,12 +141,9 @@ def _assumed_noise(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str)
 
 
 def _first_velocity(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    """A velocity along the line of sight, from sensors of which none says anything of it.
-
-    With ``associate`` it is what a track starts with unless given, and holds for the sensors that have it.
-    """
+    """A stated velocity along the line of sight, of sensors of which none measures it."""
     initial = tracker.initial
-    if initial.velocity == "zero" or tracker.associate is not None:
+    if initial.velocity == "zero" or "velocity" not in initial.model_fields_set or tracker.associate is not None:
         return
     starting = initial.sensors or tracker.sensors or list(scenario.sensors)
     if not all(sensor in scenario.sensors for sensor in starting):

@@ -52,7 +52,7 @@ trackers:
     motion: ctrv
     acceleration_sigma_mps2: 2
     yaw_acceleration_sigma_radps2: 0.5
-    initial: {from: first_reading, velocity_sigma_mps: 20}
+    initial: {from: first_measurement, velocity_sigma_mps: 20}
   ukf_cv:
     filter: ukf
     motion: cv

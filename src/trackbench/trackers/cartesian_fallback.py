@@ -30,6 +30,9 @@ from trackbench.models.motion.base import YAW
 COURSE_LOST = 0.5
 #: Standard deviation of the course below which it is, rad.
 COURSE_KNOWN = 0.1
+#: Share of the speed below which the standard deviation along the course must be as well: a speed of either sign has no
+#: course.
+SPEED_KNOWN = 0.2
 
 
 class CartesianFallback(NamedTuple):
@@ -63,13 +66,14 @@ def has_yaw(motions: Sequence[MotionModel]) -> bool:
 
 
 def course_known(belief: Gaussian) -> Mask:
-    """``(...)`` whether the velocity of px, py, vx, vy tells the course."""
+    """``(...)`` whether the velocity of px, py, vx, vy tells the course, and is far enough from its reverse."""
     vx, vy = belief.mean[2:]
     p = belief.covariance[2:, 2:]
     square = vx * vx + vy * vy
     with np.errstate(divide="ignore", invalid="ignore"):
         across = (vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]) / square
-        return np.asarray(across < COURSE_KNOWN**2 * square)
+        along = p[0, 0] + p[1, 1] - across
+        return np.asarray((across < COURSE_KNOWN**2 * square) & (along < SPEED_KNOWN**2 * square))
 
 
 @dataclass(frozen=True)
@@ -97,18 +101,15 @@ class FallbackFilter:
     engine: Engine
     sigmas: InitialSigmas
     """Assumed of the components that position and velocity leave open; the acceleration drives the fallback."""
-    enabled: bool
-    """Whether tracks that have started fall back."""
+    at_start: bool
+    """Whether a track may start so."""
+    later: bool
+    """Whether one falls back that loses its course later."""
 
     @cached_property
     def guard(self) -> StepGuard | None:
         """Refuses the fused step of a track that would lose its course."""
-        return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.enabled else None
-
-    @property
-    def motion(self) -> MotionModel:
-        """The motion model on px, py, vx, vy."""
-        return self._cartesian.motions[0]
+        return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.later else None
 
     @cached_property
     def _cartesian(self) -> Filter[Belief]:
@@ -117,6 +118,16 @@ class FallbackFilter:
         return filter_by(
             self.engine, replace(single, motion=ConstantVelocity(acceleration_sigma_mps2=self.sigmas.acceleration))
         )
+
+    def begun(
+        self, fallback: CartesianFallback | None, fresh: Mask, state_of: Callable[[MotionModel], Gaussian]
+    ) -> CartesianFallback | None:
+        """The fallback with the fresh tracks ``(...)`` whose course is unknown where they start."""
+        if not self.at_start:
+            return fallback
+        cartesian = state_of(self._cartesian.motions[0])
+        fresh = fresh & ~course_known(cartesian)
+        return added(fallback, fresh, cartesian) if np.any(fresh) else fallback
 
     def predicted(
         self, fallback: CartesianFallback | None, elapsed: float, belief: AnyBelief, started: Mask
@@ -155,10 +166,30 @@ class FallbackFilter:
 
     def returned(self, fallback: CartesianFallback, belief: AnyBelief) -> tuple[AnyBelief, CartesianFallback | None]:
         """The belief of all tracks in their own state, and the fallback without those whose course is known again."""
+        still = fallback.where & ~course_known(Gaussian(fallback.belief.mean, fallback.belief.covariance))
+        left = fallback._replace(where=still) if np.any(still) else None
+        return self._in_own_state(fallback, belief), left
+
+    def smoothed(
+        self, fallback: CartesianFallback, elapsed: float, later: Gaussian, belief: AnyBelief
+    ) -> tuple[AnyBelief, CartesianFallback]:
+        """The belief of all tracks in their own state, and the fallback, smoothed.
+
+        Args:
+            fallback: of the filter.
+            elapsed: s, more than zero.
+            later: ``(4, ...)`` px, py, vx, vy that much later, smoothed.
+            belief: of all tracks, with the smoothed ones of those whose course is known.
+        """
+        after = choose(fallback.where, Belief(*later), fallback.belief)
+        assert isinstance(after, Belief)
+        fallback = fallback._replace(belief=self._cartesian.smooth(fallback.belief, after, elapsed))
+        return self._in_own_state(fallback, belief), fallback
+
+    def _in_own_state(self, fallback: CartesianFallback, belief: AnyBelief) -> AnyBelief:
         cartesian = Gaussian(fallback.belief.mean, fallback.belief.covariance)
-        own: AnyBelief = self.filter.begin(lambda motion: motion.from_cartesian(cartesian, self.sigmas))
-        still = fallback.where & ~course_known(cartesian)
-        return choose(fallback.where, own, belief), fallback._replace(where=still) if np.any(still) else None
+        own = self.filter.begin(lambda motion: motion.from_cartesian(cartesian, self.sigmas))
+        return choose(fallback.where, own, belief)
 
 
 def cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gaussian:

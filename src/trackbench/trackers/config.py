@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from trackbench.base.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
 from trackbench.base.config.key_units import in_words
@@ -43,9 +43,6 @@ STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
     "yaw_sigma_rad": YAW,
     "yaw_rate_sigma_radps": YAW_RATE,
 }
-
-#: How tracks of several objects start unless it is stated.
-ONE_DETECTION = {"from": "first_reading", "velocity": "range_rate"}
 
 
 @dataclass(frozen=True)
@@ -138,21 +135,9 @@ class FilterConfig(OptionsBeside):
     associate: AssociateConfig | None = Field(
         None,
         description="Follows several objects from detections of hidden identities: how it associates them, and when "
-        "its tracks begin and end. Tracks then start from one detection: in initial, from is first_reading and "
-        "velocity range_rate unless given.",
+        "its tracks begin and end. Tracks then start from one detection.",
     )
     sweep: Sweep = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_detection(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or data.get("associate") is None:
-            return data
-        initial = data.get("initial", {})
-        initial = {"from": initial} if isinstance(initial, str) else initial
-        if not isinstance(initial, dict) or initial.get("from", "first_reading") != "first_reading":
-            return data
-        return {**data, "initial": {**ONE_DETECTION, **initial}}
 
     @property
     def sensors_used(self) -> list[str] | None:
@@ -239,8 +224,8 @@ class FilterConfig(OptionsBeside):
 
     def _not_associated(self) -> Iterator[Problem]:
         """What a tracker of one object has and one of several has not."""
-        if self.initial.source != "first_reading":
-            message = "with associate a track starts from one detection: use from: first_reading"
+        if self.initial.source != "first_measurement":
+            message = "with associate a track starts from one detection: use from: first_measurement"
             yield Problem(("initial", "from"), message)
         if self.smoother is not None:
             yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")

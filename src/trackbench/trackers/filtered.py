@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate, Gaussian, Scan
 from trackbench.engine.choice import Engine, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Filter
+from trackbench.filters import Filter, choose
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.cartesian_fallback import FallbackFilter, has_yaw
@@ -43,7 +43,7 @@ class FilterTracker:
     lag_s: float = 1.0
     """How far back a late scan may reach, s."""
     cartesian_fallback: bool = True
-    """Whether a track that a batch starts goes on with position and velocity once its yaw is unknown."""
+    """Whether a track that started from measurements goes on with position and velocity once its yaw is unknown."""
     engine: Engine = "numpy"
 
     batched: ClassVar = True
@@ -119,10 +119,23 @@ class FilterTracker:
         """The estimate of all objects, also of those whose tracks have not started."""
         return self._in_order.estimate(state)
 
+    def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
+        """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
+        elapsed = later.time - state.time
+        # Where there is no track yet, what is smoothed means nothing.
+        belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
+        if state.fallback is None:
+            return state._replace(belief=belief)
+        known = self.estimate(later)
+        fallback = self._in_order.fallback
+        both = fallback.smoothed(state.fallback, elapsed, Gaussian(known.mean, known.covariance), belief)
+        return state._replace(belief=both[0], fallback=both[1])
+
     @cached_property
     def _in_order(self) -> InOrder:
-        config = self.initial
-        falls_back = self.cartesian_fallback and self.prior is None and config.source == "batch"
-        enabled = falls_back and has_yaw(self.filter.motions)
-        fallback = FallbackFilter(self.filter, self.engine, initial.sigmas(config), enabled)
+        config, motions = self.initial, self.filter.motions
+        # A stated covariance is that of the motion model's own state.
+        at_start = has_yaw(motions) and config.source != "truth" and config.covariance_diag is None
+        sigmas, later = initial.sigmas(config), at_start and self.cartesian_fallback
+        fallback = FallbackFilter(self.filter, self.engine, sigmas, at_start, later)
         return InOrder(self.filter, self.engine, config, self.prior, self.sensors, fallback)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Estimate, Gaussian, Indices, Mask, Scan
-from trackbench.engine.choice import Engine, compute_by, filter_by
+from trackbench.engine.choice import Engine, filter_by
 from trackbench.filters import AnyBelief, Filter, Step, Update, choose
 from trackbench.trackers import initial
-from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter, added
+from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
 from trackbench.trackers.estimates import estimate_of, where_known, with_innovation
 from trackbench.trackers.initial import Prior, TentativeTrack
 from trackbench.trackers.initial_config import InitialConfig
@@ -78,13 +78,12 @@ class InOrder:
                 belief = update.belief
         started = known
         if self.prior is None and reads_sensor(scan, self.initial.sensors or self.sensors) and not np.all(known):
-            start = initial.start(self.initial, scan, waiting, self.filter.motions, ~known, compute_by(self.engine))
+            start = initial.start(self.initial, scan, waiting)
             fresh = start.ready & ~known
             if np.any(fresh):
                 belief = choose(fresh, self.filter.begin(start.state_of), belief)
-            if start.without_course is not None and np.any(start.without_course):
-                fallback = added(fallback, start.without_course, start.state_of(self.fallback.motion))
-            started, waiting = known | start.ready, start.waiting
+                fallback = self.fallback.begun(fallback, fresh, start.state_of)
+            started, waiting = known | fresh, start.waiting
         if fallback is not None:
             belief, fallback = self.fallback.returned(fallback, belief)
         after = TrackState(scan.time, belief, started, waiting, fallback)

@@ -1,8 +1,8 @@
-"""How a track of a built-in filter starts."""
+"""How a track of a built-in filter starts: from its first measurement, from two, or from the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -10,21 +10,14 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Mask, Scan
-from trackbench.engine.equations import Compute, by_numpy
 from trackbench.filters import AnyBelief, Filter, choose
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.batch_fit import BatchPrior
-from trackbench.trackers.batch_start import start_state
-from trackbench.trackers.cartesian_fallback import course_known, has_yaw
-from trackbench.trackers.first_line import first_line
-from trackbench.trackers.initial_config import ALONG_SIGHT, InitialConfig
+from trackbench.trackers.initial_config import InitialConfig
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
-#: Time after which a batch starts a track though the measurements leave two motions, s.
-LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
 
@@ -57,10 +50,6 @@ class TentativeTrack(NamedTuple):
     """Of the first measurement that counts."""
     latest: Gaussian
     """Position of the latest measurement; NaN where there was none yet."""
-    scans: tuple[Scan, ...] = ()
-    """Those with measurements that count, where a batch of them starts a track."""
-    counted: tuple[Mask, ...] = ()
-    """For each of them, which do."""
 
 
 class Start(NamedTuple):
@@ -70,8 +59,6 @@ class Start(NamedTuple):
     state_of: Callable[[MotionModel], Gaussian]
     """Where they start, in the state of a motion model."""
     waiting: TentativeTrack
-    without_course: Mask | None = None
-    """Those of them whose course is not known, where the state has a yaw."""
 
 
 def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
@@ -86,42 +73,50 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(
-    config: InitialConfig,
-    scan: Scan,
-    waiting: TentativeTrack | None,
-    motions: Sequence[MotionModel],
-    wanted: Mask | None = None,
-    compute: Compute = by_numpy,
-) -> Start:
-    """Start the tracks that a scan allows to start, from its measurement alone or with earlier ones.
+def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
+    """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one.
 
     Args:
         config: how.
         scan: the measurements.
         waiting: what the start of the scan before left; None at first.
-        motions: the motion models in whose states they start.
-        wanted: of which objects; of all unless given.
-        compute: how equations are computed.
     """
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
     counts = scan.valid & (waiting.measurements >= config.skip)
-    after = _taken_in(waiting, scan, position, counts)
-    if config.source == "first_reading":
-        return Start(counts, partial(from_first, config=config, scan=scan, position=position), after)
+    first = counts & np.isnan(waiting.time)
+    after = TentativeTrack(
+        waiting.measurements + scan.valid,
+        np.where(first, scan.time, waiting.time),
+        position.where(first, waiting.position),
+        position.where(scan.valid, waiting.latest),
+    )
+    if config.source == "first_measurement":
+        return Start(counts, partial(first_measurement, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
-    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time(has_yaw(motions)) - SAME_TIME)
-    if config.source == "batch":
-        wanted = counts if wanted is None else counts & wanted
-        return _from_batch(config, scan, after, wanted, ready, motions, compute)
+    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
     with np.errstate(divide="ignore", invalid="ignore"):
-        belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
+        belief = two_measurements(waiting.position, position, np.where(ready, elapsed, 1.0))
     return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
 
 
-def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
-    """The state ``(n, ...)`` that each measurement of a scan says by itself; ``position`` is its position, if known."""
+def first_measurement(
+    motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None
+) -> Gaussian:
+    """The state of a motion model that each measurement of a scan states by itself.
+
+    The velocity is zero or the range rate along the line of sight, with the configured standard deviation. With
+    ``velocity: range_rate`` it is as certain along the line of sight as the range rate is.
+
+    Args:
+        motion: the model, of n components.
+        config: what is assumed of the components that the measurement leaves open.
+        scan: measurements ``(m, ...)``.
+        position: theirs ``(2, ...)``, if it is at hand.
+
+    Returns:
+        ``(n, ...)``; meaningless where the scan is not valid.
+    """
     velocity = np.zeros((2, *scan.valid.shape))
     if config.velocity != "zero":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
@@ -131,42 +126,17 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     return _of_cartesian(motion, config, known)
 
 
-def _from_batch(
-    config: InitialConfig,
-    scan: Scan,
-    after: TentativeTrack,
-    counts: Mask,
-    ready: Mask,
-    motions: Sequence[MotionModel],
-    compute: Compute,
-) -> Start:
-    scans, counted = (*after.scans, scan), (*after.counted, counts)
-    prior = BatchPrior(config.velocity_sigma_mps, sigmas(config))
-    ready = ready & counts & (after.measurements - config.skip >= config.measurements)
-    without_course: Mask | None = None
-    if np.any(ready):
-        measurements, line = first_line(scans, counted, ready, prior, compute)
-        elapsed = scan.time - after.time[ready]
-        waits = line.ambiguous & (elapsed < LONGEST - SAME_TIME)
-        if config.least_time_s is None:
-            waits |= measurements.by_range_rate & (elapsed < ALONG_SIGHT - SAME_TIME)
-        begin = ~waits
-        measurements, line = measurements.part(begin), line.part(begin)
-        ready = np.array(ready)
-        ready[ready] = begin
-        if has_yaw(motions):
-            without_course = np.zeros_like(ready)
-            without_course[ready] = ~course_known(line.latest) | line.ambiguous
+def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
+    """px, py, vx, vy ``(4, ...)`` at the second of two positions ``(2, ...)`` that are ``dt`` seconds ``(...)`` apart.
 
-    def state_of(motion: MotionModel) -> Gaussian:
-        mean, covariance = placeholder(motion, ready.shape)
-        mean[:, ready], covariance[..., ready] = start_state(motion.part(ready), measurements, prior, line, compute)
-        return _stated(Gaussian(mean, covariance), config)
-
-    left_over = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
-    kept = [(one, mask) for one, mask in left_over if mask.any()]
-    left = after._replace(scans=tuple(one for one, _ in kept), counted=tuple(mask for _, mask in kept))
-    return Start(ready, state_of, left, without_course)
+    Source: two-point differencing, Bar-Shalom, Li and Kirubarajan (2001), section 5.5.3.
+    """
+    velocity = (second.mean - first.mean) / dt
+    covariance = np.empty((4, 4, *dt.shape))
+    covariance[:2, :2] = second.covariance
+    covariance[:2, 2:] = covariance[2:, :2] = second.covariance / dt
+    covariance[2:, 2:] = (first.covariance + second.covariance) / dt**2
+    return Gaussian(np.concatenate([second.mean, velocity]), covariance)
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -234,16 +204,6 @@ def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
     return Gaussian(belief.mean, covariance)
 
 
-def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
-    """Two-point differencing. Source: Bar-Shalom, Li and Kirubarajan (2001), section 5.5.3."""
-    velocity = (second.mean - first.mean) / dt
-    covariance = np.empty((4, 4, *dt.shape))
-    covariance[:2, :2] = second.covariance
-    covariance[:2, 2:] = covariance[2:, :2] = second.covariance / dt
-    covariance[2:, 2:] = (first.covariance + second.covariance) / dt**2
-    return Gaussian(np.concatenate([second.mean, velocity]), covariance)
-
-
 def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
     with np.errstate(divide="ignore", invalid="ignore"):
         return _stated(motion.from_cartesian(belief, sigmas(config)), config)
@@ -262,15 +222,3 @@ def _none_yet(scan: Scan) -> TentativeTrack:
     nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
     nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
     return TentativeTrack(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
-
-
-def _taken_in(waiting: TentativeTrack, scan: Scan, position: Gaussian, counts: Mask) -> TentativeTrack:
-    first = counts & np.isnan(waiting.time)
-    return TentativeTrack(
-        waiting.measurements + scan.valid,
-        np.where(first, scan.time, waiting.time),
-        position.where(first, waiting.position),
-        position.where(scan.valid, waiting.latest),
-        waiting.scans,
-        waiting.counted,
-    )

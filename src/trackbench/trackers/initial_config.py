@@ -9,24 +9,17 @@ from pydantic import Field, model_validator
 
 from trackbench.base.config import Config, Positive, Problem
 
-InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
+InitialSource = Literal["first_measurement", "two_measurements", "truth"]
 
-#: Least time from the first of the measurements that start a track to the last, s; the last for a state with a yaw,
-#: which is Gaussian only once the course is known.
-BETWEEN_TWO, OF_BATCH, BEFORE_YAW = 0.2, 0.1, 0.5
-#: The same of a batch of measurements that all have a range rate, s: what they say across the line of sight is not
-#: Gaussian before.
-ALONG_SIGHT = 0.2
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
-    "sensors": ("first_reading", "two_readings", "batch"),
-    "skip": ("first_reading", "two_readings", "batch"),
-    "waiting": ("first_reading", "two_readings", "batch"),
-    "velocity": ("first_reading",),
-    "measurements": ("batch",),
-    "least_time_s": ("two_readings", "batch"),
+    "sensors": ("first_measurement", "two_measurements"),
+    "skip": ("first_measurement", "two_measurements"),
+    "waiting": ("first_measurement", "two_measurements"),
+    "velocity": ("first_measurement",),
+    "least_time_s": ("two_measurements",),
     "position_sigma_m": ("truth",),
-    "velocity_sigma_mps": ("first_reading", "batch", "truth"),
+    "velocity_sigma_mps": ("first_measurement", "truth"),
 }
 
 
@@ -34,12 +27,11 @@ class InitialConfig(Config):
     """How a track starts, and how uncertain its first state is said to be."""
 
     source: InitialSource = Field(
-        "batch",
+        "first_measurement",
         alias="from",
-        description="first_reading: position of the first measurement, velocity unknown. two_readings: velocity "
-        "from the displacement between two. batch: the most probable state of the motion model under the first few "
-        "measurements, by Gauss-Newton. truth: drawn from the truth with the standard deviations below, for "
-        "consistency tests.",
+        description="first_measurement: position of the first measurement, and what it tells of the velocity. "
+        "two_measurements: velocity from the displacement between two. truth: drawn from the truth with the standard "
+        "deviations below, for consistency tests.",
     )
     sensors: list[str] | None = Field(
         None,
@@ -56,32 +48,24 @@ class InitialConfig(Config):
     waiting: Literal["nothing", "at_rest"] = Field(
         "nothing",
         description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
-        "latest measurement says, its velocity being as unknown as from first_reading.",
+        "latest measurement says, its velocity being as unknown as from first_measurement.",
     )
-    measurements: int = Field(
-        2, ge=2, le=50, description="From a batch: how many measurements of an object it has at least."
-    )
-    least_time_s: float | None = Field(
-        None,
-        ge=0,
-        le=60,
-        description="Least time from the first of the measurements that start a track to the last, s. Unless given: "
-        "0.2 from two_readings; from batch 0.1, 0.2 where all of them have a range rate, and 0.5 for a motion model "
-        "with a yaw.",
+    least_time_s: float = Field(
+        0.2, ge=0, le=60, description="Least time between the two measurements, s; from two_measurements only."
     )
     velocity: Literal["zero", "radial", "range_rate"] = Field(
-        "zero",
-        description="First velocity, from first_reading only. radial: the third component of a radar's measurement, "
-        "along the line of sight. range_rate: the same, and along the line of sight as certain as the range rate is; "
-        "velocity_sigma_mps holds across it, and all around where the sensor has no range rate or the state no vx, vy.",
+        "range_rate",
+        description="First velocity, from first_measurement only. zero: zero. radial: the third component of a radar's "
+        "measurement, along the line of sight. range_rate: the same, and along the line of sight as certain as the "
+        "range rate is; velocity_sigma_mps holds across it, and all around where the sensor has no range rate or the "
+        "state no vx, vy.",
     )
     position_sigma_m: Positive = Field(
         1, description="Standard deviation of each position component, m; from truth only."
     )
     velocity_sigma_mps: Positive = Field(
         20,
-        description="Standard deviation of each velocity component, m/s; not from two_readings. From batch it "
-        "belongs to a velocity of zero, of which the measurements then say more.",
+        description="Standard deviation of each velocity component, m/s; not from two_measurements.",
     )
     acceleration_sigma_mps2: Positive = Field(
         3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
@@ -105,18 +89,6 @@ class InitialConfig(Config):
         description="Diagonal of the covariance that the first state is said to have, one variance for each component "
         "of the state. Unless given, it is what the measurement and the standard deviations above give.",
     )
-
-    def least_time(self, yaw: bool) -> float:
-        """Least time from the first of the measurements that start a track to the last, s.
-
-        Args:
-            yaw: whether a state has one.
-        """
-        if self.least_time_s is not None:
-            return self.least_time_s
-        if self.source == "two_readings":
-            return BETWEEN_TWO
-        return BEFORE_YAW if yaw else OF_BATCH
 
     def problems(self) -> Iterator[Problem]:
         for key in (name for name in type(self).model_fields if name in self.model_fields_set):

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.filters import bare, choose
+from trackbench.filters import bare
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.in_order import TrackState
 
@@ -35,20 +35,16 @@ class SmoothedTracker:
         later: TrackState | None = None
         while instants:
             state, own = instants.pop()
-            belief = state.belief
             if later is not None:
-                # Where there is no track yet, what is smoothed means nothing.
-                belief = self.tracker.computed_filter.smooth(belief, later.belief, later.time - state.time)
-                belief = choose(state.started, belief, state.belief)
-            estimate = self.tracker.estimate(state._replace(belief=belief))
+                state = self.tracker.smoothed(state, later)
             # The filter's own state, of which nothing is scored, would take as much memory again.
-            smoothed[state.time] = estimate._replace(state=None, state_covariance=None)
+            smoothed[state.time] = self.tracker.estimate(state)._replace(state=None, state_covariance=None)
             if own:
-                later = state._replace(belief=belief)
+                later = state
         return [smoothed[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
-        # Over a change of the state there is no way back.
+        # Where a track loses its course, there is no way back from position and velocity.
         tracker = replace(self.tracker, cartesian_fallback=False, lag_s=0.0)
         state: TrackState | None = None
         instants = []

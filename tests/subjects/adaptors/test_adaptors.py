@@ -125,13 +125,13 @@ def estimates(of: Tracker, scans: list[Scan]) -> list[Estimate | None]:
     return found
 
 
-@pytest.mark.parametrize("initial", ["first_reading", "two_readings"])
+@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_estimates_are_those_of_the_built_in_filter(case: str, initial: str) -> None:
     make, options, keys = CASES[case]
     scans = list(measurements())
-    start = {"from": initial, "least_time_s": 0} if initial == "two_readings" else initial
+    start = {"from": initial, "least_time_s": 0} if initial == "two_measurements" else initial
     theirs = estimates(make(**options, initial=start), scans)
     ours = estimates(tracker(**keys, initial=start), scans)
     assert sum(answer is not None for answer in theirs) >= len(scans) - 2
@@ -155,7 +155,7 @@ def nis(answer: Estimate) -> float:
 @pytest.mark.parametrize("case", ["kf", "ekf_own", "ekf_turning", "ukf_own", "pair", "pair_in_space"])
 def test_the_contract_of_a_tracker_is_kept(case: str) -> None:
     make, options, _ = CASES[case]
-    check_tracker(make.__name__, **options, initial="two_readings")
+    check_tracker(make.__name__, **options, initial="two_measurements")
 
 
 def slopes(call: Callable[[Array], Array], at: Array, step: float = 1e-5) -> Array:
@@ -177,7 +177,7 @@ def in_motion(of: Tracker, scans: list[Scan]) -> Iterator[tuple[Any, Estimate, S
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_models_that_are_shown_have_the_slopes_that_are_shown(case: str) -> None:
     make, options, _ = CASES[case]
-    of = make(**options, initial="two_readings")
+    of = make(**options, initial="two_measurements")
     shown = [f"{name}_jacobian" for name in ("transition", "measurement") if hasattr(of, f"{name}_jacobian")]
     assert len(shown) == (0 if case.startswith("ukf") else 2)
     for before, now, seen in in_motion(of, list(measurements(40))):
@@ -192,7 +192,7 @@ def test_the_models_that_are_shown_have_the_slopes_that_are_shown(case: str) -> 
 @pytest.mark.parametrize("case", ["kf", "ekf", "ekf_own", "ekf_turning", "pair", "pair_scanned"])
 def test_the_models_that_are_shown_are_those_that_run(case: str) -> None:
     make, options, _ = CASES[case]
-    of = make(**options, initial="two_readings")
+    of = make(**options, initial="two_measurements")
     for before, now, seen in in_motion(of, list(measurements(40))):
         x = of.transition(now.state, seen.time - before.time)
         predicted = of.step(before, seen._replace(valid=np.array(False)))[1]

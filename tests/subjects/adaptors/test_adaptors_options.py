@@ -23,11 +23,11 @@ FIXED = {"filter": "tests.adapted:kf_fixed", "state": STATE, "initial": "own", "
 MOVING = {
     "filter": "tests.adapted:ekf",
     "state": STATE,
-    "initial": "two_readings",
+    "initial": "two_measurements",
     "transition": "tests.adapted:velocity",
     "process_noise": "tests.adapted:velocity_noise",
 }
-PAIR = {"pair": "tests.adapted:pair", "state": STATE, "initial": "two_readings"}
+PAIR = {"pair": "tests.adapted:pair", "state": STATE, "initial": "two_measurements"}
 
 
 #: Of each adaptor, as a scenario has them.
@@ -120,7 +120,7 @@ def test_each_track_has_a_copy_of_an_object() -> None:
 
 
 def test_a_first_covariance_that_is_stated_is_in_the_filter_s_order() -> None:
-    initial = {"from": "first_reading", "covariance_diag": [1, 2, 3, 4]}
+    initial = {"from": "first_measurement", "covariance_diag": [1, 2, 3, 4]}
     _, estimate = filterpy(**{**MOVING, "initial": initial}).step(None, next(measurements()))
     np.testing.assert_array_equal(np.diag(estimate.state_covariance), [1, 2, 3, 4])
     np.testing.assert_array_equal(np.diag(estimate.covariance), [1, 3, 2, 4])
@@ -128,7 +128,7 @@ def test_a_first_covariance_that_is_stated_is_in_the_filter_s_order() -> None:
 
 def test_a_component_that_trackbench_does_not_know_starts_as_the_filter_has_it() -> None:
     """And the others start as they do in the built-in filters."""
-    given = {**PAIR, "initial": "first_reading"}
+    given = {**PAIR, "initial": "first_measurement"}
     space = {"pair": "tests.adapted:pair_in_space", "state": [*STATE, "other", "other"]}
     first = next(measurements())
     with_other = create("stonesoup", {**given, **space})().step(None, first)[1]
@@ -138,7 +138,7 @@ def test_a_component_that_trackbench_does_not_know_starts_as_the_filter_has_it()
 
 
 def test_only_the_named_sensors_start_a_track() -> None:
-    tracker = filterpy(**{**MOVING, "initial": {"from": "first_reading", "sensors": ["lidar"]}})
+    tracker = filterpy(**{**MOVING, "initial": {"from": "first_measurement", "sensors": ["lidar"]}})
     state, answers = None, []
     for seen in measurements(4):
         state, answer = tracker.step(state, seen)
@@ -147,7 +147,7 @@ def test_only_the_named_sensors_start_a_track() -> None:
 
 
 def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
-    tracker = filterpy(**{**MOVING, "initial": {"from": "two_readings", "waiting": "at_rest"}})
+    tracker = filterpy(**{**MOVING, "initial": {"from": "two_measurements", "waiting": "at_rest"}})
     _, estimate = tracker.step(None, next(measurements()))
     np.testing.assert_array_equal(estimate.mean[2:], 0)
 
@@ -162,9 +162,9 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"state": ["px", "py", "v", "vx"]}, "vy is missing"),
         ("filterpy", {"state": ["px", "py", "v", "yaw", "ax"]}, "state: ax does not go with v and yaw"),
         ("filterpy", {"state": [*STATE, "ax"]}, "names 5 components, but the filter's x has 4"),
-        ("filterpy", {"initial": "two_measurement"}, "initial: did you mean 'two_readings'?"),
-        ("filterpy", {"initial": "truth"}, "initial: choose from: first_reading, own, two_readings"),
-        ("filterpy", {"initial": {"from": "truth"}}, "initial.from: choose from: first_reading, two_readings"),
+        ("filterpy", {"initial": "two_measurement"}, "initial: did you mean 'two_measurements'?"),
+        ("filterpy", {"initial": "truth"}, "initial: choose from: first_measurement, own, two_measurements"),
+        ("filterpy", {"initial": {"from": "truth"}}, "initial.from: choose from: first_measurement, two_measurements"),
         ("filterpy", {"initial": {"yaw_sigma_rad": 1}}, "initial.yaw_sigma_rad: the state has no yaw"),
         (
             "filterpy",
@@ -310,7 +310,7 @@ def test_nothing_is_taken_for_granted(key: str) -> None:
 
 
 def test_a_sensor_without_an_entry_is_named() -> None:
-    tracker = filterpy(**{**MOVING, "initial": "first_reading", "sensors": {"lidar": {}, "front_radr": {}}})
+    tracker = filterpy(**{**MOVING, "initial": "first_measurement", "sensors": {"lidar": {}, "front_radr": {}}})
     first, lidar, radar = list(measurements(3))
     state, _ = tracker.step(None, first)
     state, _ = tracker.step(state, lidar)
@@ -353,7 +353,7 @@ def test_the_user_s_module_is_found_beside_the_scenario(tiny: Path, cli: Callabl
         "filter": "filters_beside:mine",
         "transition": "filters_beside:F",
         "process_noise": "filters_beside:Q",
-        "initial": "two_readings",
+        "initial": "two_measurements",
         "state": f"[{', '.join(STATE)}]",
     }
     settings = ["--set", "trackers.mine.use=filterpy"]

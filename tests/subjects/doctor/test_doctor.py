@@ -129,11 +129,11 @@ def test_an_injected_fault_has_the_right_name_first(doctor: Doctor, fault: str) 
 @pytest.mark.parametrize(
     "name",
     [
-        "PlainEkf first_reading",
-        pytest.param("FilterPyUkf two_readings", marks=pytest.mark.slow),
-        "kf ca calm, two_readings",
-        pytest.param("ukf ctrv lively, first_reading", marks=pytest.mark.slow),
-        pytest.param("ekf ctra usual, two_readings", marks=pytest.mark.slow),
+        "PlainEkf first_measurement",
+        pytest.param("FilterPyUkf two_measurements", marks=pytest.mark.slow),
+        "kf ca calm, two_measurements",
+        pytest.param("ukf ctrv lively, first_measurement", marks=pytest.mark.slow),
+        pytest.param("ekf ctra usual, two_measurements", marks=pytest.mark.slow),
         "alpha_beta",
     ],
 )
@@ -202,7 +202,9 @@ def test_gains_imply_the_noise_of_a_linear_filter() -> None:
         assert one.factor == pytest.approx(0.4, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", ["PlainEkf first_reading", "FilterPyEkf first_reading", "ekf cv calm, first_reading"])
+@pytest.mark.parametrize(
+    "name", ["PlainEkf first_measurement", "FilterPyEkf first_measurement", "ekf cv calm, first_measurement"]
+)
 def test_peek_changes_nothing(name: str) -> None:
     """Also of a tracker that keeps its state in itself."""
     make, probe, sensor = CORRECT[name], GENERAL[0], SENSORS["lidar"]

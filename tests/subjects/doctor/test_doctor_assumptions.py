@@ -37,7 +37,7 @@ from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 REPOSITORY = ROOT
-EKF = CORRECT["PlainEkf first_reading"]
+EKF = CORRECT["PlainEkf first_measurement"]
 JACOBIAN = next(one for one in MUTANTS if one.fault == "jacobian_wrong" and one.subject == "plain_ekf")
 STANDING, MOVING = Carrier(-34.0, 34.0, -0.8), Carrier(180.0, -4.0, 0.3, 20.0, 6.0, 0.2)
 RADAR = {

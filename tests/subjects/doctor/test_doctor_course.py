@@ -28,8 +28,8 @@ from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 COURSES = [mutant for mutant in MUTANTS if mutant.fault == "course_not_wrapped"]
-SOUND = ["PlainUkf first_reading", "PlainUkf two_readings", "ekf ctrv usual, first_reading"]
-SOUND += ["ukf ctrv usual, first_reading", "ckf ctrv usual, two_readings", "imm", "ensemble"]
+SOUND = ["PlainUkf first_measurement", "PlainUkf two_measurements", "ekf ctrv usual, first_measurement"]
+SOUND += ["ukf ctrv usual, first_measurement", "ckf ctrv usual, two_measurements", "imm", "ensemble"]
 
 
 def _under_test(make: Callable[[], Any]) -> TrackerUnderTest:

@@ -186,7 +186,7 @@ def test_other_process_noise_is_not_judged() -> None:
         def process_noise(self, x, dt):
             return np.diag([0.1, 0.1, 1.0, 1.0]) * dt
 
-    for make in (Diagonal, CORRECT["PlainUkf first_reading"], CORRECT["alpha_beta"]):
+    for make in (Diagonal, CORRECT["PlainUkf first_measurement"], CORRECT["alpha_beta"]):
         assert noise_powers(examined(make)).findings == []
 
 
@@ -204,7 +204,7 @@ def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_
     "name",
     [
         *("imm", "range bias", "ensemble", "information filter", "adaptive process noise", "alpha_beta"),
-        *("kf ca usual, two_readings", "ekf ctrv usual, first_reading", "ukf ctrv classic, two_readings"),
+        *("kf ca usual, two_measurements", "ekf ctrv usual, first_measurement", "ukf ctrv classic, two_measurements"),
     ],
 )
 def test_a_sound_tracker_has_none(part: Part, name: str) -> None:

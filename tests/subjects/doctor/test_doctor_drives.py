@@ -101,7 +101,7 @@ def test_a_tracker_with_an_unbelievable_covariance_is_not_healthy(name: str) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["alpha_beta", "kf cv calm, first_reading", "PlainEkf first_reading"])
+@pytest.mark.parametrize("name", ["alpha_beta", "kf cv calm, first_measurement", "PlainEkf first_measurement"])
 def test_sound_trackers_pass_every_drive(name: str) -> None:
     doctor = Doctor(SENSORS, seed=5)
     found = drives(TrackerUnderTest(CORRECT[name], SENSORS, doctor._drives, Probes(), 5, {}))

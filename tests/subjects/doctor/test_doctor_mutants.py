@@ -176,15 +176,15 @@ def test_the_correct_keep_the_contract(name: str) -> None:
         assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("start", ["first_reading", "two_readings"])
+@pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_ekf_agrees(start: str) -> None:
     # With a lidar measurement first, since the built-in start takes the bias of a polar measurement off.
-    scans = LIDAR_FIRST if start == "first_reading" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
+    scans = LIDAR_FIRST if start == "first_measurement" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
     assert_same(PlainEkf(start), ekf_cv(start), scans, 1e-9)
     assert_same(FilterPyEkf(start=start), ekf_cv(start), scans, 1e-9)
 
 
-@pytest.mark.parametrize("start", ["first_reading", "two_readings"])
+@pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_kf_agrees(start: str) -> None:
     assert_same(PlainKf(start), kf_cv(start), LIDAR_ALONE, 1e-9)
     # The plain one converts a radar's measurement to first order.
@@ -192,9 +192,9 @@ def test_the_kf_agrees(start: str) -> None:
     np.testing.assert_allclose(plain[10:], built_in[10:], atol=0.02)
 
 
-@pytest.mark.parametrize("start", ["first_reading", "two_readings"])
+@pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])
 def test_the_ukf_agrees(start: str) -> None:
-    scans = LIDAR_FIRST if start == "first_reading" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
+    scans = LIDAR_FIRST if start == "first_measurement" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
     built_in = follow(ukf_ctrv(start, augmented=False), scans)[0]
     for make in (PlainUkf, FilterPyUkf):
         np.testing.assert_allclose(follow(make(start=start), scans)[0], built_in, rtol=1e-6, atol=1e-6)

@@ -66,7 +66,9 @@ def test_noise_left_out_of_the_first_update_is_found() -> None:
     assert finding.fault == "measurement_noise_omitted"
 
 
-@pytest.mark.parametrize("name", ["PlainEkf first_reading", "PlainUkf first_reading", "ensemble", "range bias", "imm"])
+@pytest.mark.parametrize(
+    "name", ["PlainEkf first_measurement", "PlainUkf first_measurement", "ensemble", "range bias", "imm"]
+)
 def test_nothing_happens_over_no_time_to_a_sound_tracker(name: str) -> None:
     result = no_time(_under_test(CORRECT[name]))
     assert result.findings == []

@@ -67,7 +67,7 @@ def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_a_sound_tracker_has_none(part: Part) -> None:
-    found = part(sound("PlainEkf first_reading"))
+    found = part(sound("PlainEkf first_measurement"))
     assert found.findings == []
     assert all(check.passed for check in found.checks)
 
@@ -77,10 +77,10 @@ IMM = {
     "stay_s": [13.0, 10.0],
 }
 OTHERS: dict[str, Callable[[], Any]] = {
-    **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_reading")},
-    **{name: CORRECT[name] for name in ("ekf ctra usual, two_readings", "iekf ctrv usual, first_reading")},
-    **{name: CORRECT[name] for name in ("ukf ctrv classic, two_readings", "ckf ctrv calm, first_reading")},
-    **{name: CORRECT[name] for name in ("kf cv calm, first_reading", "ukf ctra lively, first_reading")},
+    **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_measurement")},
+    **{name: CORRECT[name] for name in ("ekf ctra usual, two_measurements", "iekf ctrv usual, first_measurement")},
+    **{name: CORRECT[name] for name in ("ukf ctrv classic, two_measurements", "ckf ctrv calm, first_measurement")},
+    **{name: CORRECT[name] for name in ("kf cv calm, first_measurement", "ukf ctra lively, first_measurement")},
     "imm": partial(ekf, motion=IMM),
 }
 

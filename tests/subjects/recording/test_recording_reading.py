@@ -254,8 +254,8 @@ def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_trackers_that_start_apart_are_scored_afresh_where_all_gave_an_estimate(tmp_path: Path) -> None:
-    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_reading"}
-    late = {**keys, "initial": {"from": "first_reading", "skip": 2}}
+    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_measurement"}
+    late = {**keys, "initial": {"from": "first_measurement", "skip": 2}}
     changes = {"trackers": {"early": keys, "late": late}, "expect": [], "truth.duration_s": 3}
     tb.run(tb.load("scripted/own_model", changes, runs=2)).save(tmp_path / "run")
     found = inspect(tmp_path / "run")

@@ -123,7 +123,7 @@ def test_the_likelihood_is_that_of_the_innovations() -> None:
 
 def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> None:
     models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
-    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_readings")
+    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_measurements")
     assert isinstance(tracker.filter, InteractingMultipleModel)
     step = 0.25
     axis = np.arange(-12.0, 12.0, step)
@@ -226,8 +226,8 @@ def test_a_range_that_ends_where_the_option_does_cannot_be_wider(
 
 
 def test_the_start_has_the_value_of_an_option_of_another_name(scenario: Scenario) -> None:
-    parameter = parse_range("initial.from=batch,two_readings", scenario, "ukf")
-    assert start_values(scenario, "ukf", [parameter]) == {"initial.from": "batch"}
+    parameter = parse_range("initial.from=first_measurement,two_measurements", scenario, "ukf")
+    assert start_values(scenario, "ukf", [parameter]) == {"initial.from": "first_measurement"}
 
 
 @pytest.mark.parametrize("scale", ["log", "linear", "odds"])

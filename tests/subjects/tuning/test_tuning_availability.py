@@ -36,8 +36,8 @@ SCENARIO = {
     },
     "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15, "detection_probability": 0.8}},
     "trackers": {
-        "early": {**CV, "initial": {"from": "batch"}},
-        "late": {**CV, "initial": {"from": "batch", "skip": 5}},
+        "early": CV,
+        "late": {**CV, "initial": {"skip": 5}},
     },
     "monte_carlo": {"runs": 4, "seed": 4},
 }

@@ -31,7 +31,7 @@ TRACKERS = {
     "ukf": {"filter": "ukf", "motion": "ctrv", **CTRV},
     "plain_ukf": {"filter": "ukf", "motion": "cv", "acceleration_sigma_mps2": 1.0, "augmented": False},
     "linear_ukf": {"filter": "ukf", "motion": "cv", "acceleration_sigma_mps2": 1.0},
-    "ckf": {"filter": "ckf", "motion": "ctrv", **CTRV, "initial": "batch"},
+    "ckf": {"filter": "ckf", "motion": "ctrv", **CTRV},
     "from_truth": {"filter": "ekf", "motion": "ctrv", **CTRV, "initial": "truth"},
     "imm": {
         "filter": "ekf",
@@ -71,7 +71,7 @@ def evaluator(tracker: str, keys: Sequence[str]) -> Evaluator:
                 },
             },
             "sensors": SENSORS,
-            "trackers": {tracker: {"initial": "two_readings", **TRACKERS[tracker]}},
+            "trackers": {tracker: {"initial": "two_measurements", **TRACKERS[tracker]}},
             "monte_carlo": {"runs": 3, "seed": 4},
         }
     )

@@ -38,21 +38,21 @@ def test_options_that_do_not_go_together(associate: dict[str, Any], key: str, me
     assert found[1].startswith(message)
 
 
-@pytest.mark.parametrize("initial", ["two_readings", "batch", "truth"])
+@pytest.mark.parametrize("initial", ["two_measurements", "truth"])
 def test_a_track_starts_from_one_detection(initial: Any) -> None:
     (found,) = messages({"method": "gnn"}, initial=initial)
-    assert found == ("initial.from", "with associate a track starts from one detection: use from: first_reading")
+    assert found == ("initial.from", "with associate a track starts from one detection: use from: first_measurement")
 
 
 def test_what_tracks_of_one_object_wait_for() -> None:
-    (found,) = messages({"method": "gnn"}, initial={"from": "first_reading", "skip": 2})
+    (found,) = messages({"method": "gnn"}, initial={"from": "first_measurement", "skip": 2})
     assert found == ("initial.skip", "not used with associate, which has confirm; remove it")
 
 
-@pytest.mark.parametrize("initial", [{}, "first_reading", {"sensors": ["lidar"]}, {"velocity_sigma_mps": 5}])
+@pytest.mark.parametrize("initial", [{}, "first_measurement", {"sensors": ["lidar"]}, {"velocity_sigma_mps": 5}])
 def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) -> None:
     config = FilterConfig.model_validate({**EKF, "associate": {"method": "gnn"}, "initial": initial})
-    assert (config.initial.source, config.initial.velocity) == ("first_reading", "range_rate")
+    assert (config.initial.source, config.initial.velocity) == ("first_measurement", "range_rate")
     resting = {**EKF, "initial": {"velocity": "zero"}, "associate": {"method": "gnn"}}
     assert FilterConfig.model_validate(resting).initial.velocity == "zero"
-    assert FilterConfig.model_validate(EKF).initial.source == "batch"
+    assert FilterConfig.model_validate(EKF).initial.source == "first_measurement"

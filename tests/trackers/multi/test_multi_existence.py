@@ -37,7 +37,7 @@ def followed(random: np.random.Generator, method: str, runs: int, scans: int) ->
     exists = np.arange(most)[:, None] < counts
     keys = {
         "filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0,
-        "initial": {"from": "first_reading", "velocity_sigma_mps": VELOCITY_SIGMA},
+        "initial": {"from": "first_measurement", "velocity_sigma_mps": VELOCITY_SIGMA},
         "associate": {
             "method": method, "undetected": OBJECTS, "birth_rate_hz": 1e-6, "lifetime_s": 1e6, "visible_s": None,
         },

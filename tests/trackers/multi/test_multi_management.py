@@ -20,7 +20,7 @@ VELOCITY_SIGMA = 5.0
 def tracker(method: str = "gnn", **associate: object) -> MultiObjectTracker:
     keys = {
         "filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0,
-        "initial": {"from": "first_reading", "velocity_sigma_mps": VELOCITY_SIGMA},
+        "initial": {"from": "first_measurement", "velocity_sigma_mps": VELOCITY_SIGMA},
         "associate": {"method": method, **associate},
     }  # fmt: skip
     return build_multi(FilterConfig.model_validate(keys))

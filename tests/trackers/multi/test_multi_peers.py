@@ -27,7 +27,7 @@ def test_the_estimates_where_both_hold_the_same_association(method: str, spacing
         FilterConfig.model_validate(
             {
                 "filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA,
-                "initial": {"from": "first_reading", "sensors": ["start"], "velocity_sigma_mps": 4.0},
+                "initial": {"from": "first_measurement", "sensors": ["start"], "velocity_sigma_mps": 4.0},
                 "associate": {"method": method, "gate": GATE, "confirm": [1, 1], "delete_after_s": 9.0},
             }
         )

@@ -24,7 +24,7 @@ Found = TypeVar("Found")
 
 OWN = "own"
 #: How a track may start from measurements.
-STARTS = ("first_reading", "two_readings")
+STARTS = ("first_measurement", "two_measurements")
 
 
 #: The JSON Schema of ``initial``: a word, or the mapping that it is short for.
@@ -68,7 +68,7 @@ def _start(value: Any) -> Any:
         return None
     if value is None or (isinstance(value, str) and value not in STARTS):
         raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
-    return {"from": "two_readings", **value} if isinstance(value, dict) else value
+    return {"from": "two_measurements", **value} if isinstance(value, dict) else value
 
 
 class AdaptorOptions(Config):
@@ -81,7 +81,7 @@ class AdaptorOptions(Config):
 
     state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
     initial: Annotated[InitialConfig | None, BeforeValidator(_start), WithJsonSchema(STARTED)] = Field(
-        description="own (x and P as they are set), first_reading or two_readings"
+        description="own (x and P as they are set), first_measurement or two_measurements"
     )
     """None: as the filter itself is set."""
     dt_s: Positive | None = Field(None, description="The interval for which the filter's own matrices hold, s.")

@@ -147,7 +147,7 @@ def _startable(of: ExaminedTracker) -> ExaminedTracker:
     made = of.make()
     if not (isinstance(made, FilterTracker) and made.starts_from_truth):
         return of
-    initial = InitialConfig.model_validate("two_readings")
+    initial = InitialConfig.model_validate("two_measurements")
 
     def make() -> Tracker:
         tracker = of.make()

@@ -209,5 +209,5 @@ def _noise_and_pose(config: Lidar | Radar, observer: object) -> tuple[Array, Arr
 
 def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
     if tracker.starts_from_truth:
-        raise InputError("starts from the truth, which a live client does not have; use initial: two_readings")
+        raise InputError("starts from the truth, which a live client does not have; use initial: two_measurements")
     return tracker

@@ -18,7 +18,7 @@ from trackbench.filters import (
     selected_prediction,
 )
 from trackbench.models.motion import MotionModel
-from trackbench.trackers.initial import from_first
+from trackbench.trackers.initial import first_measurement
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.multi.gate import close_in_one, in_view
 from trackbench.trackers.multi.mixture import of_pairs
@@ -97,7 +97,7 @@ class TrackFilter:
 
 def begun(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
     """What each detection of a scan says by itself."""
-    found: AnyBelief = filter.begin(lambda motion: from_first(motion, initial, scan))
+    found: AnyBelief = filter.begin(lambda motion: first_measurement(motion, initial, scan))
     return found
 
 

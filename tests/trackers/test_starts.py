@@ -1,4 +1,4 @@
-"""Tracks that start from a batch of measurements by Gauss-Newton."""
+"""Tracks that start from their first measurement, also those whose state has a yaw."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ MODELS: dict[str, dict[str, Any]] = {
     "ctrv": {"motion": "ctrv", "acceleration_sigma_mps2": 1, "yaw_acceleration_sigma_radps2": 0.3},
     "ctra": {"motion": "ctra", "jerk_sigma_mps3": 2, "yaw_acceleration_sigma_radps2": 0.3},
 }
-#: The truth starts with no yaw rate and no acceleration, and so the tracks are told.
+#: The truth starts with no yaw rate and no acceleration, and so the tracks are told. With a yaw the acceleration also
+#: drives them while the course is unknown.
 RATES = {
     "cv": {},
     "ca": {"acceleration_sigma_mps2": 0.05},
     "ctrv": {"yaw_rate_sigma_radps": 0.01},
-    "ctra": {"acceleration_sigma_mps2": 0.05, "yaw_rate_sigma_radps": 0.01},
+    "ctra": {"acceleration_sigma_mps2": 1, "yaw_rate_sigma_radps": 0.01},
 }
 LIDAR = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
 RADAR = {
@@ -48,7 +49,7 @@ def own_model(model: str, sensors: str, filters: dict[str, Any], runs: int = 100
         "left": {"start": {"x": -20, "y": 60, "speed_mps": 10}, "pieces": pieces},
         "far": {"start": {"x": 80, "y": 40, "speed_mps": 20, "course_deg": 200}, "pieces": pieces},
     }
-    start = {"from": "batch", **RATES[model]}
+    start = {"velocity_sigma_mps": 10, **RATES[model]}
     return tb.run(
         tb.load(
             {
@@ -72,30 +73,31 @@ def test_nees_is_right_from_the_second_estimate_on(model: str, sensors: str) -> 
         steps = steps[steps["count"] == 450]
         nees = steps["nees_mean"].to_numpy()[1:]
         assert len(nees) > 7
-        # 10 %, and two standard errors of the mean of 450 chi-square variables with 4 degrees of freedom.
-        assert np.all(np.abs(nees - 4.0) < 0.4 + 2 * np.sqrt(8 / 450)), (name, nees)
+        # 20 %, and two standard errors of the mean of 450 chi-square variables with 4 degrees of freedom.
+        assert np.all(np.abs(nees - 4.0) < 0.8 + 2 * np.sqrt(8 / 450)), (name, nees)
 
 
-def test_a_batch_of_a_linear_problem_is_what_the_kalman_filter_has() -> None:
-    """The same measurements through a filter that starts before them with the same prior."""
+def test_the_first_measurement_and_a_wide_prior_are_the_least_squares_of_a_linear_problem() -> None:
+    """Positions of a straight line, against weighted least squares with the prior of the velocity."""
     random = np.random.default_rng(0)
-    positions = np.array([30.0, 20.0]) + 0.1 * np.arange(5)[:, None] * np.array([12.0, -5.0])
-    scans = [scan("lidar", 0.1 * k, (p + 0.3 * random.normal(size=2))[:, None]) for k, p in enumerate(positions)]
-    keys = {"filter": "kf", **MODELS["ca"]}
-    batch = tracker(**keys, initial={"from": "batch", "measurements": 5})
-    # One measurement alone gives the position, and what is assumed of the rest.
-    ordinary = tracker(**keys, initial={"from": "first_reading"})
-    a = b = None
-    for seen in scans:
-        a, fitted = batch.step(a, seen)
-        b, filtered = ordinary.step(b, seen)
-    np.testing.assert_allclose(fitted.state, filtered.state, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(fitted.state_covariance, filtered.state_covariance, rtol=1e-9, atol=1e-9)
+    times = 0.1 * np.arange(5)
+    positions = np.array([30.0, 20.0]) + times[:, None] * np.array([12.0, -5.0]) + 0.3 * random.normal(size=(5, 2))
+    made = tracker(filter="kf", motion="cv", acceleration_sigma_mps2=1e-6, initial={"velocity_sigma_mps": 7})
+    state = None
+    for time, position in zip(times, positions, strict=True):
+        state, estimate = made.step(state, scan("lidar", time, position[:, None], noise=np.eye(2) * 0.09))
+    for i in range(2):
+        slope = np.stack([np.ones(5), times - times[-1]], axis=1) / 0.3
+        information = slope.T @ slope + np.diag([0.0, 1.0 / 7**2])
+        expected = np.linalg.solve(information, slope.T @ positions[:, i] / 0.3)
+        np.testing.assert_allclose(estimate.mean[[i, 2 + i], 0], expected, rtol=1e-6)
+        own = estimate.covariance[np.ix_([i, 2 + i], [i, 2 + i])][..., 0]
+        np.testing.assert_allclose(own, np.linalg.inv(information), rtol=1e-6)
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_exact_measurements_give_the_exact_state(model: str) -> None:
-    made = tracker(filter="ekf", **MODELS[model], initial="batch")
+    made = tracker(filter="ekf", **MODELS[model], initial="first_measurement")
     small = np.eye(2) * 1e-8
     state = None
     for k in range(8):
@@ -104,7 +106,7 @@ def test_exact_measurements_give_the_exact_state(model: str) -> None:
     np.testing.assert_allclose(estimate.mean[:, 0], [38.4, 16.5, 12, -5], atol=1e-3)
 
 
-def test_each_object_has_its_own_batch_and_a_batch_of_runs_is_as_one_run() -> None:
+def test_each_object_has_its_own_start_and_a_batch_of_runs_is_as_one_run() -> None:
     random = np.random.default_rng(1)
     valid = random.random((14, 6)) < 0.7
     where = np.array([[30.0], [20.0]]) + random.normal(size=(2, 6))
@@ -152,23 +154,35 @@ def test_an_object_that_stands_has_no_course_and_a_sound_velocity() -> None:
     assert max(nees) < 4.0
 
 
-def test_range_rates_leave_two_velocities_and_the_track_waits_until_one_is_left() -> None:
-    """Before a radar the velocity across the line of sight is known up to its sign, until the azimuths tell it."""
+def test_range_rates_leave_two_velocities_across_the_line_of_sight() -> None:
+    """Before a radar that velocity is known up to its sign, until the azimuths tell it; the covariance says so."""
     random = np.random.default_rng(4)
     noise = np.diag([0.3, np.deg2rad(1.0), 0.1]) ** 2
     made, state = tracker(filter="ukf", motion="cv", acceleration_sigma_mps2=0.5), None
-    right = []
     for k in range(20):
         truth = np.array([80.0, 2.0 * k, 0.0, 20.0])[:, None]
         seen = SENSOR_MODELS["radar"].measure(truth, np.zeros(3), np.zeros(2))
         seen = seen + np.sqrt(np.diag(noise))[:, None] * random.normal(size=(3, 300))
         state, estimate = made.step(state, scan("radar", 0.1 * k, seen, noise=noise))
-        there = np.isfinite(estimate.mean[0])
-        error = (estimate.mean - truth)[:, there]
-        information = np.linalg.inv(np.moveaxis(estimate.covariance[..., there], -1, 0))
-        right.append((there.mean(), np.einsum("in,nij,jn->n", error, information, error).mean() if there.any() else 0))
-    assert right[1][0] == 0.0
-    assert 0.5 < right[2][0] < 0.9
-    assert right[9][0] > 0.98
-    # The mean of 300 chi-square variables of 4 degrees of freedom, and a quarter more for what is not Gaussian.
-    assert all(nees < 5.0 + 2 * np.sqrt(8 / 300) for share, nees in right if share > 0.5), right
+        error = estimate.mean - truth
+        information = np.linalg.inv(np.moveaxis(estimate.covariance, -1, 0))
+        nees = np.einsum("in,nij,jn->n", error, information, error).mean()
+        # The mean of 300 chi-square variables of 4 degrees of freedom, and a quarter more for what is not Gaussian.
+        assert nees < 5.0 + 2 * np.sqrt(8 / 300), (k, nees)
+
+
+@pytest.mark.parametrize("model", ["ctrv", "ctra"])
+def test_a_yaw_is_not_taken_from_a_velocity_that_may_be_its_reverse(model: str) -> None:
+    """Vehicles that cross before a radar: no track sets out in the wrong direction and keeps to it."""
+    random = np.random.default_rng(5)
+    noise = np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2
+    made, state = tracker(filter="ukf", **MODELS[model]), None
+    for k in range(30):
+        truth = np.array([60.0, 0.5 * k, 0.0, 10.0])[:, None]
+        seen = SENSOR_MODELS["radar"].measure(truth, np.zeros(3), np.zeros(2))
+        seen = seen + np.sqrt(np.diag(noise))[:, None] * random.normal(size=(3, 300))
+        state, estimate = made.step(state, scan("radar", 0.05 * k, seen, noise=noise))
+    error = estimate.mean - truth
+    nees = np.einsum("in,nij,jn->n", error, np.linalg.inv(np.moveaxis(estimate.covariance, -1, 0)), error)
+    assert nees.mean() < 5.0
+    assert nees.max() < 40.0
