@@ -45,21 +45,11 @@ def indices(where: npt.NDArray[Any]) -> Indices:
     return where.nonzero()[0]
 
 
-def some(array: Any, where: Mask) -> Any:
-    """``(..., batch)`` those of a batch for which a mask ``(batch,)`` holds, in one piece of memory."""
-    # Other than the index [..., where], which puts what it found the other way round.
-    return np.compress(where, array, axis=-1)
-
-
 class Gaussian(NamedTuple):
     """A mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
 
     mean: Array
     covariance: Array
-
-    def part(self, where: Mask) -> Gaussian:
-        """Of some of a batch ``(batch,)``."""
-        return Gaussian(some(self.mean, where), some(self.covariance, where))
 
     def where(self, mask: Mask, other: Gaussian) -> Gaussian:
         """This one where the mask ``(...)`` holds, the other one elsewhere."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.config import Config
-from trackbench.base.types import Array, Gaussian, Indices, Mask
+from trackbench.base.types import Array, Gaussian
 
 
 class Kinematics(NamedTuple):
@@ -72,11 +72,6 @@ class MotionModel(Config, ABC):
     def batched(self) -> bool:
         """Whether each of a batch has its own noise."""
         return any(np.ndim(sigma) > 0 for sigma in self.noise_sigma)
-
-    def part(self, where: Mask | Indices | slice) -> Self:
-        """The model of some of a batch ``(batch,)``."""
-        noises = {name: getattr(self, name) for name in self.driving_noise}
-        return self.model_copy(update={name: sigma[where] for name, sigma in noises.items() if np.ndim(sigma) > 0})
 
     @abstractmethod
     def transition(self, x: Array, dt: float) -> Array:

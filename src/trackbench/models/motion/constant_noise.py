@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask
+from trackbench.base.types import Array, Gaussian
 from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel
 
 
@@ -27,11 +27,6 @@ class ConstantProcessNoise(MotionModel):
     @property
     def noise_sigma(self) -> tuple[float, ...]:
         return tuple(np.sqrt(variance) for variance in self.variances)
-
-    def part(self, where: Mask | Indices | slice) -> Self:
-        variances: tuple[Any, ...] = self.variances
-        own = tuple(variance[where] if np.ndim(variance) > 0 else variance for variance in variances)
-        return self.model_copy(update={"variances": own})
 
     def transition(self, x: Array, dt: float) -> Array:
         return self.motion.transition(x, dt)
