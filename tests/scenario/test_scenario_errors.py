@@ -254,7 +254,7 @@ BAD = [
         "initial: {from: two_measurements, velocity_sigma_mps: 3}",
         [
             "22: trackers.ukf.initial.velocity_sigma_mps: not used with from: two_measurements; remove it, "
-            "or use from: first_measurement or batch or truth"
+            "or use from: first_measurement or truth"
         ],
     ),
     (

@@ -87,7 +87,7 @@ def test_any_option_can_vary(tmp_path):
 
     assert loaded.sweeps["all"][0] == "all_kf_front-roof_truth"
     assert len(loaded.sweeps["all"]) == 8
-    assert loaded.config.trackers["all_ukf_roof_first_reading"].initial.source == "first_measurement"
+    assert loaded.config.trackers["all_ukf_roof_first_measurement"].initial.source == "first_measurement"
     assert loaded.sweeps["q"] == ("q_20-20-4-4", "q_1-1-1-0p5")
     assert loaded.config.trackers["p_10"].initial.velocity_sigma_mps == 10
     assert loaded.sweeps["w"] == ("w_true", "w_false")

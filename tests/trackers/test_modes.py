@@ -73,7 +73,8 @@ def test_the_mean_is_that_of_single_runs(tmp_path, result):
         changes = {
             "truth.objects.car.pieces": [{"for_s": 2}],
             "truth.duration_s": 2,
-            "score.settle_s": 0.5,
+            "trackers.imm.initial": "two_measurements",
+            "score.settle_s": 0.2,
             "recording.run": run,
         }
         one = tb.run(tb.load(path, changes, runs=3))

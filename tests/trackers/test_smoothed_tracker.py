@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.filters.test_filters_properties import TRUTH_START, measurements, through
-from tests.support.scenes import NOISE, member, tracker
+from tests.support.scenes import NOISE, member, scan, tracker
 from tests.trackers.test_imm_tracker import primed
 
 import trackbench as tb
@@ -37,7 +37,7 @@ def distinct(size=4, steps=24, seed=3):
 
 @every_kind
 def test_it_is_the_smoother_of_the_filters_beliefs_from_where_each_track_starts(keys):
-    made = replace(tracker(**keys, initial="two_measurements"), cartesian_fallback=False)
+    made = replace(tracker(**keys, initial="two_measurements"), cartesian_fallback="at_start")
     scans = distinct()
     found = SmoothedTracker(made).estimates(scans)
     for i in range(4):
@@ -128,3 +128,23 @@ def test_what_needs_a_tracker_that_works_step_by_step_says_so(tmp_path):
     one = {"associate": {"method": "gnn"}, "filter": "kf", "motion": "cv", **NOISE["cv"], "smoother": "rts"}
     with pytest.raises(InputError, match="a smoother follows one object"):
         tb.load("traffic/truck_hides_car", {"trackers": {"one": one}})
+
+
+def test_before_a_course_is_known_position_and_velocity_are_smoothed():
+    random = np.random.default_rng(6)
+    scans, truth = [], []
+    for k in range(20):
+        truth.append(np.array([20.0 + 1.2 * k, 10.0 - 0.5 * k, 12.0, -5.0])[:, None])
+        scans.append(scan("lidar", 0.1 * k, truth[-1][:2] + 0.1 * random.normal(size=(2, 200))))
+    made = tracker(filter="ukf", motion="ctrv", **NOISE["ctrv"])
+    filtered, found = through(made, scans), SmoothedTracker(made).estimates(scans)
+    error = [
+        [np.sqrt(((one.mean - exact)[2:] ** 2).mean()) for one, exact in zip(each, truth, strict=True)]
+        for each in (filtered, found)
+    ]
+    assert error[0][0] > 5.0
+    assert max(error[1]) < 0.5
+    for one, exact in zip(found, truth, strict=True):
+        off = one.mean - exact
+        nees = np.einsum("in,nij,jn->n", off, np.linalg.inv(np.moveaxis(one.covariance, -1, 0)), off)
+        assert nees.mean() < 5.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from trackbench.base.types import Array, Estimate, Gaussian, Scan
 from trackbench.engine.choice import Engine, used
@@ -42,8 +42,8 @@ class FilterTracker:
     """What becomes of a scan that is older than the state."""
     lag_s: float = 1.0
     """How far back a late scan may reach, s."""
-    cartesian_fallback: bool = True
-    """Whether a track that started from measurements goes on with position and velocity once its yaw is unknown."""
+    cartesian_fallback: Literal["always", "at_start", "never"] = "always"
+    """When a track of a state with a yaw is followed by position and velocity, because its course is unknown."""
     engine: Engine = "numpy"
 
     batched: ClassVar = True
@@ -135,7 +135,8 @@ class FilterTracker:
     def _in_order(self) -> InOrder:
         config, motions = self.initial, self.filter.motions
         # A stated covariance is that of the motion model's own state.
-        at_start = has_yaw(motions) and config.source != "truth" and config.covariance_diag is None
-        sigmas, later = initial.sigmas(config), at_start and self.cartesian_fallback
-        fallback = FallbackFilter(self.filter, self.engine, sigmas, at_start, later)
+        possible = has_yaw(motions) and config.source != "truth" and config.covariance_diag is None
+        at_start = possible and self.cartesian_fallback != "never"
+        later = possible and self.cartesian_fallback == "always"
+        fallback = FallbackFilter(self.filter, self.engine, initial.sigmas(config), at_start, later)
         return InOrder(self.filter, self.engine, config, self.prior, self.sensors, fallback)

@@ -45,7 +45,8 @@ class SmoothedTracker:
 
     def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
         # Where a track loses its course, there is no way back from position and velocity.
-        tracker = replace(self.tracker, cartesian_fallback=False, lag_s=0.0)
+        when = self.tracker.cartesian_fallback
+        tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when, lag_s=0.0)
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):
