@@ -20,7 +20,8 @@ from .mutant import ExaminedTracker, Mutant
 
 
 def _initial(start: str, velocity_sigma: float) -> dict[str, Any]:
-    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_measurement" else {"least_time_s": 0}
+    wide = {"velocity": "zero", "velocity_sigma_mps": velocity_sigma}
+    known = wide if start == "first_measurement" else {"least_time_s": 0}
     return {"from": start, **known}
 
 
@@ -45,13 +46,15 @@ def ukf_ctrv(
     yaw_acceleration_sigma: float = 0.5,
     augmented: bool = True,
 ) -> FilterTracker:
-    return builtin.ukf(
+    tracker = builtin.ukf(
         motion="ctrv",
         acceleration_sigma_mps2=acceleration_sigma,
         yaw_acceleration_sigma_radps2=yaw_acceleration_sigma,
         initial=_initial(start, velocity_sigma),
         augmented=augmented,
     )
+    # As the filters of a page of NumPy, it has no other state than its own.
+    return replace(tracker, cartesian_fallback="never")
 
 
 EKF = ExaminedTracker("builtin_ekf", ekf_cv)

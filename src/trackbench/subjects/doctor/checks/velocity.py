@@ -21,6 +21,8 @@ SHORT, CHANGED = 0.002, 0.004
 CHANGED_IN_A_SECOND = 0.1
 #: s
 LONG = 1.0
+#: Standard deviation of the course, rad, from which on the mean of the velocity is rightly shorter than the speed.
+COURSE_UNKNOWN = 0.4
 #: Speed below which a target says nothing, m/s.
 MOVING = 2.0
 
@@ -30,9 +32,10 @@ def velocity(tracker: TrackerUnderTest) -> PartResult:
     question = "Does the velocity stay as it is where nothing says that it changed?"
     over = {step: _predicted(tracker, step) for step in (SHORT, LONG)}
     updated = _updated(tracker)
-    if len(over[LONG]) < 3:
+    if len(over[SHORT]) < 3:
         return PartResult([CheckResult("velocity", question, None, "there was no moving estimate to predict")])
-    text = f"the speed is {np.median(over[LONG]):.4g} times the one before after 1 s"
+    longest = LONG if over[LONG] else SHORT
+    text = f"the speed is {np.median(over[longest]):.4g} times the one before after {longest:g} s"
     if updated:
         text += f", and {np.median(updated):.4g} times after a measurement where the target was predicted"
     wrong = None
@@ -104,7 +107,11 @@ def _updated(tracker: TrackerUnderTest) -> list[float]:
 def _ratio(before: Estimate, after: Estimate) -> list[float]:
     if not (finite(before) and finite(after)) or np.hypot(*before.mean[2:]) < MOVING:
         return []
-    return [float(np.hypot(*after.mean[2:]) / np.hypot(*before.mean[2:]))]
+    (vx, vy), p = after.mean[2:], after.covariance[2:, 2:]
+    across = vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]
+    if across > COURSE_UNKNOWN**2 * (vx * vx + vy * vy) ** 2:
+        return []
+    return [float(np.hypot(vx, vy) / np.hypot(*before.mean[2:]))]
 
 
 CHECKS = (
