@@ -111,6 +111,11 @@ class Scan(NamedTuple):
         return self._replace(arrival_time=self.time)
 
 
+def scan_of_member(scan: Scan, member: int) -> Scan:
+    """With known identities the scan of one member of a batch: ``measurement`` ``(m,)``."""
+    return scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
+
+
 def scan_of_run(scan: Scan, run: int) -> Scan:
     """With hidden identities the detections of one run of a batch, without padding: ``measurement`` ``(m, D)``."""
     there = scan.valid[:, run]

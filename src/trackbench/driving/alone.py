@@ -1,10 +1,10 @@
-"""One tracker of one object with its state, and copies of it."""
+"""A tracker with its state, and copies of it."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,39 @@ class CannotCopy(TrackbenchError):
     """A tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
 
 
-class Alone:
+Answer = TypeVar("Answer")
+
+
+class Stateful(Generic[Answer]):
+    """A tracker with its state.
+
+    Args:
+        tracker: a fresh one.
+        check: makes what it says of a scan an answer of the right form, or raises.
+        what: ``step`` has to return beside the state, in messages.
+    """
+
+    def __init__(self, tracker: Any, check: Callable[[Any, Scan], Answer], what: str = "estimate") -> None:
+        self.tracker = tracker
+        self.state: Any = None
+        self._check, self._what = check, what
+
+    @property
+    def batched(self) -> bool:
+        """Whether it says that it takes a batch at once."""
+        return bool(getattr(self.tracker, "batched", False))
+
+    def step(self, scan: Scan, *more: Any) -> Answer:
+        """The answer to a scan; ``more``: what else the tracker is given.
+
+        Raises:
+            TrackerFault: what it returned is no answer.
+        """
+        self.state, said = unpack(self.tracker.step(self.state, scan, *more), self._what)
+        return self._check(said, scan)
+
+
+class Alone(Stateful[Estimate | None]):
     """A tracker as it is, with its state: its answers have the right shapes and are not checked further.
 
     A copy is made by ``copy.deepcopy``. Where that fails (an open file, a module, a lock, a generator), the copy is a
@@ -32,13 +64,12 @@ class Alone:
     """
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
+        super().__init__(make(), shaped)
         self._make = make
-        self.tracker = make()
         self.given: list[Scan] = []
         """The scans so far."""
         self.not_copied: str | None = None
         """Why ``copy.deepcopy`` does not copy it; None while it has not failed."""
-        self._state: Any = None
         self._latest: Estimate | None = None
 
     @property
@@ -46,10 +77,9 @@ class Alone:
         """The estimate after the last scan."""
         return self._latest
 
-    def step(self, scan: Scan) -> Estimate | None:
+    def step(self, scan: Scan, *more: Any) -> Estimate | None:
         """The estimate after a scan."""
-        self._state, answer = unpack(self.tracker.step(self._state, scan))
-        self._latest = shaped(answer, scan)
+        self._latest = super().step(scan, *more)
         self.given.append(scan)
         return self._latest
 
@@ -62,14 +92,14 @@ class Alone:
         """
         if self.not_copied is None:
             try:
-                tracker, state = copy.deepcopy((self.tracker, self._state))
+                tracker, state = copy.deepcopy((self.tracker, self.state))
             except TrackFault:
                 raise
             except Exception as error:
                 self.not_copied = fault_of(error).cause
             else:
                 twin = copy.copy(self)
-                twin.tracker, twin._state, twin.given = tracker, state, list(self.given)
+                twin.tracker, twin.state, twin.given = tracker, state, list(self.given)
                 return twin
         return self._repeated()
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate, Scan, scan_of_member
+from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
 from trackbench.engine.equations import EngineUsed
-from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked, unpack
+from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -65,7 +66,7 @@ def local(
     return Looped(make, batch)
 
 
-class _Here:
+class Here:
     """What ends with the bench."""
 
     @property
@@ -77,7 +78,7 @@ class _Here:
         """Nothing is left to end."""
 
 
-class Direct(_Here):
+class Direct(Here):
     """A built-in tracker, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
@@ -95,7 +96,7 @@ class Direct(_Here):
         return self._tracker.engine_used
 
 
-class Offline(_Here):
+class Offline(Here):
     """A smoother, which is told all scans before the first step."""
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
@@ -114,30 +115,27 @@ class Offline(_Here):
         return self._tracker.tracker.engine_used
 
 
-class Batched(_Here):
+class Batched(Here):
     """A tracker that takes all batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
-        self._tracker = tracker
-        self._state: Any = None
+        self._tracker = Stateful(tracker, checked)
         self._estimated = False
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimates of all batch, or None while there is none at all."""
-        self._state, answer = unpack(self._tracker.step(self._state, scan))
-        estimate = checked(answer, scan)
+        estimate = self._tracker.step(scan)
         if estimate is None and self._estimated:
             raise TrackerFault(GIVEN_UP)
         self._estimated = estimate is not None
         return estimate
 
 
-class Looped(_Here):
+class Looped(Here):
     """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
 
     def __init__(self, make: Callable[[], Tracker], batch: int) -> None:
-        self._trackers = [make() for _ in range(batch)]
-        self._states: list[Any] = [None] * batch
+        self._trackers = [Stateful(make(), checked) for _ in range(batch)]
         self._begun = [False] * batch
         self._known = [False] * batch
 
@@ -159,9 +157,7 @@ class Looped(_Here):
         return together(answers, len(scan.measurement))
 
     def _one(self, member: int, scan: Scan) -> Estimate | None:
-        own = scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
-        self._states[member], answer = unpack(self._trackers[member].step(self._states[member], own))
-        estimate = checked(answer, own)
+        estimate = self._trackers[member].step(scan_of_member(scan, member))
         if estimate is None:
             if self._known[member]:
                 raise TrackerFault(GIVEN_UP)

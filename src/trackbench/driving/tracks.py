@@ -11,10 +11,12 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_run
+from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
+from trackbench.driving.steppers import Here
 from trackbench.engine.choice import Engine
 from trackbench.engine.equations import EngineUsed
-from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described, unpack
+from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
@@ -61,40 +63,35 @@ def local_tracks(
     return BatchedTracks(tracker) if getattr(tracker, "batched", False) else LoopedTracks(make, runs)
 
 
-class BatchedTracks:
+class BatchedTracks(Here):
     """A tracker that takes all runs at once."""
 
     def __init__(self, tracker: Any) -> None:
-        self._tracker = tracker
-        self._state: Any = None
+        self._tracker = Stateful(tracker, checked_tracks, TRACKS)
         self._wants_origins = bool(getattr(tracker, "wants_origins", False))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs."""
         more = (origins,) if self._wants_origins else ()
-        self._state, answer = unpack(self._tracker.step(self._state, scan, *more), TRACKS)
-        return checked_tracks(answer, scan)
+        return self._tracker.step(scan, *more)
 
     def predicted(self, time: float, run: int) -> Tracks:
         """The tracks of one run at a later time, of a built-in tracker, which stays as it is."""
-        found: Tracks = self._tracker.predicted(self._state, time, run)
+        found: Tracks = self._tracker.tracker.predicted(self._tracker.state, time, run)
         return found
 
     @property
     def engine_used(self) -> EngineUsed | None:
         """What computed the steps so far, of a built-in tracker."""
-        return self._tracker.engine_used if isinstance(self._tracker, MultiObjectTracker) else None
-
-    def close(self) -> None:
-        """Nothing is left to end."""
+        tracker = self._tracker.tracker
+        return tracker.engine_used if isinstance(tracker, MultiObjectTracker) else None
 
 
-class LoopedTracks:
+class LoopedTracks(Here):
     """A tracker of one run: an instance for each."""
 
     def __init__(self, make: Callable[[], Any], runs: int) -> None:
-        self._trackers = [make() for _ in range(runs)]
-        self._states: list[Any] = [None] * runs
+        self._trackers = [Stateful(make(), checked_tracks, TRACKS) for _ in range(runs)]
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs.
@@ -106,21 +103,12 @@ class LoopedTracks:
         for run, tracker in enumerate(self._trackers):
             own = scan_of_run(scan, run)
             try:
-                self._states[run], answer = unpack(tracker.step(self._states[run], own), TRACKS)
-                found.append(checked_tracks(answer, own))
+                found.append(tracker.step(own))
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
                 raise fault_of(error, run) from error
         return stacked(found)
-
-    @property
-    def engine_used(self) -> EngineUsed | None:
-        """It is not built in."""
-        return None
-
-    def close(self) -> None:
-        """Nothing is left to end."""
 
 
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:

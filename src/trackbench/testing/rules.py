@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
 import numpy as np
+
+from trackbench.base.types import Estimate, Scan, Tracks
+from trackbench.trackers.answers import unpack
+
+Answer = TypeVar("Answer", Estimate | None, Tracks)
 
 NOISE = {
     "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
@@ -15,3 +23,39 @@ LOST = 5.0
 
 class TrackerCheckError(AssertionError):
     """A tracker does not keep the contract; the text lists every broken rule."""
+
+
+def side_by_side(runs: Sequence[Scan]) -> Scan:
+    """The scans of several runs at one instant with a last axis of runs, padded to as many detections."""
+    most = np.max([scan.valid.shape for scan in runs], axis=0).astype(int)
+    measurement = np.full((len(runs[0].measurement), *most, len(runs)), np.nan)
+    valid = np.zeros((*most, len(runs)), dtype=bool)
+    for run, scan in enumerate(runs):
+        there: tuple[slice | int, ...] = (*map(slice, scan.valid.shape), run)
+        measurement[:, *there], valid[there] = scan.measurement, scan.valid
+    for shared in (measurement, valid):
+        shared.setflags(write=False)
+    return runs[0]._replace(measurement=measurement, valid=valid)
+
+
+def require_state_kept(
+    tracker: Any, scans: Sequence[Scan], check: Callable[[Any, Scan], Answer], what: str, other: str
+) -> None:
+    """Refuse a fresh tracker that gives another answer to the same state and scan of one run the second time.
+
+    ``check`` and ``what`` are as of ``Stateful``; ``other`` is another answer, in the message.
+    """
+    state: Any = None
+    for scan in [side_by_side([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:
+        after, first = unpack(tracker.step(state, scan), what)
+        again = unpack(tracker.step(state, scan), what)[1]
+        one, two = check(first, scan), check(again, scan)
+        same = one is two is None or (
+            one is not None and two is not None and np.array_equal(one.mean, two.mean, equal_nan=True)
+        )
+        if not same:
+            raise TrackerCheckError(
+                f"at {scan.time:g} s the same state and scan give {other} the second time: "
+                "the state was changed in place, or the tracker remembers something beside it"
+            )
+        state = after

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import dropwhile
 from typing import Any
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
+from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.kinds import OF_OTHER_KIND, Identities, answers, require_known
-from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, unpack
+from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked
 from trackbench.trackers.published import create
 
 
@@ -113,34 +115,12 @@ def _usual(**changes: Any) -> list[Scan]:
     return drive(["lidar", "radar"] * 60, times, **changes)
 
 
-def _stack(targets: Sequence[Sequence[Scan]]) -> list[Scan]:
-    """Scans with a batch axis from those of single targets."""
-    stacked = []
-    for scans in zip(*targets, strict=True):
-        measurement, valid = (
-            np.stack([scan.measurement for scan in scans], axis=-1),
-            np.array([scan.valid for scan in scans]),
-        )
-        for shared in (measurement, valid):
-            shared.setflags(write=False)
-        stacked.append(scans[0]._replace(measurement=measurement, valid=valid))
-    return stacked
-
-
 def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Estimate | None]:
     """What a fresh tracker says of a drive, each answer of the right form, finite and definite."""
-    tracker = make()
-    batched = bool(getattr(tracker, "batched", False))
-    state: Any = None
-    seen = begun = False
-    for scan in scans:
-        one = scan.valid.ndim == 0
-        given = _stack([[scan]])[0] if batched and one else scan
-        seen = seen or bool(np.any(given.valid))
-        if not seen:
-            continue
-        state, answer = unpack(tracker.step(state, given))
-        estimate = checked(answer, given)
+    tracker = Stateful(make(), checked)
+    batched, begun = tracker.batched, False
+    for scan in dropwhile(lambda scan: not scan.valid, scans):
+        estimate = tracker.step(side_by_side([scan]) if batched else scan)
         if estimate is None:
             if begun:
                 raise TrackerFault(f"{GIVEN_UP} ({scan.time:g} s)")
@@ -154,7 +134,7 @@ def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Est
             raise TrackerFault(f"{NOT_FINITE} at {scan.time:g} s")
         if not np.all(linalg.cholesky(estimate.covariance).positive):
             raise TrackerFault(f"{NOT_DEFINITE} at {scan.time:g} s")
-        if batched and one:
+        if batched:
             estimate = Estimate(estimate.mean[..., 0], estimate.covariance[..., 0])
         yield estimate
 
@@ -222,22 +202,7 @@ def _is_deterministic(make: Callable[[], Tracker]) -> None:
 
 
 def _keeps_state(make: Callable[[], Tracker]) -> None:
-    tracker = make()
-    scans = _stack([_usual()]) if getattr(tracker, "batched", False) else _usual()
-    state: Any = None
-    for scan in scans[:40]:
-        after, first = unpack(tracker.step(state, scan))
-        again = unpack(tracker.step(state, scan))[1]
-        one, two = checked(first, scan), checked(again, scan)
-        same = one is two is None or (
-            one is not None and two is not None and np.array_equal(one.mean, two.mean, equal_nan=True)
-        )
-        if not same:
-            raise TrackerCheckError(
-                f"at {scan.time:g} s the same state and scan give another estimate the second time: "
-                "the state was changed in place, or the tracker remembers something beside it"
-            )
-        state = after
+    require_state_kept(make(), _usual()[:40], checked, "estimate", "another estimate")
 
 
 def _stands_alone(make: Callable[[], Tracker]) -> None:
@@ -255,13 +220,12 @@ def _batch_is_loop(make: Callable[[], Tracker]) -> None:
         return
     missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
     targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
-    tracker, state, batch = make(), None, []
-    for scan in _stack(targets):
-        state, answer = unpack(tracker.step(state, scan))
-        estimate = checked(answer, scan)
+    tracker, batch = Stateful(make(), checked), []
+    for scans in zip(*targets, strict=True):
+        estimate = tracker.step(side_by_side(scans))
         batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
-    for target, scans in enumerate(targets):
-        single = _means(make, scans)
+    for target, alone in enumerate(targets):
+        single = _means(make, alone)
         if not np.allclose(np.array(batch)[-len(single) :, :, target], single, rtol=1e-9, atol=1e-9):
             raise TrackerCheckError(f"target {target} of a batch of 3 has other estimates than alone")
 

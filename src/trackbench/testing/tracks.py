@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Array, FieldOfView, Scan, Tracks
-from trackbench.driving.tracks import TRACKS, checked_tracks
+from trackbench.driving.alone import Stateful
+from trackbench.driving.tracks import TRACKS, checked_tracks, tracks_of_run
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
-from trackbench.trackers.answers import unpack
+from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
 
 Make = Callable[[], Any]
 POSE = np.array([4.0, -3.0, 0.4])
@@ -60,40 +60,15 @@ def hidden_drive(
 
 def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
     """What a fresh tracker says of a drive, each answer of the right form."""
-    tracker = make()
-    batched = bool(getattr(tracker, "batched", False))
-    state: Any = None
+    tracker = Stateful(make(), checked_tracks, TRACKS)
+    batched = tracker.batched
     for scan in scans:
-        given = _as_batch([scan]) if batched else scan
-        state, answer = unpack(tracker.step(state, given), TRACKS)
-        tracks = checked_tracks(answer, given)
-        yield _of_run(tracks, 0) if batched else tracks
+        yield tracks_of_run(tracker.step(side_by_side([scan])), 0) if batched else tracker.step(scan)
 
 
 def reported(make: Make) -> Iterator[bool]:
     """Whether a fresh tracker has tracks after each scan of cars in plain sight."""
     return (len(tracks.ids) > 0 for tracks in _answers(make, hidden_drive()))
-
-
-def _as_batch(runs: Sequence[Scan]) -> Scan:
-    """The scans of several runs at one instant with a last axis of runs."""
-    most = max(scan.measurement.shape[1] for scan in runs)
-    measurement = np.full((len(runs[0].measurement), most, len(runs)), np.nan)
-    valid = np.zeros((most, len(runs)), dtype=bool)
-    for run, scan in enumerate(runs):
-        count = scan.measurement.shape[1]
-        measurement[:, :count, run], valid[:count, run] = scan.measurement, True
-    for shared in (measurement, valid):
-        shared.setflags(write=False)
-    return runs[0]._replace(measurement=measurement, valid=valid)
-
-
-def _of_run(tracks: Tracks, run: int) -> Tracks:
-    there = tracks.ids[:, run] >= 0
-    existence = None if tracks.existence is None else tracks.existence[there, run]
-    used = None if tracks.used is None else tracks.used[there, run]
-    mean, covariance = tracks.mean[:, there, run], tracks.covariance[:, :, there, run]
-    return Tracks(tracks.ids[there, run], mean, covariance, existence, used)
 
 
 def _nearest(tracks: Tracks, time: float, car: int) -> float:
@@ -191,33 +166,19 @@ def _is_deterministic(make: Make) -> None:
 
 
 def _keeps_state(make: Make) -> None:
-    tracker, state = make(), None
-    batched = bool(getattr(tracker, "batched", False))
-    for scan in hidden_drive()[:40]:
-        given = _as_batch([scan]) if batched else scan
-        after, first = unpack(tracker.step(state, given), TRACKS)
-        again = unpack(tracker.step(state, given), TRACKS)[1]
-        one, two = checked_tracks(first, given), checked_tracks(again, given)
-        if not np.array_equal(one.mean, two.mean, equal_nan=True):
-            raise TrackerCheckError(
-                f"at {scan.time:g} s the same state and scan give other tracks the second time: "
-                "the state was changed in place, or the tracker remembers something beside it"
-            )
-        state = after
+    require_state_kept(make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks")
 
 
 def _batch_is_loop(make: Make) -> None:
     if not getattr(make(), "batched", False):
         return
     drives = [hidden_drive(seed, clutter=1.0, probability=0.9) for seed in range(3)]
-    tracker, state = make(), None
+    tracker = Stateful(make(), checked_tracks, TRACKS)
     alone = [list(_answers(make, drive)) for drive in drives]
     for number, scans in enumerate(zip(*drives, strict=True)):
-        given = _as_batch(scans)
-        state, answer = unpack(tracker.step(state, given), TRACKS)
-        tracks = checked_tracks(answer, given)
+        tracks = tracker.step(side_by_side(scans))
         for run, single in enumerate(alone):
-            one, two = _of_run(tracks, run), single[number]
+            one, two = tracks_of_run(tracks, run), single[number]
             if not (np.array_equal(one.ids, two.ids) and np.allclose(one.mean, two.mean, rtol=1e-9, atol=1e-9)):
                 raise TrackerCheckError(f"run {run} of a batch of {len(drives)} has other tracks than alone")
 

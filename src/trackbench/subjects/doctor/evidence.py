@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Mask, Scan
+from trackbench.base.types import Array, Mask, Scan, scan_of_member
 from trackbench.base.units import difference
 from trackbench.metrics.consistency import normalised_square
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import TestDrive
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.rollout import Rollout, one_run
+from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.trial import Trial
 from trackbench.trackers.answers import Tracker
@@ -112,7 +112,7 @@ def evidence_run(
         findings: those that the drive shows; the run is that of the first one.
     """
     run = findings[0].run if findings else 0
-    scans = [one_run(scan, run) for scan in drive.scans]
+    scans = [scan_of_member(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
     innovations: dict[str, list[_Innovation]] = {}
     # As many as the questions that give one innovation: the measurement, and two beside it in each component.

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask, Scan
+from trackbench.base.types import Array, Mask, Scan, scan_of_member
+from trackbench.driving.alone import Stateful
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
-from trackbench.trackers.answers import Tracker, shaped, unpack
+from trackbench.trackers.answers import Tracker, shaped
 
 
 class Rollout(NamedTuple):
@@ -48,21 +49,20 @@ def rollout(
 def _given(scans: Sequence[Scan], run: int) -> list[Scan]:
     """The scans of a run from its first measurement on."""
     first = next(k for k, scan in enumerate(scans) if scan.valid[run])
-    return [one_run(scan, run) for scan in scans[first:]]
+    return [scan_of_member(scan, run) for scan in scans[first:]]
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
-    tracker, state, estimates = make(), None, _empty(scans)
+    tracker, estimates = Stateful(make(), shaped), _empty(scans)
     on_step = Examined.of(make).on_step
     for k, scan in enumerate(scans):
         try:
-            state, returned = unpack(tracker.step(state, scan))
-            estimate = shaped(returned, scan)
+            estimate = tracker.step(scan)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             _follow_each(make, scans[: k + 1])
-            raise StepFailed(error, one_run(scan, 0)) from error
+            raise StepFailed(error, scan_of_member(scan, 0)) from error
         on_step()
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
@@ -91,16 +91,11 @@ def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
             if session is None and not scan.valid[run]:
                 continue
             session = session or TrackerSession(make)
-            estimate = session.step(one_run(scan, run))
+            estimate = session.step(scan_of_member(scan, run))
             if estimate is not None:
                 estimates.mean[:, k, run], estimates.covariance[:, :, k, run] = estimate.mean, estimate.covariance
                 estimates.given[k, run] = True
     return estimates
-
-
-def one_run(scan: Scan, run: int) -> Scan:
-    """The scan of one run, without a batch axis."""
-    return scan._replace(measurement=scan.measurement[:, run], valid=scan.valid[run])
 
 
 def _empty(scans: Sequence[Scan]) -> Rollout:

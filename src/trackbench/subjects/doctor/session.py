@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.base.types import Estimate, Scan
+from trackbench.base.types import Estimate, Scan, scan_of_member
 from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.faults import fault_of
@@ -80,7 +80,7 @@ class TrackerSession:
         self._own = Alone(make)
         how = Examined.of(make)
         self._no_misses, self._on_step = how.no_misses, how.on_step
-        self._batched = bool(getattr(self._own.tracker, "batched", False))
+        self._batched = self._own.batched
         self._started = [False] * (columns if self._batched else 1)
 
     @property
@@ -95,7 +95,7 @@ class TrackerSession:
 
     def given_to(self, column: int) -> list[Scan]:
         """The scans so far of one column."""
-        return [_column(scan, column) for scan in self._own.given] if self._batched else self._own.given
+        return [scan_of_member(scan, column) for scan in self._own.given] if self._batched else self._own.given
 
     @property
     def not_copied(self) -> str | None:
@@ -237,7 +237,3 @@ def _side_by_side(scans: Sequence[Scan]) -> Scan:
     """One scan with a column of each."""
     measurement = np.stack([scan.measurement for scan in scans], axis=-1)
     return scans[0]._replace(measurement=measurement, valid=np.stack([scan.valid for scan in scans], axis=-1))
-
-
-def _column(scan: Scan, column: int) -> Scan:
-    return scan._replace(measurement=scan.measurement[:, column], valid=scan.valid[column])
