@@ -60,5 +60,5 @@ def test_it_runs_a_shipped_scenario_from_an_empty_directory(wheel: Path, tmp_pat
     assert done.returncode in (0, 1), done.stderr
     result = json.loads((empty / "results" / "highway" / "result.json").read_text(encoding="utf-8"))
     assert result["scenario"]["name"] == "highway"
-    assert [tracker["failed"] for tracker in result["trackers"]] == [None] * 6
+    assert {tracker["failed"] for tracker in result["trackers"]} == {None}
     assert {file.name for file in (empty / "results" / "highway").iterdir()} >= {"report.html", "recording.rrd"}
