@@ -66,7 +66,7 @@ def local(
     return Looped(make, batch)
 
 
-class Here:
+class InProcess:
     """What ends with the bench."""
 
     @property
@@ -78,7 +78,7 @@ class Here:
         """Nothing is left to end."""
 
 
-class Direct(Here):
+class Direct(InProcess):
     """A built-in tracker, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
@@ -96,7 +96,7 @@ class Direct(Here):
         return self._tracker.engine_used
 
 
-class Offline(Here):
+class Offline(InProcess):
     """A smoother, which is told all scans before the first step."""
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
@@ -115,7 +115,7 @@ class Offline(Here):
         return self._tracker.tracker.engine_used
 
 
-class Batched(Here):
+class Batched(InProcess):
     """A tracker that takes all batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
@@ -131,7 +131,7 @@ class Batched(Here):
         return estimate
 
 
-class Looped(Here):
+class Looped(InProcess):
     """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
 
     def __init__(self, make: Callable[[], Tracker], batch: int) -> None:
