@@ -38,7 +38,7 @@ def _start(words: str) -> str:
 
 
 Q = "process_noise_diag: [20, 20, 4, 4]"
-FIRST = _start("from: first_measurement")
+FIRST = _start("from: first_measurement, velocity: zero")
 #: From the true velocity, and a position with the error of a reading there; from the true state.
 KNOWN_VELOCITY = _start("from: truth, position_sigma_m: 34.4, velocity_sigma_mps: 0.001")
 KNOWN_START = _start("from: truth, position_sigma_m: 0.001, velocity_sigma_mps: 0.001")
