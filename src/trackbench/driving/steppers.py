@@ -66,7 +66,7 @@ def local(
     return Looped(make, batch)
 
 
-class InProcess:
+class InProcessStepper:
     """What ends with the bench."""
 
     @property
@@ -78,7 +78,7 @@ class InProcess:
         """Nothing is left to end."""
 
 
-class Direct(InProcess):
+class Direct(InProcessStepper):
     """A built-in tracker, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
@@ -96,7 +96,7 @@ class Direct(InProcess):
         return self._tracker.engine_used
 
 
-class Offline(InProcess):
+class Offline(InProcessStepper):
     """A smoother, which is told all scans before the first step."""
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
@@ -115,7 +115,7 @@ class Offline(InProcess):
         return self._tracker.tracker.engine_used
 
 
-class Batched(InProcess):
+class Batched(InProcessStepper):
     """A tracker that takes all batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
@@ -131,7 +131,7 @@ class Batched(InProcess):
         return estimate
 
 
-class Looped(InProcess):
+class Looped(InProcessStepper):
     """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
 
     def __init__(self, make: Callable[[], Tracker], batch: int) -> None:

@@ -13,7 +13,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_run
 from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
-from trackbench.driving.steppers import InProcess
+from trackbench.driving.steppers import InProcessStepper
 from trackbench.engine.choice import Engine
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described
@@ -63,7 +63,7 @@ def local_tracks(
     return BatchedTracks(tracker) if getattr(tracker, "batched", False) else LoopedTracks(make, runs)
 
 
-class BatchedTracks(InProcess):
+class BatchedTracks(InProcessStepper):
     """A tracker that takes all runs at once."""
 
     def __init__(self, tracker: Any) -> None:
@@ -87,7 +87,7 @@ class BatchedTracks(InProcess):
         return tracker.engine_used if isinstance(tracker, MultiObjectTracker) else None
 
 
-class LoopedTracks(InProcess):
+class LoopedTracks(InProcessStepper):
     """A tracker of one run: an instance for each."""
 
     def __init__(self, make: Callable[[], Any], runs: int) -> None:
