@@ -8,7 +8,7 @@ from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, sc
 from tests.support.scenes import SHARED, block_of, random_walk, scan, truth, values, work
 
 from trackbench.metrics import Interval, evaluate
-from trackbench.metrics.builtin import PositionRmse
+from trackbench.metrics.built_in.basic import PositionRmse
 from trackbench.metrics.differences import differences
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.parts import scores_of, stretches

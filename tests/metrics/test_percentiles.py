@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_together
-from trackbench.metrics.percentiles import percentile
+from trackbench.metrics.built_in.percentiles import percentile
 
 
 @pytest.mark.parametrize("counted", [1, 2, 7, 40, 41])

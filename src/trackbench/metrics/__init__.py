@@ -1,10 +1,10 @@
 """Estimates and truth to numbers with a unit, an interval and a verdict."""
 
-from trackbench.metrics.builtin import EstimateMetric
+from trackbench.metrics.built_in import BUILT_IN
+from trackbench.metrics.built_in.basic import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
 from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
-from trackbench.metrics.registry import BUILT_IN
 from trackbench.metrics.scorer import Scorer, score_together
 from trackbench.metrics.sums import BlockScores, Scores
 

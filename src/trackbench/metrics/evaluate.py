@@ -14,11 +14,11 @@ from pydantic import ValidationError
 
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array, Indices
+from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
-from trackbench.metrics.registry import BUILT_IN
 from trackbench.metrics.sums import BlockScores, Scores, TrackerSet
 from trackbench.results import Health, MetricValue
 

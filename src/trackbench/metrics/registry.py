@@ -7,30 +7,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from trackbench.base.plugins import Registry
-from trackbench.metrics import builtin, percentiles
+from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.protocol import SENSOR, Field, Metric
 
-#: Those that every run with known identities has, in the order of its result.
-BUILT_IN: tuple[Metric, ...] = (
-    builtin.PositionRmse(),
-    builtin.VelocityRmse(),
-    builtin.CourseRmse(),
-    builtin.PxRmse(),
-    builtin.PyRmse(),
-    builtin.VxRmse(),
-    builtin.VyRmse(),
-    builtin.Nees(),
-    builtin.Nis(),
-    builtin.Whiteness(),
-    builtin.PositionReference(),
-    builtin.VelocityReference(),
-    builtin.PositionOverReference(),
-    builtin.VelocityOverReference(),
-    builtin.Coverage(),
-    builtin.StepTime(),
-    percentiles.PositionP95(),
-    percentiles.VelocityP95(),
-)
 #: Paths that begin so are of a tracker's health, beside its metrics.
 HEALTH = "health."
 NAME = re.compile(r"[a-z][a-z0-9_]*")

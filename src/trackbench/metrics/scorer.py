@@ -11,12 +11,12 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
+from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.evaluate import accumulators
 from trackbench.metrics.protocol import Agreement, Chunk, Fault, Innovation, Metric, Scope, Target, reject
-from trackbench.metrics.registry import BUILT_IN
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.builtin import RootMeanSquare
+from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.track_events import TrackEvent, events_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics import Metric, evaluate, merge_sums
-from trackbench.metrics.builtin import Coverage
+from trackbench.metrics.built_in.basic import Coverage
 from trackbench.metrics.evaluate import MetricSums, finished
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
