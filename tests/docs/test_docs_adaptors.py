@@ -17,7 +17,7 @@ from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.adaptors.options import FilterPyOptions, FilterPySensor, StoneSoupOptions, StoneSoupSensor
-from trackbench.subjects.adaptors.stonesoup_models import MEASURED
+from trackbench.subjects.adaptors.stonesoup_tracker import MEASURED
 from trackbench.trackers.published import create
 
 PAGE = DOCS / "adaptors.md"

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
+from trackbench.subjects.recording.contents import track_ranking
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
@@ -24,7 +25,6 @@ from trackbench.subjects.recording.focus import Focus, Opening, focus_of
 from trackbench.subjects.recording.layout import track_blueprint
 from trackbench.subjects.recording.series import charts_of_tracks
 from trackbench.subjects.recording.stream import Stream
-from trackbench.subjects.recording.text import track_ranking
 from trackbench.subjects.recording.track_scene import send_gates, send_marks
 from trackbench.subjects.recording.views import wide_window
 from trackbench.subjects.recording.writer import write_recording

@@ -11,7 +11,7 @@ from trackbench.base.types import Array
 from trackbench.document.replay import Chart, ChartLine
 from trackbench.results import Result
 from trackbench.results.columns import Columns
-from trackbench.subjects.recording.legend import entries, legend_view
+from trackbench.subjects.recording.layout import entries, legend_view
 from trackbench.subjects.recording.scene import GAP, HEIGHT, LETTER, label_points
 
 TIME = np.arange(100) * 0.05

@@ -17,7 +17,7 @@ from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
-from trackbench.subjects.recording.play import playable
+from trackbench.subjects.recording.viewer import playable
 from trackbench.subjects.recording.writer import write_overlay
 
 

@@ -4,14 +4,14 @@ from trackbench.base.subjects import Command, Subject
 
 SUBJECT = Subject(
     commands={
-        "inspect": Command(f"{__name__}.commands.inspect:inspect_command", "Read a recording without a viewer."),
+        "inspect": Command(f"{__name__}.commands:inspect_command", "Read a recording without a viewer."),
         "snapshot": Command(
-            f"{__name__}.commands.view:snapshot_command",
+            f"{__name__}.commands:snapshot_command",
             "Save a picture of a run, at a time or at its worst moment.",
         ),
-        "view": Command(f"{__name__}.commands.view:view_command", "Open runs in the Rerun viewer."),
+        "view": Command(f"{__name__}.commands:view_command", "Open runs in the Rerun viewer."),
     },
     artifacts={"recording.rrd": f"{__name__}.writer:write"},
-    replays={"recording.rrd": f"{__name__}.replay:write_replay"},
-    run_options={"live": f"{__name__}.commands.live:RUN_OPTIONS"},
+    replays={"recording.rrd": f"{__name__}.writer:write_replay"},
+    run_options={"live": f"{__name__}.commands:RUN_OPTIONS"},
 )

@@ -1,22 +1,184 @@
-"""How a recording opens: the scene above, the scores below it, legend and ranked table beside them."""
+"""How a recording opens: the scene above, the plots below it, legend and ranked table beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
 
+from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import Chart, NamedColour
-from trackbench.subjects.recording import legend
-from trackbench.subjects.recording.contents import Contents
+from trackbench.subjects.recording.contents import Contents, all_runs
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.plots import live_plots, origin, plot, plots
 from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE
-from trackbench.subjects.recording.series import AllCharts
-from trackbench.subjects.recording.stream import TIMELINE, path
-from trackbench.subjects.recording.track_scene import ASSOCIATIONS, entities, others
-from trackbench.subjects.recording.views import RECENT_S, Window, scene_view, scene_views
+from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba, send_line
+from trackbench.subjects.recording.track_scene import ASSOCIATION_COLOUR, ASSOCIATIONS, MARKED, MISSED, entities, others
+from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, scene_view, scene_views
+
+LEGEND = "legend"
+#: Pixels of the view, of a letter and of the room around a name.
+WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
+ROW, MARK, RING = 40.0, 22.0, 6.0
+
+
+def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
+    """Trackers by their colours, measurements of each sensor, truth with the bounds, and the observer."""
+    return [
+        *(NamedColour(name, colour) for name, colour in trackers.items()),
+        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
+        NamedColour("truth, bounds", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
+    ]
+
+
+def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
+    """A line, dots or a ring above each name, in rows."""
+    for number, (entry, x, y) in enumerate(_placed(shown)):
+        style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
+        if entry.mark == "line":
+            mark: rr.AsComponents = rr.LineStrips2D(
+                [[(x - MARK / 2, y), (x + MARK / 2, y)]], radii=pixels(1.5), **style
+            )
+        elif entry.mark == "ring":
+            angle = np.linspace(0, 2 * np.pi, 25)
+            ring = np.stack([x + RING * np.cos(angle), y + RING * np.sin(angle)], axis=1)
+            mark = rr.LineStrips2D([ring], radii=pixels(1.5), **style)
+        else:
+            mark = rr.Points2D([(x, y)], radii=pixels(5.0 if entry.mark == "mark" else 3.0), **style)
+        stream.static(path(LEGEND, str(number)), mark)
+        if entry.others:
+            beside = [(x + (MARK / 2) * (-1) ** i * (i // 2 + 1), y) for i in range(len(entry.others))]
+            colours = np.array([rgba(colour) for colour in entry.others], dtype=np.uint32)
+            stream.static(path(LEGEND, str(number), "others"), rr.Points2D(beside, colors=colours, radii=pixels(3.0)))
+
+
+def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
+    """The view, as wide as the names take."""
+    return rrb.Spatial2DView(
+        origin=LEGEND,
+        name="Legend",
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, WIDTH), y_range=(0.0, height(shown))),
+        background=BACKGROUND,
+    )
+
+
+def height(shown: list[NamedColour]) -> float:
+    """Pixels that the rows take."""
+    return max(y for _, _, y in _placed(shown)) + 0.9 * ROW
+
+
+def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
+    """Each entry with the middle of its mark, in columns as wide as the longest name."""
+    longest = max(len(entry.name) for entry in shown)
+    columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))
+    row, column = np.divmod(np.arange(len(shown)), columns)
+    for entry, i, k in zip(shown, row, column, strict=True):
+        yield entry, float((k + 0.5) * WIDTH / columns), float((i + 0.25) * ROW)
+
+
+#: The first identity's on the dark ground, at an existence probability of 0.4.
+FAINT_COLOUR = "#85863F"
+
+
+def track_entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
+    """What is in the scene, and the trackers, whose colours are those of the plots."""
+    return [
+        NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
+        NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
+        NamedColour("due, no track", MISSED, "ring"),
+        NamedColour("false track", MARKED["false"], "mark"),
+        NamedColour("lost, merged", MARKED["lost"], "mark"),
+        NamedColour("switch", MARKED["switched"], "mark"),
+        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
+        NamedColour("association", ASSOCIATION_COLOUR, "line"),
+        NamedColour("truth", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
+        *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
+    ]
+
+
+SERIES = "series"
+#: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
+LOG10 = "log10"
+
+
+def origin(chart: Chart) -> str:
+    """The entity of the values."""
+    return path(SERIES, *chart.place)
+
+
+def log_origin(chart: Chart) -> str:
+    """The entity of their decimal logarithms."""
+    return path(SERIES, LOG10, *chart.place)
+
+
+def send_chart(stream: Stream, chart: Chart) -> None:
+    """The values, and their logarithms where the range is large."""
+    for line in (*chart.lines, *chart.bounds):
+        entity = path(SERIES, *chart.place, *line.entity)
+        send_line(stream, entity, line.time, line.value, line.name, line.colour, line.width)
+        if chart.large:
+            logarithm = np.log10(np.where(line.value > 0, line.value, np.nan))
+            entity = path(SERIES, LOG10, *chart.place, *line.entity)
+            send_line(stream, entity, line.time, logarithm, line.name, line.colour, line.width)
+
+
+def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Focus) -> rrb.Container:
+    """A tab for all runs, one for the recorded run, and one for each vehicle in it.
+
+    Args:
+        contents: of the recording.
+        charts: of the recording.
+        vehicles: those that have a tab.
+        focus: the vehicle whose tab is open.
+    """
+    runs = _page(charts.all_runs, all_runs(contents.runs))
+    recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
+    own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
+    tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
+    return rrb.Tabs(runs, recorded, *own, active_tab=tab)
+
+
+def live_plots() -> rrb.Container:
+    """The errors and the NEES of the recorded run as they come."""
+    empty = recorded_run(NOTHING, NOTHING, NOTHING, {})
+    return rrb.Horizontal(*(plot(chart.title, origin(chart)) for chart in (*empty.errors, empty.nees)))
+
+
+def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
+    """Errors of position and velocity, NEES and the NIS of the sensors, each with its logarithms where it needs them.
+
+    ``shown`` (m) is a position error that must be seen.
+    """
+    position, velocity = charts.errors
+    left = rrb.Vertical(chart_tabs([position], shown), chart_tabs([velocity]))
+    right = rrb.Vertical(chart_tabs([charts.nees]), *(chart_tabs(each) for each in (charts.nis, charts.modes) if each))
+    return rrb.Horizontal(left, right, name=name)
+
+
+def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
+    """Charts as tabs, and after them the logarithms of those whose range is large."""
+    every = list(charts)
+    plain = [plot(chart.title, origin(chart), chart.span(shown), chart.share) for chart in every]
+    logarithms = [plot(chart.log_title, log_origin(chart)) for chart in every if chart.large]
+    return rrb.Tabs(*plain, *logarithms, active_tab=0)
+
+
+def plot(name: str, origin: str, span: tuple[float, float] | None = None, legend: bool = False) -> rrb.TimeSeriesView:
+    """Its time axis is that of all other plots. Trackers are in the legend of the page; one here would cover curves."""
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        plot_legend=rrb.PlotLegend(visible=legend),
+    )
+
 
 #: How many vehicles have plots and a close-up of their own.
 MOST_VEHICLES = 6
@@ -31,7 +193,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     vehicles = _shown(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
     main = rrb.Vertical(scene, plots(contents, charts, vehicles, focus), row_shares=[4, 5])
-    return opened(beside(main, legend.entries(contents.colours, list(contents.sensors)), _texts()), focus)
+    return opened(beside(main, entries(contents.colours, list(contents.sensors)), _texts()), focus)
 
 
 def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
@@ -61,7 +223,7 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
     )
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
-    return opened(beside(main, legend.track_entries(contents.colours, list(contents.sensors)), _texts()), focus)
+    return opened(beside(main, track_entries(contents.colours, list(contents.sensors)), _texts()), focus)
 
 
 def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
@@ -95,7 +257,7 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
     main = rrb.Vertical(scene, live_plots(), row_shares=[3, 2])
-    return _blueprint(beside(main, legend.entries(colours, list(sensors))), play_state="following")
+    return _blueprint(beside(main, entries(colours, list(sensors))), play_state="following")
 
 
 def _shown(vehicles: list[str], focus: Focus) -> list[str]:
@@ -104,11 +266,11 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
 
 
 def beside(
-    main: rrb.Container, entries: list[NamedColour], text: rrb.Container | rrb.View | None = None
+    main: rrb.Container, shown: list[NamedColour], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
     """A container with the legend on its right, and texts under that."""
-    names = legend.legend_view(entries)
-    share = legend.height(entries) / BESIDE
+    names = legend_view(shown)
+    share = height(shown) / BESIDE
     side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])
     return rrb.Horizontal(main, side, column_shares=[3, 1])
 

@@ -23,9 +23,9 @@ from trackbench.document.palette import sensor_colours
 from trackbench.results import Result
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
-from trackbench.subjects.recording import layout, legend, scene, series, views
+from trackbench.subjects.recording import layout, scene, series, views
+from trackbench.subjects.recording.layout import send_chart
 from trackbench.subjects.recording.live import LiveRun
-from trackbench.subjects.recording.plots import send_chart
 from trackbench.subjects.recording.stream import Stream
 from trackbench.subjects.recording.viewer import PATIENCE, listens
 from trackbench.subjects.recording.writer import application, send
@@ -81,7 +81,7 @@ class _Run:
         self._stream = Stream(self.recording)
         scene.send_roads(self._stream, roads_table(about.truth))
         views.send_scales(self._stream, self._wide, vehicles)
-        legend.send_legend(self._stream, legend.entries(about.colours, about.sensors))
+        layout.send_legend(self._stream, layout.entries(about.colours, about.sensors))
 
     def complete(self, result: Result) -> None:
         """The whole recording."""

@@ -1,4 +1,4 @@
-"""The Rerun viewer as a process of its own: in a window, in a browser or without a screen."""
+"""The Rerun viewer as a process of its own, and the recordings made ready for it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,12 @@ from urllib.parse import quote
 from rerun.experimental import ViewerClient
 
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.results import EXAMINATION
+from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
+from trackbench.subjects.recording.data import RECORDING, Recorded, read
+from trackbench.subjects.recording.focus import Opening, focus_of
 from trackbench.subjects.recording.stream import TIMELINE
+from trackbench.subjects.recording.writer import reopened, write, write_overlay
 
 LOOPBACK = "127.0.0.1"
 EVERYWHERE = ("0.0.0.0", "::")
@@ -218,3 +223,74 @@ def free_port(host: str = LOOPBACK) -> int:
             return int(probe.getsockname()[1])
     except OSError as error:
         raise InputError(f"{host} is not an address of this machine", key="--host") from error
+
+
+@dataclass(frozen=True)
+class Playable:
+    """Files that the viewer opens."""
+
+    files: list[Path]
+    notes: list[str]
+    """What its user should know of how they came about."""
+    time_s: float | None = None
+    """Where it stops; None if it plays."""
+
+
+@contextmanager
+def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
+    """Files for the viewer; those that had to be written are deleted at the end.
+
+    Several runs of the same traffic become one file; those of different traffic stay apart.
+
+    Args:
+        paths: recordings or folders of runs.
+        opening: where the viewer opens.
+
+    Raises:
+        InputError: one of them cannot be read or lacks what the viewer should open with.
+    """
+    examined = _examination(paths[0]) if len(paths) == 1 else None
+    if examined is not None:
+        if opening != Opening(at_s=opening.at_s):
+            raise InputError("an examination has one target and is not scored by moments: give --at", file=paths[0])
+        yield Playable([examined], [], opening.at_s)
+        return
+    runs = [read(path) for path in paths]
+    notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
+    results = [run.result for run in runs]
+    same = len(runs) == 1 or same_traffic(results)
+    if not same and opening != Opening(at_s=opening.at_s):
+        raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
+    known = all(result.summary.identities == "known" for result in results)
+    focus = focus_of(results, opening)
+    with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
+        names = labels(paths)
+        if len(runs) > 1 and same and known:
+            file = Path(folder) / f"{' over '.join(names)}.rrd"
+            write_overlay(laid_over(dict(zip(names, results, strict=True))), file, focus)
+            files = [file]
+        else:
+            files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]
+        if not same:
+            notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
+        elif len(runs) > 1 and not known:
+            notes.append("their identities are hidden: the viewer has them one beside the other, not laid over")
+        yield Playable(files, notes, focus.time_s)
+
+
+def _file(run: Recorded, made: Path, opening: Opening) -> Path:
+    """The run's own file if it opens where it should, or else one that is made."""
+    focus = focus_of([run.result], opening)
+    if run.rerun is None:
+        write(run.result, made, focus=focus)
+    elif focus.vehicle is not None or focus.tracker is not None:
+        reopened(run.file, run.result, made, focus)
+    else:
+        return run.file
+    return made
+
+
+def _examination(path: Path) -> Path | None:
+    """The recording of an examination by its file or its folder; None if it is something else."""
+    file = path / RECORDING if path.is_dir() else path
+    return file if file.is_file() and (file.parent / EXAMINATION).is_file() else None

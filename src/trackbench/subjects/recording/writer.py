@@ -1,4 +1,4 @@
-"""Writes a run's recording, whole or not at all."""
+"""Writes the recording of a run, of several runs laid over each other, or of a replay, whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
-from trackbench.document.replay import Chart
+from trackbench.document.replay import Chart, Replay, ReplayPath, ReplayScene
 from trackbench.metrics.track_events import TrackEvent, events_of, instants
 from trackbench.results import Result, Summary, Tables, write_bytes
-from trackbench.subjects.recording import layout, legend, scene, views
+from trackbench.subjects.recording import layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.plots import send_chart
+from trackbench.subjects.recording.layout import beside, chart_tabs, played, send_chart, send_legend
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
-from trackbench.subjects.recording.stream import Stream
-from trackbench.subjects.recording.stream import path as path_of
+from trackbench.subjects.recording.stream import Stream, path, pixels, rgba, send_ellipses, send_points
 from trackbench.subjects.recording.track_scene import (
     MARKED,
     send_associations,
@@ -32,6 +31,7 @@ from trackbench.subjects.recording.track_scene import (
     send_misses,
     send_tracks,
 )
+from trackbench.subjects.recording.views import from_above
 
 
 def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE) -> None:
@@ -137,8 +137,8 @@ def draw(
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    entries = legend.entries if hidden is None else legend.track_entries
-    legend.send_legend(stream, entries(colours, list(contents.sensors)))
+    entries = layout.entries if hidden is None else layout.track_entries
+    layout.send_legend(stream, entries(colours, list(contents.sensors)))
     scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden is not None)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     if hidden is None:
@@ -178,7 +178,7 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
         levels = ["WARN" if event.kind in MARKED else "INFO" for event in events]
         texts = [f"{tracker}: {', '.join(_event_parts(event))}" for event in events]
         log = rr.TextLog.columns(text=texts, level=levels)
-        stream.columns(path_of(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
+        stream.columns(path(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
 
 
 def _blueprint(contents: Contents, wide: views.Window, focus: Focus, hidden: bool) -> tuple[rrb.Blueprint, list[Chart]]:
@@ -212,3 +212,77 @@ def _event_parts(event: TrackEvent) -> Iterator[str]:
     yield event.reason
     if event.cost_m2:
         yield f"{event.cost_m2:.3g} m²"
+
+
+#: How long a measurement is shown, s.
+RECENT_S = 0.5
+
+
+def write_replay(replay: Replay, file: Path) -> None:
+    """Write a replay as a Rerun recording (.rrd) with its layout, which plays in a loop.
+
+    The timeline is ``sim_time``, in s; positions are in m in the fixed frame. The entities of a scene are below its
+    name.
+
+    Raises:
+        TrackbenchError: the file cannot be written.
+        InputError: the environment switches Rerun off.
+    """
+
+    def send(recording: rr.RecordingStream) -> None:
+        scenes = rrb.Tabs(*(_scene_tab(part) for part in replay.scenes), active_tab=0)
+        text = rrb.TextDocumentView(origin=replay.title.lower(), name=replay.title)
+        recording.send_blueprint(played(beside(scenes, list(replay.legend), text)))
+        recording.send_recording_name(replay.name)
+        stream = Stream(recording)
+        stream.markdown(replay.title.lower(), replay.text)
+        send_legend(stream, list(replay.legend))
+        for part in replay.scenes:
+            _send_scene(stream, part)
+            for chart in (*part.beside, *part.below):
+                send_chart(stream, chart)
+
+    write_recording(file, replay.kind, send)
+
+
+def _scene_tab(scene: ReplayScene) -> rrb.Container:
+    (left, right), (low, high) = scene.x_range, scene.y_range
+    view = from_above(
+        path(*_frame(scene)),
+        "From above",
+        [f"+ {path(scene.name, 'world')}/**"],
+        ((left, right), (-high, -low)),
+        {path(*_measurements(scene, of.sensor)): RECENT_S for of in scene.measurements if len(of.time)},
+    )
+    charts = rrb.Vertical(*(chart_tabs([chart]) for chart in scene.beside))
+    above = rrb.Horizontal(view, charts, column_shares=[3, 2])
+    below = rrb.Grid(*(chart_tabs([chart]) for chart in scene.below), grid_columns=min(3, max(1, len(scene.below))))
+    return rrb.Vertical(above, below, row_shares=[1, 1], name=scene.name)
+
+
+def _send_scene(stream: Stream, scene: ReplayScene) -> None:
+    stream.static(path(*_frame(scene)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
+    for track in scene.paths:
+        _send_path(stream, (scene.name, "world", track.name), track)
+    for of in scene.measurements:
+        send_points(stream, path(*_measurements(scene, of.sensor)), of.time, of.position, of.colour, 2.0, 10.0)
+
+
+def _send_path(stream: Stream, place: tuple[str, ...], track: ReplayPath) -> None:
+    send_points(stream, path(*place), track.time, track.position, track.colour, track.dot, 20.0)
+    line = rr.LineStrips2D(
+        [track.position.T], colors=rgba(track.colour), radii=pixels(track.width), draw_order=5.0 - track.width
+    )
+    stream.static(path(*place, "path"), line)
+    if track.covariance is not None:
+        entity = path(*place, "covariance")
+        send_ellipses(stream, entity, track.time, track.position, track.covariance, track.colour, 15.0)
+
+
+def _frame(scene: ReplayScene) -> tuple[str, ...]:
+    """The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left."""
+    return scene.name, "world", "frame"
+
+
+def _measurements(scene: ReplayScene, sensor: str) -> tuple[str, ...]:
+    return scene.name, "world", "measurements", sensor
