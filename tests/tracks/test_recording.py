@@ -14,12 +14,11 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
-from trackbench.subjects.recording.contents import track_ranking
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
-from trackbench.subjects.recording.contents import contents_of
+from trackbench.subjects.recording.contents import contents_of, track_ranking
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
 from trackbench.subjects.recording.layout import track_blueprint
