@@ -9,8 +9,7 @@ from typing import Any
 import yaml
 
 import trackbench as tb
-from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.ranges import parse_range
+from trackbench.subjects.tuning.parameters import Parameter, parse_range
 
 HERE = Path(__file__).parent
 SCENARIOS = HERE.parents[1] / "scenarios"

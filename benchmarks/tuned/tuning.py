@@ -12,15 +12,14 @@ from typing import Any
 from trackbench.base.execution import InProcess
 from trackbench.base.types import no_progress
 from trackbench.scenario.truth import PendingTruths
+from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome
+from trackbench.subjects.tuning.held_out import Split, halved
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
-from trackbench.subjects.tuning.parameters import Values
-from trackbench.subjects.tuning.ranges import start_values
+from trackbench.subjects.tuning.parameters import start_values
 from trackbench.subjects.tuning.search import Proposals, search
-from trackbench.subjects.tuning.split import Split, halved
-from trackbench.subjects.tuning.study import Study
-from trackbench.subjects.tuning.trials import TuningTrial, best_of, trial_of
+from trackbench.subjects.tuning.study import Study, TuningTrial, best_of, trial_of
 
 from .protocol import Protocol
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
-    from trackbench.subjects.tuning.tuned import tune
+    from trackbench.subjects.tuning.api import tune
     from trackbench.testing import check_tracker
 
     __version__: str

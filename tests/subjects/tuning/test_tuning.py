@@ -20,15 +20,14 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.tuning import conditions, objectives
+from trackbench.subjects.tuning import measures, objectives
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
+from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.objectives import OBJECTIVES, source_of
-from trackbench.subjects.tuning.parameters import Parameter, Values
-from trackbench.subjects.tuning.ranges import parse_range, start_values, usual_ranges
+from trackbench.subjects.tuning.parameters import Parameter, parse_range, start_values, usual_ranges
 from trackbench.subjects.tuning.search import search, usual_trials
-from trackbench.subjects.tuning.study import Study
-from trackbench.subjects.tuning.trials import TuningTrial
+from trackbench.subjects.tuning.study import Study, TuningTrial
 from trackbench.trackers.builtin import ekf
 from trackbench.trackers.estimates import log_likelihood
 
@@ -89,7 +88,7 @@ def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker
     expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
     expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
     (outcome,) = evaluator(scenario, tracker)([{}])[0]
-    found = dict(conditions.off(outcome.sums, outcome.sums))
+    found = dict(measures.nees_by_condition(outcome.sums, outcome.sums))
     assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
     for name, off in found.items():
         dof = 2 if "alone" in name else 4
@@ -101,15 +100,15 @@ def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker
 
 
 @pytest.mark.parametrize(
-    ("nees", "off"), [(4.0, 0.0), (5.3, 0.0), (8.0, np.log(2) - conditions.HIGH), (2.0, np.log(2) + conditions.LOW)]
+    ("nees", "off"), [(4.0, 0.0), (5.3, 0.0), (8.0, np.log(2) - measures.HIGH), (2.0, np.log(2) + measures.LOW)]
 )
 def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: float) -> None:
-    assert conditions.excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
+    assert measures.condition_excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
 
 
 def test_consistent_rmse_weighs_what_is_furthest_off_in_each_scenario() -> None:
-    first = {"nees 0": 0.0, "under 0 turning": conditions.HIGH + 0.3, "under 0 straight": conditions.LOW - 0.1}
-    second = {"nees 1": -objectives.SLACK - 0.1, "under 1 turning": conditions.HIGH}
+    first = {"nees 0": 0.0, "under 0 turning": measures.HIGH + 0.3, "under 0 straight": measures.LOW - 0.1}
+    second = {"nees 1": -objectives.SLACK - 0.1, "under 1 turning": measures.HIGH}
     (loss,) = OBJECTIVES["consistent_rmse"].losses({"error": 0.05, **first, **second})
     assert loss == pytest.approx(0.05 + objectives.PRICE * (0.3 + 0.1) / 2, abs=1e-12)
 

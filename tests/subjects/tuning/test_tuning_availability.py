@@ -13,14 +13,13 @@ from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
-from trackbench.subjects.tuning.availability import Availability, PackedGiven
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import score_labelled, score_start
+from trackbench.subjects.tuning.labelled import Availability, PackedGiven, score_labelled, score_start
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.trials import trial_of
+from trackbench.subjects.tuning.study import trial_of
 
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
 SCENARIO = {

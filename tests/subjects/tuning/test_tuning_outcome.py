@@ -10,13 +10,12 @@ from matplotlib.figure import Figure as Canvas
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.subjects.tuning.held_out import LackingMeasure
+from trackbench.subjects.tuning import tables
+from trackbench.subjects.tuning.figures import _scale
+from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
 from trackbench.subjects.tuning.objectives import OBJECTIVES
-from trackbench.subjects.tuning.outcome import headline, remarks
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.report import tables
-from trackbench.subjects.tuning.report.figures import _scale
-from trackbench.subjects.tuning.split import SAME_MOTION
+from trackbench.subjects.tuning.report import headline, remarks
 from trackbench.subjects.tuning.tune import Tuning
 
 SCENARIO = {

@@ -16,7 +16,7 @@ from trackbench.api.scenario import load
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.entry import stated_default
-from trackbench.subjects.tuning.ranges import has_option, parse_range, require_tunable, start_values, why_no_start
+from trackbench.subjects.tuning.parameters import has_option, parse_range, require_tunable, start_values, why_no_start
 
 Cli = Callable[..., Any]
 IMM = "{filter: ekf, motion: {imm: [{model: cv, acceleration_sigma_mps2: 1}, {model: ca, jerk_sigma_mps3: 5}], "

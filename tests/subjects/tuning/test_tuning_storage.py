@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tests.subjects.tuning.test_tuning_cli import SCENARIO
 
-from trackbench.subjects.tuning.signature import differences
+from trackbench.subjects.tuning.study import differences
 
 Cli = Callable[..., Any]
 PLUGIN = """

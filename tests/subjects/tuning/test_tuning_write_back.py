@@ -10,7 +10,7 @@ from tests.subjects.tuning.test_tuning import TEXT
 
 from trackbench.api.scenario import load
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.subjects.tuning.write_back import written
+from trackbench.subjects.tuning.files import written
 
 FOUND = {"a": {"acceleration_sigma_mps2": 1.25}}
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}

@@ -2,24 +2,231 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import copy
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
-from trackbench.base.types import Progress, no_progress
+from trackbench.base.types import Array, Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.subjects.log_audit.corrections import corrected
-from trackbench.subjects.log_audit.direct_checks import Clock, VelocityCheck, clock_of, velocity_check
-from trackbench.subjects.log_audit.findings import FAMILY, LogFinding
-from trackbench.subjects.log_audit.sensor_audit import SensorAudit, audit_sensor, sensor_findings
-from trackbench.subjects.log_audit.sensor_log import SensorLog
-from trackbench.subjects.log_audit.simple_findings import clock_findings, hole_findings, truth_findings
+from trackbench.scenario.overrides import set_value
+from trackbench.scenario.source import Origin
+from trackbench.subjects.log_audit.blocks import BlockInterval
+from trackbench.subjects.log_audit.findings import (
+    EFFECT,
+    FAMILY,
+    SHAPE,
+    SIGMA_OFF,
+    LogFinding,
+    clock_findings,
+    drift_finding,
+    error_finding,
+    hole_findings,
+    outlier_finding,
+    shape_finding,
+    sigma_finding,
+    silence_finding,
+    truth_findings,
+    unit_finding,
+)
+from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, JointFit, joint_fit, refit
+from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift, detections_of, noise_of
+from trackbench.subjects.log_audit.sensor_log import (
+    Clock,
+    SensorLog,
+    VelocityCheck,
+    WrongUnit,
+    clock_of,
+    velocity_check,
+    wrong_units,
+)
+from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 from trackbench.truth.recorded import Drive, assemble, read
+from trackbench.truth.recorded.drive import Cycles
 from trackbench.truth.sources import RecordingTruth
+
+
+def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+    """By error, the key that takes it out, with its new value."""
+    mount, entry = log.config.mount, log.truth.measurements.get(log.name)
+    found: dict[str, dict[str, Any]] = {}
+    for name, value in errors.items():
+        if name.startswith("mount_"):
+            key = "yaw_deg" if name == "mount_yaw" else f"{name.removeprefix('mount_')}_m"
+            change = float(np.rad2deg(value)) if name == "mount_yaw" else value
+            found[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
+        elif entry is None:
+            found[name] = {}
+        elif name == "time_offset":
+            key = f"truth.readings.{log.name}.time_offset_s"
+            found[name] = {key: _rounded(entry.time_offset_s + value, value)}
+        else:
+            component = name.removeprefix("bias_")
+            i = log.components.index(component)
+            quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
+            factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
+            # In the unit of the column, before which one that was found wrong is put right.
+            known = entry.bias.get(component, 0.0)
+            found[name] = {
+                f"truth.readings.{log.name}.bias.{component}": _rounded(known + value / factor, value / factor)
+            }
+    return found
+
+
+def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
+    """The keys that state a sensor's noise, with the components that each is for."""
+    found: dict[str, list[int]] = {}
+    for i, key in enumerate(log.config.sigma_options):
+        found.setdefault(key, []).append(i)
+    return found
+
+
+def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | None = None) -> str:
+    """The scenario with the findings put in, as the text of a file in a folder.
+
+    Args:
+        loaded: the scenario that was audited.
+        findings: of the audit.
+        folder: the new file's; that of the scenario unless given. Relative paths lead from it to the same files.
+    """
+    tree = copy.deepcopy(loaded.document.value)
+    for finding in findings:
+        for key, value in finding.changes.items():
+            set_value(tree, key.split("."), value, Origin("the audit"))
+    if folder is not None:
+        truth = tree["truth"]
+        places = [truth, *(truth.get("readings") or {}).values(), (truth.get("columns") or {}).get("observer")]
+        for place in places:
+            if isinstance(place, dict) and isinstance(place.get("path"), str):
+                place["path"] = _seen_from(place["path"], loaded.path.resolve().parent, folder)
+    lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
+    head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
+    return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
+
+
+def _seen_from(path: str, old: Path, new: Path) -> str:
+    if "$" in path or path.startswith("~") or not (old / path).is_file() or Path(path).is_absolute():
+        return path
+    return os.path.relpath(old / path, new.resolve())
+
+
+def _rounded(value: float, change: float) -> float:
+    """With four digits of what changed."""
+    digits = 3 - int(np.floor(np.log10(abs(change)))) if change else 6
+    return round(float(value), max(digits, 0))
+
+
+#: A clock drifts if its offset changes by more than this during the log, s.
+DRIFT_S = 0.005
+#: More outliers than this share are no tail of the noise.
+OUTLIERS = 0.005
+
+
+@dataclass(frozen=True)
+class SensorAudit:
+    """What the log says of one sensor."""
+
+    log: SensorLog
+    units: tuple[WrongUnit, ...]
+    detections: Detections
+    fit: JointFit | None = None
+    """None where there are too few measurements."""
+    noise: tuple[ResidualNoise, ...] = ()
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """``(m, m)`` of a measurement: the suggested R."""
+    square_before: float | None = None
+    """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
+    square_after: float | None = None
+    """With the findings put in."""
+
+    @property
+    def tests(self) -> int:
+        """How many errors, noises and shapes are judged, and the drift."""
+        shapes = sum(noise.exponent is not None for noise in self.noise)
+        return 0 if self.fit is None else 1 + len(self.fit.estimates) + len(sigma_keys(self.log)) + shapes
+
+
+def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
+    """Audit one sensor.
+
+    Args:
+        log: its measurements within the time of the truth.
+        looked: when it looked.
+    """
+    if len(log.log.time) < FEWEST_ROWS:
+        return SensorAudit(log, (), detections_of(log, looked, {}))
+    units = tuple(wrong_units(log))
+    for wrong in units:
+        log = log.with_factor(log.components.index(wrong.component), wrong.factor)
+    fit = joint_fit(log)
+    if fit.inlier.sum() < FEWEST_ROWS:
+        return SensorAudit(log, units, detections_of(log, looked, {}))
+    noise, covariance = noise_of(log, fit)
+    return SensorAudit(log, units, detections_of(log, looked, fit.errors), fit, tuple(noise), covariance)
+
+
+def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
+    """What is wrong with a sensor.
+
+    Args:
+        item: its audit.
+        level: probability with which an interval holds the truth, so that all of the log's do so together.
+    """
+    for wrong in item.units:
+        yield unit_finding(item.log, wrong)
+    if item.detections.silent_from_s is not None:
+        yield silence_finding(item.log.name, item.detections)
+    if item.fit is None:
+        return
+    outliers = int(item.fit.outlier.sum())
+    if outliers > OUTLIERS * len(item.fit.inlier):
+        yield outlier_finding(item.log.name, outliers, len(item.fit.inlier))
+    drift = clock_drift(item.log, item.fit)
+    drifts = drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S
+    if drift is not None and drifts:
+        yield drift_finding(item.log, drift)
+    yield from _errors(item, item.fit, level)
+    if not drifts:
+        yield from _noises(item, level)
+
+
+def _errors(item: SensorAudit, fit: JointFit, level: float) -> Iterator[LogFinding]:
+    wrong = [
+        name
+        for name, estimate in fit.estimates.items()
+        if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
+    ]
+    changes = error_changes(item.log, refit(item.log, wrong, fit.errors))
+    for name in wrong:
+        yield error_finding(item.log.name, fit.estimates[name], changes[name])
+
+
+def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
+    for key, components in sigma_keys(item.log).items():
+        noises = [item.noise[i] for i in components]
+        ratio = _ratio(noises)
+        if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
+            yield sigma_finding(item.log, key, noises, ratio)
+    for noise in item.noise:
+        shape = noise.exponent
+        if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
+            yield shape_finding(item.log.name, noise, shape)
+
+
+def _ratio(noises: list[ResidualNoise]) -> BlockInterval:
+    """Logarithm of the standard deviation found over the stated one, the mean of several components."""
+    logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
+    relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
+    freedom = min(noise.sigma.freedom for noise in noises)
+    return BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
 
 
 @dataclass(frozen=True)

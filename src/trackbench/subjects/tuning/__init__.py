@@ -4,5 +4,5 @@ from trackbench.base.subjects import Command, Subject
 
 SUBJECT = Subject(
     commands={"tune": Command(f"{__name__}.command:tune_command", "Find the options with which trackers do best.")},
-    api={"tune": f"{__name__}.tuned:tune"},
+    api={"tune": f"{__name__}.api:tune"},
 )

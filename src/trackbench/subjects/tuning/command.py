@@ -92,11 +92,10 @@ def tune_command(
     Exit status: 0 tuned, 2 bad input, 4 cannot write
     """
     from trackbench.document.terminal import print_document
-    from trackbench.subjects.tuning.api import TunePlan, objective_of, tune_trackers
-    from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning, to_json
-    from trackbench.subjects.tuning.outcome import headline
-    from trackbench.subjects.tuning.report import tuning_summary
-    from trackbench.subjects.tuning.split import Split
+    from trackbench.subjects.tuning.api import TunePlan, command_of_tuning, objective_of, tune_trackers
+    from trackbench.subjects.tuning.files import default_out, require_out, save_tuning, to_json
+    from trackbench.subjects.tuning.held_out import Split
+    from trackbench.subjects.tuning.report import headline, tuning_summary
 
     loaded, notes = load_several(scenario_files(scenarios), settings)
     split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)

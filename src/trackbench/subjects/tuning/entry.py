@@ -21,7 +21,6 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
-from trackbench.subjects.tuning.parameters import Values
 from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
 from trackbench.trackers.imm import ImmConfig
 
@@ -69,6 +68,7 @@ def _defaults(arguments: ast.arguments) -> Iterator[tuple[str, ast.expr]]:
 
 
 Entry = FilterConfig | PluginConfig
+Values = Mapping[str, Any]
 #: Before the number of a model in the key of its mean time.
 STAYS = "motion.stay_s."
 

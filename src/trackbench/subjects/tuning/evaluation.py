@@ -20,18 +20,39 @@ from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Metric
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.subjects.tuning.availability import PackedGiven
-from trackbench.subjects.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
-from trackbench.subjects.tuning.hidden import TRIAL, score_hidden
-from trackbench.subjects.tuning.labelled import score_labelled, score_start
-from trackbench.subjects.tuning.measures import Sums, metrics_of_trial
-from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.subjects.tuning.entry import Entry, Values, columns_of, combined, entry_with, structure, varies_in_batch
+from trackbench.subjects.tuning.labelled import PackedGiven, score_labelled, score_start
+from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
+from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
+
+TRIAL = "trial"
+
+
+def score_hidden(
+    work: Work, piece: BlockRuns, entry: Entry, measure: str = "gospa", metric: Metric | None = None
+) -> tuple[Sums | str, EngineUsed | None]:
+    """The sums of one trial over some runs of one scene, or why there are none, where the tracker failed; and what
+    computed it; ``measure``: a metric of tracks that is wanted beside the usual ones;
+    ``metric``: one that is not built in.
+    """
+    block = run_block(replace(work, trackers={TRIAL: entry}), piece)
+    scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
+    if isinstance(scores, Failure):
+        return scores.cause, engine
+    assert isinstance(scores, TrafficScores)
+    values = np.array(scores.sums.values)
+    wanted = {path: path for path in (*OF_TRACKS, measure) if path in PATHS} | {"prediction_score": "log_likelihood"}
+    sums = Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()})
+    return sums if metric is None else sums.with_metric(metric, scores.metrics), engine
+
 
 #: Most trials of one batch, so that several processes share them.
 MOST_TRIALS = 64

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics import Metric, evaluate, merge_sums
+from trackbench.metrics.breakdown import DOF, band_name
 from trackbench.metrics.built_in.basic import Coverage
+from trackbench.metrics.conditions import AGES, BANDS, MANOEUVRES, SHAPE, Classes
 from trackbench.metrics.evaluate import MetricSums, finished
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, SMALLEST_SHARE
 from trackbench.results import MetricValue
 
 #: Of labelled objects: the unit of each measure.
@@ -139,3 +143,40 @@ def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
 def as_value(interval: Interval | None, unit: str) -> MetricValue:
     """As it stands in a result."""
     return MetricValue(unit=unit, reason="no run tells it") if interval is None else interval.as_value(unit)
+
+
+#: Each manoeuvre, each range band and the first second.
+CONDITIONS = (*MANOEUVRES, *(band_name(band) for band in range(BANDS)), AGES[0])
+#: How far the logarithm of a mean over its degrees of freedom may be off, below and above: somewhat less than what the
+#: verdict tolerates, so that it holds on other scenes too.
+LOW, HIGH = 0.7 * math.log(1.0 - BELOW), 0.7 * math.log(1.0 + ABOVE)
+
+
+def condition_members(classes: Classes) -> Array:
+    """``(conditions, instants, objects, runs or 1)`` 1 where an object is under a condition.
+
+    Args:
+        classes: ``(instants, objects, runs or 1)`` as ``metrics.conditions`` gives them.
+    """
+    manoeuvre, band, age, _ = np.unravel_index(classes, SHAPE)
+    found = [
+        *(manoeuvre == number for number in range(len(MANOEUVRES))),
+        *(band == number for number in range(BANDS)),
+        age == 0,
+    ]
+    return np.stack(found).astype(float)
+
+
+def nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
+    """By condition of which the start gives enough estimates, the logarithm of the mean NEES over its degrees of
+    freedom: of every trial the same conditions."""
+    everything = start.values["nees"][1].sum()
+    for name in (*CONDITIONS, *HALVES):
+        if start.values[name][1].sum() >= SMALLEST_SHARE * everything:
+            dof = DOF["nees_position"] if name in HALVES else DOF["nees"]
+            yield name, float(np.log(sums.value(name) / dof))
+
+
+def condition_excess(value: float) -> float:
+    """How far such a logarithm is beyond what is allowed."""
+    return max(0.0, value - HIGH, LOW - value)

@@ -14,10 +14,9 @@ from trackbench.metrics.protocol import Direction
 from trackbench.metrics.traffic import TRACK_METRICS, RunRatio
 from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
-from trackbench.subjects.tuning import conditions
 from trackbench.subjects.tuning.evaluation import Outcome
 from trackbench.subjects.tuning.held_out import direction
-from trackbench.subjects.tuning.measures import NEES_DOF, UNITS, WORDS, Sums
+from trackbench.subjects.tuning.measures import NEES_DOF, UNITS, WORDS, Sums, condition_excess, nees_by_condition
 
 #: A trial's quantities, which change smoothly with the values that are tuned, by name.
 Parts = Mapping[str, float]
@@ -140,7 +139,7 @@ def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
         under = {
             f"{UNDER}{i} {name}": value
             for i, (own, other) in enumerate(zip(sums, start, strict=True))
-            for name, value in conditions.off(own, other)
+            for name, value in nees_by_condition(own, other)
         }
     return {**_error("position_rmse")(sums, start), **nees, **under}
 
@@ -165,7 +164,7 @@ def mean_nees(parts: Parts) -> float:
 def _consistent(parts: Parts) -> tuple[float, ...]:
     worst: dict[int, float] = {}
     for scenario, condition, value in nees_deviations(parts):
-        off = conditions.excess(value) if condition else max(0.0, abs(value) - SLACK)
+        off = condition_excess(value) if condition else max(0.0, abs(value) - SLACK)
         worst[scenario] = max(off, worst.get(scenario, 0.0))
     return (parts["error"] + PRICE * float(np.mean(list(worst.values()))),)
 

@@ -1,20 +1,28 @@
-"""What is tuned of a tracker: options, each with the range in which its best value is looked for."""
+"""What is tuned of a tracker: options and the ranges of their values, as given or as usual."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from inspect import signature
 from typing import Any, Literal
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import Scenario
+from trackbench.scenario.source import parse
+from trackbench.subjects.tuning.entry import STAYS, Values, current, problem_with
+from trackbench.trackers.associate import COUNTING
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.published import TRACKERS, built_in
 
 Scale = Literal["log", "linear", "odds", "integer", "choice"]
 #: Significant digits of a value: more than any tuning can tell, and few enough to be read.
 DIGITS = 4
 #: A value so near to an end of its range, as a share of the range on its scale, is at the edge.
 EDGE = 0.02
-
-Values = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -109,3 +117,229 @@ def at_edges(parameters: Sequence[Parameter], values: Values) -> list[tuple[Para
     """The parameters whose value is at an end of its range that could be wider."""
     found = [(item, item.edge(values[item.key])) for item in parameters]
     return [(item, edge) for item, edge in found if edge is not None]
+
+
+FORM = "write KEY=LOW:HIGH, such as acceleration_sigma_mps2=0.1:30, or KEY=A,B,C"
+#: Usual ranges of the noises that drive the built-in motion models, from a lorry on a motorway to an emergency, and of
+#: the time for which a motion stays with one.
+NOISES = {
+    "acceleration_sigma_mps2": (0.05, 30.0),
+    "yaw_acceleration_sigma_radps2": (0.005, 10.0),
+    "jerk_sigma_mps3": (0.1, 200.0),
+    "stay_s": (0.1, 100.0),
+}
+#: Of other noises: this factor to either side of the start.
+FACTOR = 30.0
+#: What is beyond an end of a range, as a share of the range.
+BEYOND = 1e-6
+#: Most points of a sweep that a message names.
+MOST_NAMED = 8
+#: Usual values of when tracks of several objects begin.
+GATE = (0.9, 0.99999)
+CONFIRM = ([2, 2], [2, 3], [3, 3], [3, 4], [3, 5], [4, 6])
+CONFIRM_EXISTENCE = (0.5, 0.999)
+
+
+def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
+    """A range as the command line gives it, checked against the tracker.
+
+    Raises:
+        InputError: it is no range, or the tracker does not take its values; says which it would.
+    """
+    key, values, ends = _read_range(text)
+    at = _at(text)
+    _require_home(loaded, tracker, key, ends, at)
+    if ends:
+        low, high = values
+        parameter = _between(key, low, high, loaded, tracker, at)
+        _require(loaded, tracker, parameter, (low, high), at)
+        beyond = 1 if parameter.scale == "integer" else BEYOND * (high - low)
+        taken = [problem_with(loaded, tracker, {key: value}) is None for value in (low - beyond, high + beyond)]
+        return replace(parameter, bounds=(not taken[0], not taken[1]))
+    parameter = Parameter(key, "choice", choices=values)
+    _require(loaded, tracker, parameter, values, at)
+    return parameter
+
+
+def require_tunable(loaded: Scenario, tracker: str) -> None:
+    """Make sure that a tracker has options.
+
+    Raises:
+        InputError: it has none, or is a sweep.
+    """
+    if tracker in loaded.sweeps:
+        points = loaded.sweeps[tracker]
+        named = ", ".join(points[:MOST_NAMED]) + (" ..." if len(points) > MOST_NAMED else "")
+        problem = f"{tracker!r} is a sweep; name one of its points: {named}"
+        raise InputError(problem, key="--trackers", file=loaded.path)
+    entry = loaded.config.trackers[tracker]
+    if isinstance(entry, PluginConfig) and built_in(entry.use) and not signature(TRACKERS[entry.use]).parameters:
+        raise InputError(f"{tracker} has no options: there is nothing to tune", key="--trackers", file=loaded.path)
+
+
+def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
+    """The ranges for a built-in tracker: its process noise and the mean times of its models; of several objects, gate
+    and confirmation too.
+
+    Raises:
+        InputError: it is not built in, or has no such option.
+    """
+    entry = loaded.config.trackers[tracker]
+    if not isinstance(entry, FilterConfig):
+        raise InputError(f"{tracker} is not built in: give --range options.KEY=LOW:HIGH", file=loaded.path)
+    found: list[Parameter] = []
+    if entry.process_noise_diag is None:
+        for number, motion in enumerate(entry.models):
+            prefix = f"motion.imm.{number}." if len(entry.models) > 1 else _prefix(loaded, tracker)
+            for option in dict.fromkeys(motion.driving_noise):
+                found.append(_usual(prefix + option, option, getattr(motion, option)))
+    if isinstance(entry.motion, ImmConfig):
+        found += [_usual(f"{STAYS}{number}", "stay_s", stay) for number, stay in enumerate(entry.motion.stay_s)]
+    if entry.associate is not None:
+        method = entry.associate.method
+        if method != "oracle":
+            found.append(Parameter("associate.gate", "odds", *GATE))
+        if method not in COUNTING:
+            found.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
+        elif entry.associate.confirm != "score":
+            found.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
+    if not found:
+        raise InputError(f"{tracker} has no process noise that could be tuned: give --range", file=loaded.path)
+    return found
+
+
+def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
+    """Whether a range is of an option that the tracker has: it takes the present value, or one of the range's.
+
+    Raises:
+        InputError: it is no range.
+    """
+    key, values, _ = _read_range(text)
+    had = current(loaded, tracker, key)
+    tried = values if had is None else (had, *values)
+    return any(problem_with(loaded, tracker, {key: value}) is None for value in tried)
+
+
+def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any] | None:
+    """The values that the tracker has in the scenario; None where one of them is in no range."""
+    values = {item.key: current(loaded, tracker, item.key) for item in parameters}
+    if not all(item.holds(values[item.key]) for item in parameters):
+        return None
+    return {item.key: item.as_tried(values[item.key]) for item in parameters}
+
+
+def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> Iterator[str]:
+    """For each option whose value of the scenario is not tried, a sentence that says why."""
+    for item in parameters:
+        value = current(loaded, tracker, item.key)
+        if item.holds(value):
+            continue
+        if value is None:
+            why = "is not stated in the scenario"
+        else:
+            why = f"is {json.dumps(value, default=str)} in the scenario, which is not in its range"
+        yield f"{item.key} {why}, so the search did not begin with the start."
+
+
+def _prefix(loaded: Scenario, tracker: str) -> str:
+    """Where the options of the motion model stand: beside its name, or with it in a mapping."""
+    motion = loaded.document.value["trackers"][tracker].get("motion")
+    return "motion." if isinstance(motion, dict) else ""
+
+
+def _usual(key: str, option: str, start: float) -> Parameter:
+    low, high = NOISES.get(option, (start / FACTOR, start * FACTOR))
+    return Parameter(key, "log", min(low, start / 2), max(high, start * 2))
+
+
+def _at(text: str) -> str:
+    return f"--range {text}"
+
+
+def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
+    """The key of a range, its ends or choices, and whether they are ends.
+
+    Raises:
+        InputError: it is no range.
+    """
+    key, equals, rest = text.partition("=")
+    key, at = key.strip(), _at(text)
+    if not equals or not all(key.split(".")):
+        raise InputError(FORM, key=at)
+    ends = rest.split(":")
+    if len(ends) == 2 and "[" not in rest:
+        if not all(end.strip() for end in ends):
+            raise InputError(f"an end is missing; {FORM}", key=at)
+        return key, tuple(_read(end, at) for end in ends), True
+    choices = tuple(_read(f"[{rest}]", at))
+    if len(choices) < 2:
+        raise InputError(FORM, key=at)
+    return key, choices, False
+
+
+def _require_home(loaded: Scenario, tracker: str, key: str, ends: bool, at: str) -> None:
+    """Make sure that an option stands where the tracker has it.
+
+    Raises:
+        InputError: the tracker does not associate, or has several motion models that have the option.
+    """
+    entry = loaded.config.trackers[tracker]
+    if not isinstance(entry, FilterConfig):
+        return
+    if key.startswith("associate.") and entry.associate is None:
+        raise InputError(f"{tracker} does not associate: it follows one object, from labelled measurements", key=at)
+    if isinstance(entry.motion, ImmConfig):
+        option = key.removeprefix("motion.")
+        keys = [
+            f"motion.imm.{i}.{option}" for i, model in enumerate(entry.models) if option in type(model).model_fields
+        ]
+        if option == "stay_s" and (ends or key == option):
+            keys = [f"{STAYS}{i}" for i in range(len(entry.models))]
+        if keys:
+            raise InputError(f"{tracker} has several motion models: write {' or '.join(keys)}", key=at)
+
+
+def _between(key: str, low: Any, high: Any, loaded: Scenario, tracker: str, at: str) -> Parameter:
+    for end in (low, high):
+        if isinstance(end, bool) or not isinstance(end, int | float) or not math.isfinite(end):
+            raise InputError(f"{shown(end)} is no number; {FORM}", key=at)
+    if low >= high:
+        raise InputError(
+            f"the range is upside down: write {key}={shown(high)}:{shown(low)}"
+            if low > high
+            else "the two ends are the same: give two that differ",
+            key=at,
+        )
+    whole = isinstance(low, int) and isinstance(high, int)
+    if whole and problem_with(loaded, tracker, {key: low}) is None and problem_with(loaded, tracker, {key: low + 0.5}):
+        return Parameter(key, "integer", low, high)
+    if low > 0 and high < 1 and problem_with(loaded, tracker, {key: 1.5}) is not None:
+        return Parameter(key, "odds", float(low), float(high))
+    return Parameter(key, "log" if low > 0 else "linear", float(low), float(high))
+
+
+def _require(loaded: Scenario, tracker: str, parameter: Parameter, values: Sequence[Any], at: str) -> None:
+    for value in values:
+        problem = problem_with(loaded, tracker, {parameter.key: value})
+        if problem is not None:
+            # What would mend a single value does not mend a range: -5 is not to be 5.
+            raise InputError(f"{tracker}: {problem.partition('; write')[0]}", key=at)
+
+
+def _read(text: str, at: str) -> Any:
+    try:
+        return parse(text, at).value
+    except InputError as error:
+        raise InputError(f"{error.message}; {FORM}", key=at) from None
+
+
+def require_no_repetition(parameters: Sequence[Parameter]) -> None:
+    """Make sure that no option has two ranges.
+
+    Raises:
+        InputError: one has.
+    """
+    keys = [item.key for item in parameters]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError(f"two ranges of {key}; give one", key="--range")

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.subjects.tuning.entry import Values
+from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.search import fit, shares_of
-from trackbench.subjects.tuning.trials import TuningTrial
+from trackbench.subjects.tuning.study import TuningTrial
 
 #: Of a positive value: by which factors it is changed.
 FACTORS = (0.25, 0.5, 0.7071, 0.8409, 1.1892, 1.4142, 2.0, 4.0)

@@ -10,9 +10,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.subjects.tuning.parameters import Parameter, Values
-from trackbench.subjects.tuning.study import Study
-from trackbench.subjects.tuning.trials import TuningTrial, best_of
+from trackbench.subjects.tuning.entry import Values
+from trackbench.subjects.tuning.parameters import Parameter
+from trackbench.subjects.tuning.study import Study, TuningTrial, best_of
 
 #: Random points at which the model is looked at for its smallest value, in two passes.
 LOOKS = 4000

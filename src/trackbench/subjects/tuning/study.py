@@ -1,22 +1,188 @@
-"""The trials in an Optuna study: in memory, or in a file in which they stay."""
+"""The trials of a search in an Optuna study: in memory, or in a file that only the same search continues."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from trackbench.base.errors import InputError
+from trackbench.subjects.tuning.entry import Values, plain, source_of
+from trackbench.subjects.tuning.evaluation import Bench, Outcome
+from trackbench.subjects.tuning.measures import WORDS, Sums
+from trackbench.subjects.tuning.objectives import Objective
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.signature import differences
-from trackbench.subjects.tuning.trials import TuningTrial
+from trackbench.trackers.config import PluginConfig
 
 if TYPE_CHECKING:
     import optuna
     from optuna.distributions import BaseDistribution
+
+
+@dataclass(frozen=True)
+class TuningTrial:
+    """Values that were tried, and what came of them."""
+
+    values: Mapping[str, Any]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """Quantities of the objective; empty where it failed."""
+    losses: tuple[float, ...] = ()
+    failed: str = ""
+    measures: Mapping[str, float] = field(default_factory=dict)
+    """Geometric mean over the scenarios of what start and tuned are compared by."""
+
+    @property
+    def loss(self) -> float:
+        """The first loss; infinite where it failed."""
+        return self.losses[0] if self.losses else math.inf
+
+
+def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
+    """What came of a trial, from its outcome in each scenario and the start's."""
+    parts = objective(outcomes, start)
+    if isinstance(parts, str):
+        return TuningTrial(dict(values), failed=parts)
+    sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
+    return TuningTrial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
+
+
+def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
+    """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
+    found = {}
+    for name in sums[0].units if sums else ():
+        values = np.array([one.value(name) for one in sums])
+        if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
+            found[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
+    return found
+
+
+def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:
+    """The trial with the smallest loss, the first of several; None where all failed."""
+    done = [trial for trial in trials if trial.losses]
+    return min(done, key=lambda trial: trial.loss) if done else None
+
+
+def chosen_of(objective: Objective, trials: Sequence[TuningTrial]) -> TuningTrial | None:
+    """The trial whose values are written, one of the front where there are two losses; None where all failed."""
+    done = [trial for trial in trials if trial.losses]
+    among = front_of(done) if len(objective.axes) > 1 else done
+    return min(among, key=lambda trial: objective.rank(trial.parts)) if among else None
+
+
+def front_of(trials: Sequence[TuningTrial]) -> list[TuningTrial]:
+    """The trials that no other one beats in both losses, by the first one."""
+    done = sorted((trial for trial in trials if trial.losses), key=lambda trial: trial.losses)
+    front: list[TuningTrial] = []
+    for trial in done:
+        if not front or trial.losses[1] < front[-1].losses[1]:
+            front.append(trial)
+    return front
+
+
+#: Results that differ by less, relative to themselves, are those of another processor.
+ROUNDING = 1e-9
+#: Most differences that are told.
+MOST = 3
+#: The part of a signature that follows from all others, unless a file or a program changed.
+START = "start"
+
+
+def signature_of(
+    tracker: str, objective: str, parameters: Sequence[Parameter], seed: int, train: Sequence[Bench], start: list[Sums]
+) -> dict[str, Any]:
+    """What determines the trials of a tracker, as JSON.
+
+    Args:
+        tracker: its name.
+        objective: name of what it is tuned for.
+        parameters: what is tuned.
+        seed: of the search.
+        train: the scenarios.
+        start: what the tracker gives as it is in each. It tells of a changed log, plug-in or program.
+    """
+    return {
+        "objective": objective,
+        "seed": seed,
+        "ranges": {item.key: item.as_json() for item in parameters},
+        "scenarios": {bench.name: _settings(bench, tracker) for bench in train},
+        START: {
+            bench.name: {name: value for name in sums.units if math.isfinite(value := sums.value(name))}
+            for bench, sums in zip(train, start, strict=True)
+        },
+    }
+
+
+def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """In what two signatures differ, in words; empty where they do not."""
+    told = list(_told(*({key: value for key, value in each.items() if key != START} for each in (kept, now))))
+    if told:
+        more = f" and {len(told) - MOST} more" if len(told) > MOST else ""
+        return "; ".join(told[:MOST]) + more
+    for name, measures in now[START].items():
+        for measure, value in measures.items():
+            before = kept.get(START, {}).get(name, {}).get(measure, math.nan)
+            if not _same(before, value):
+                return (
+                    f"in {name} the start now gives {WORDS[measure]} {value:.6g}, and gave {before:.6g}: its code, the "
+                    "measurements or trackbench changed"
+                )
+    return ""
+
+
+def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
+    """Of a scenario what one tracker's trials depend on."""
+    config, document = bench.scenario.config, bench.scenario.document.value
+    entry = config.trackers[tracker]
+    return {
+        **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
+        "truth": config.truth.model_dump(mode="json", fallback=str),
+        "monte_carlo": config.monte_carlo.model_dump(mode="json"),
+        "tracker": plain(bench.scenario, tracker),
+        "module": _digest(entry.use, bench.scenario.path.resolve().parent) if isinstance(entry, PluginConfig) else "",
+    }
+
+
+def _digest(use: str, folder: Path) -> str:
+    """Of the source of a tracker beside the scenario; empty where it is another one."""
+    source = source_of(use, folder)
+    return hashlib.sha256(source.read_bytes()).hexdigest()[:12] if source is not None else ""
+
+
+def _told(kept: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """Each value that differs."""
+    before, after = dict(_leaves(kept, "")), dict(_leaves(now, ""))
+    for key in {**after, **before}:
+        old, new = before.get(key, "not given"), after.get(key, "not given")
+        if not _same(old, new):
+            yield f"{key} was {old} and is {new}"
+
+
+def _leaves(node: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """The values that are neither mapping nor list, each with its dotted key."""
+    if isinstance(node, Mapping):
+        parts = list(node.items())
+    elif isinstance(node, list | tuple):
+        parts = list(enumerate(node))
+    else:
+        yield path, node
+        return
+    for key, value in parts:
+        yield from _leaves(value, f"{path}.{key}" if path else str(key))
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=ROUNDING)
+    return bool(one == other)
+
 
 SIGNATURE = "trackbench"
 Direction = Literal["minimize", "maximize"]

@@ -8,12 +8,11 @@ import numpy as np
 
 from trackbench.document import Cell, Column, Table
 from trackbench.report.numbers import NOT_AVAILABLE
-from trackbench.subjects.log_audit.audit import LogAudit
+from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
 from trackbench.subjects.log_audit.blocks import BlockInterval
-from trackbench.subjects.log_audit.direct_checks import Clock
 from trackbench.subjects.log_audit.findings import bounds_shown, shown, spelt
 from trackbench.subjects.log_audit.noise import Band, ResidualNoise
-from trackbench.subjects.log_audit.sensor_audit import SensorAudit
+from trackbench.subjects.log_audit.sensor_log import Clock
 
 #: Two estimates are called correlated from here on.
 STRONG = 0.95

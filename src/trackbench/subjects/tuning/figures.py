@@ -21,7 +21,7 @@ from trackbench.subjects.tuning.measures import NEES_DOF
 from trackbench.subjects.tuning.objectives import NEES, mean_nees
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.response import Response, ResponsePoint
-from trackbench.subjects.tuning.trials import TuningTrial
+from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 
 _LINE, _BEST = TRACKER_COLOURS[0], TRACKER_COLOURS[4]

@@ -12,11 +12,10 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, time_axis
 from trackbench.document.palette import TRACKER_COLOURS
-from trackbench.subjects.log_audit.audit import LogAudit
+from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
 from trackbench.subjects.log_audit.findings import LogFinding, spelt
 from trackbench.subjects.log_audit.joint_fit import residual_scale
 from trackbench.subjects.log_audit.noise import Band
-from trackbench.subjects.log_audit.sensor_audit import SensorAudit
 
 _FOUND = TRACKER_COLOURS[4]
 _HEIGHT = 230.0
