@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
+from trackbench.subjects.doctor.traffic import TrafficDoctor
 
 from .faults import FAULTY
 from .held_out import HELD_OUT

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.subjects.doctor import checks
+from trackbench.subjects.doctor import checks, traffic_checks
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import Finding
@@ -21,8 +21,7 @@ from trackbench.subjects.doctor.report import examination_document
 from trackbench.subjects.doctor.report.text import text
 from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import checks as traffic_checks
-from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
+from trackbench.subjects.doctor.traffic import TrafficDoctor
 
 #: They take long, and are not needed here.
 DRIVES = tuple(drive_configs())
@@ -51,7 +50,7 @@ CHECKS = (
 """
 SEVERAL = """
 from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
-from trackbench.subjects.doctor.traffic.scenes import note
+from trackbench.subjects.doctor.traffic import note
 
 
 def hands(make, site):

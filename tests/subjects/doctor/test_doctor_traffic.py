@@ -18,7 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, faults_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
-from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
+from trackbench.subjects.doctor.traffic import TrafficDoctor
 from trackbench.subjects.templates.plug_in import new
 from trackbench.testing.kinds import Identities
 

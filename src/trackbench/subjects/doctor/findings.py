@@ -18,7 +18,7 @@ from pydantic import ConfigDict, TypeAdapter
 from trackbench.subjects.doctor.exhibits import Exhibit
 
 #: The packages whose modules are checks: of trackers of one object, and of several.
-CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic.checks"
+CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
 P = ParamSpec("P")
 
 

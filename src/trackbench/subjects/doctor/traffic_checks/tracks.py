@@ -1,4 +1,4 @@
-"""The checks of tracks in scenes: each plays one and names the fault that it shows."""
+"""When tracks begin and end, their identities, and what the order of detections and empty scans do to them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask, Scan, Tracks
 from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
-from trackbench.subjects.doctor.traffic.scenes import NEAR, OBJECTS, RATE, Follower, Make, Site, distances, moved, note
+from trackbench.subjects.doctor.traffic import NEAR, OBJECTS, RATE, Follower, Make, Site, distances, moved, note
 
 #: Longest time until a track is confirmed whose object every scan detects, and until one without detections ends, s.
 LATEST, LONGEST = 1.0, 3.0
@@ -22,26 +22,15 @@ SPACINGS = (1.5, 4.0)
 EMPTY, COMING = 3, 8
 
 
-def begins(make: Make, site: Site) -> bool:
-    """Whether detections of one object make a track at all."""
-    follower = Follower(make)
-    return any(len(follower.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
-
-
 def following(make: Make, site: Site) -> PartResult:
     """Three objects far apart, each detected in every scan."""
     scans = site.scans(OBJECTS, 0.0, 3.0, np.random.default_rng(1))
     count = _on_objects(Follower(make).follow(scans), scans)
     first = np.array([np.argmax(own > 0) if own.any() else len(own) for own in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
-    found = PartResult()
-    note(
-        found, "confirmation", waited <= LATEST,
-        f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s",
-        "confirms_too_late",
-    )  # fmt: skip
-    _once(found, "double_tracks", count)
-    return found
+    text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
+    result = note(PartResult(), "confirmation", waited <= LATEST, text, "confirms_too_late")
+    return _single_tracks(result, "double_tracks", count)
 
 
 def together(make: Make, sites: Sequence[Site]) -> PartResult:
@@ -49,10 +38,7 @@ def together(make: Make, sites: Sequence[Site]) -> PartResult:
     random, seconds = np.random.default_rng(2), 2.0
     parts = (site.scans(OBJECTS, k / RATE / len(sites), seconds, random) for k, site in enumerate(sites))
     scans = [scan for instant in zip(*parts, strict=True) for scan in instant]
-    found = PartResult()
-    count = _on_objects(Follower(make).follow(scans), scans)
-    _once(found, "double_tracks.together", count, "Has each object one track for all sensors together?")
-    return found
+    return _single_tracks(PartResult(), "double_tracks.together", _on_objects(Follower(make).follow(scans), scans))
 
 
 def false_alarms(make: Make, site: Site) -> PartResult:
@@ -64,79 +50,68 @@ def false_alarms(make: Make, site: Site) -> PartResult:
         r = 20 + 120 * ((0.618034 * k) % 1)
         place = np.array([[r * np.cos(angle * k)], [r * np.sin(angle * k)], [0.0], [0.0]])
         ids |= set(follower.step(site.scan(k / RATE, site.detections(place, 0.0, random), random)).ids.tolist())
-    found = PartResult()
-    note(
-        found, "false_alarms", len(ids) <= FALSE_TRACKS * count,
-        f"{len(ids)} tracks of {count} false alarms, each at another place", "confirms_too_soon",
-    )  # fmt: skip
-    return found
+    text = f"{len(ids)} tracks of {count} false alarms, each at another place"
+    return note(PartResult(), "false_alarms", len(ids) <= FALSE_TRACKS * count, text, "confirms_too_soon")
 
 
 def leaving(make: Make, site: Site) -> PartResult:
     """An object goes and others stay; they go; twice others come elsewhere."""
     random, stay, away = np.random.default_rng(4), 2.0, LONGEST + 0.5
-    follower, found = Follower(make), PartResult()
+    follower, result = Follower(make), PartResult()
     before = follower.follow(site.scans(OBJECTS, 0.0, stay, random))[-1]
     if not len(before.ids):
-        return found
+        return result
     others = _later(site.scans(moved(OBJECTS[:, 1:], stay), 0.0, away, random), stay)
     fewer = follower.follow(others)
     stale = [(~_on(tracks, moved(OBJECTS[:, 1:], scan.time))).any() for tracks, scan in zip(fewer, others, strict=True)]
     none = _until_none(follower, site.none(stay + away, away, random))
     lasted = [sum(stale) / RATE, sum(len(tracks.ids) > 0 for tracks in none) / RATE]
-    said = (
-        f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected,",
-        f"and for {lasted[1]:.1f} s of {away:g} s of empty scans",
+    text = (
+        f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected, "
+        f"and for {lasted[1]:.1f} s of {away:g} s of empty scans"
     )
-    note(
-        found, "deletion", max(lasted) <= LONGEST, " ".join(said),
-        "never_deletes",
-    )  # fmt: skip
-    earlier = {one for tracks in (before, *fewer) for one in tracks.ids.tolist()} - set(none[-1].ids.tolist())
+    note(result, "deletion", max(lasted) <= LONGEST, text, "never_deletes")
+    earlier = {track for tracks in (before, *fewer) for track in tracks.ids.tolist()} - set(none[-1].ids.tolist())
     again, count, time = 0, 0, stay + 2 * away
     for turn in (0.0, 0.4):
         angle = turn + 2 * np.pi * np.arange(COMING) / COMING
         ring = np.array([70 * np.cos(angle), 70 * np.sin(angle), 5 * np.cos(angle), 5 * np.sin(angle)])
         wave = follower.follow(_later(site.scans(ring, 0.0, LATEST, random), time))
         gone = _until_none(follower, site.none(time + LATEST, away, random))
-        ids = {one for tracks in wave for one in tracks.ids[_on(tracks, moved(ring, LATEST / 2))].tolist()}
+        ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved(ring, LATEST / 2))].tolist()}
         again, count = again + len(ids & earlier), count + len(ids)
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
     if count:
-        note(
-            found, "identities", not again,
-            f"of the identities of {count} new tracks {again} were those of earlier ones", "ids_reused",
-        )  # fmt: skip
-    return found
+        text = f"of the identities of {count} new tracks {again} were those of earlier ones"
+        note(result, "identities", not again, text, "ids_reused")
+    return result
 
 
 def order(make: Make, site: Site) -> PartResult:
     """Objects side by side, their detections in two random orders."""
+    detection = site.scan(0.0, site.ideal(np.array([[40.0], [10], [0], [0]])), np.random.default_rng(0))
+    variances = np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2))
     changed = ""
     for number, spacing in enumerate(SPACINGS):
-        by = spacing * site.spread
+        by = spacing * float(np.sqrt(variances.max()))
         close = np.array([[40.0, 10, -5, 0], [40, 10 + by, -5, 0], [40 + by, 10 + by / 2, -5, 0]]).T
         random = np.random.default_rng(5 + number)
         scans = site.scans(close, 0.0, 1.5, random)
         # Not only the other way round: a track that takes the detection in its own column would not tell.
         mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
         changed = changed or _difference(Follower(make).follow(scans), Follower(make).follow(mixed))
-    found = PartResult()
-    note(
-        found, "order", not changed,
-        f"the same detections in another order give {changed or 'the same tracks'}", "order_dependent",
-    )  # fmt: skip
-    return found
+    text = f"the same detections in another order give {changed or 'the same tracks'}"
+    return note(PartResult(), "order", not changed, text, "order_dependent")
 
 
 def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
-    """What differs in tracks of the same detections, but for their numbering."""
-    for one, other in zip(answers, others, strict=True):
-        if len(one.ids) != len(other.ids):
-            return f"{len(other.ids)} tracks in place of {len(one.ids)}"
-        if not len(one.ids):
+    """What differs in tracks of the same detections, apart from their ids."""
+    for tracks, other in zip(answers, others, strict=True):
+        if len(tracks.ids) != len(other.ids):
+            return f"{len(other.ids)} tracks in place of {len(tracks.ids)}"
+        if not len(tracks.ids):
             continue
-        between = distances(one, other.mean)
+        between = distances(tracks, other.mean)
         apart = max(float(between.min(axis=0).max()), float(between.min(axis=1).max()))
         if not apart < 1e-6:
             return f"positions {apart:.2g} m apart"
@@ -148,44 +123,40 @@ def empty_scan(make: Make, site: Site) -> PartResult:
     follower = Follower(make)
     scans = site.exact(OBJECTS, 2.0)
     last = follower.follow(scans)[-1]
-    found = PartResult()
     if not len(last.ids):
-        return found
-    worst, seen = 0.0, False
-    said = "they are where their own velocities take them"
+        return PartResult()
+    worst, text = -1.0, "at empty scans there are no tracks"
     for scan in site.none(scans[-1].time + 1 / RATE, EMPTY / RATE, np.random.default_rng(0)):
         tracks, elapsed = follower.step(scan), scan.time - scans[-1].time
         if not len(tracks.ids):
             continue
-        seen = True
         # Of the tracks' own velocities: what they should have become is known without an error.
         error = distances(tracks, moved(last.mean, elapsed)).min(axis=0)
         way = elapsed * np.hypot(*last.mean[2:])
         share = float(np.median(error / way))
+        if worst < 0.0:
+            worst, text = 0.0, "they are where their own velocities take them"
         if share > worst:
             worst = share
-            said = (
+            text = (
                 f"at an empty scan {elapsed:.2g} s after the last detection a track that moves {np.median(way):.2g} m "
                 f"in this time is {np.median(error):.2g} m from where it should be"
             )
-    note(
-        found, "empty_scan", seen and worst < 0.5,
-        said if seen else "at empty scans there are no tracks", "empty_scan_not_predicted",
-    )  # fmt: skip
-    return found
+    return note(PartResult(), "empty_scan", 0.0 <= worst < 0.5, text, "empty_scan_not_predicted")
 
 
-def _once(found: PartResult, name: str, count: Array, question: str = "") -> None:
-    # Of the object in the middle: a second track of one alone may come of a single outlying detection.
+def _single_tracks(result: PartResult, name: str, count: Array) -> PartResult:
+    """Note whether each object has one track; ``count`` ``(scans, objects)`` is that of its tracks."""
+    # Of the object in the middle: a second track of another one may come of a single outlying detection.
     twice = float(np.median((count > 1).mean(axis=0)))
-    said = f"an object has two tracks or more for {100 * twice:.0f} % of the time"
-    note(found, name, twice <= TOLERATED, said, "double_tracks", question)
+    text = f"an object has two tracks or more for {100 * twice:.0f} % of the time"
+    return note(result, name, twice <= TOLERATED, text, "double_tracks")
 
 
 def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
     """``(scans, objects)`` number of tracks on each."""
     near = [distances(tracks, moved(OBJECTS, scan.time)) < NEAR for tracks, scan in zip(answers, scans, strict=True)]
-    return np.array([one.sum(axis=0) for one in near])
+    return np.array([tracks.sum(axis=0) for tracks in near])
 
 
 def _on(tracks: Tracks, objects: Array) -> Mask:
@@ -194,7 +165,7 @@ def _on(tracks: Tracks, objects: Array) -> Mask:
 
 
 def _until_none(follower: Follower, scans: Sequence[Scan]) -> list[Tracks]:
-    """What it says after each scan, until there is no track."""
+    """The tracks after each scan, until there is none."""
     answers: list[Tracks] = []
     for scan in scans:
         answers.append(follower.step(scan))
@@ -302,5 +273,11 @@ CHECKS = (
                 always=("never_deletes", "pd_misstated", "ids_reused"),
             ),
         },
+    ),
+    DoctorCheck(
+        together,
+        place=80,
+        questions=(Question("double_tracks.together", "Has each object one track for all sensors together?"),),
+        least_sensors=2,
     ),
 )

@@ -1,0 +1,206 @@
+"""Examines trackers of several objects: short scenes with known answers, each of which shows one kind of fault.
+
+A scene has objects that move straight and steadily about a sensor at rest. The checks are in ``traffic_checks/``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.base.execution import one_blas_thread
+from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no_progress
+from trackbench.driving.tracks import TracksStepper, tracks_of_run
+from trackbench.models.sensors import Sensor
+from trackbench.subjects.doctor.checks.steps import CannotRun
+from trackbench.subjects.doctor.examine import Examination
+from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
+from trackbench.subjects.doctor.root_causes import rank
+from trackbench.subjects.doctor.site import simplified
+
+#: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.
+RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
+#: px, py m, vx, vy m/s, far from each other.
+OBJECTS = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3], [20, -60, 1, 9]]).T
+#: A track this near to an object is on it, m.
+NEAR = 5.0
+#: Gives a fresh tracker.
+Make = Callable[[], TracksStepper]
+
+
+@dataclass(frozen=True)
+class Site:
+    """A sensor at rest, at the origin."""
+
+    name: str
+    sensor: Sensor
+
+    def ideal(self, objects: Array, time: float = 0.0) -> Array:
+        """``(m, n)`` measurements without noise of objects ``(4, n)`` that were there at time 0."""
+        return self.sensor.measure(moved(objects, time), np.zeros(3), np.zeros(2))
+
+    def detections(self, objects: Array, time: float, random: np.random.Generator) -> Array:
+        """``(m, n)`` noisy measurements of objects ``(4, n)`` that were there at time 0."""
+        ideal = self.ideal(objects, time)
+        return ideal + np.array(self.sensor.sigmas())[:, None] * random.standard_normal(ideal.shape)
+
+    def scan(self, time: float, detections: Array, random: np.random.Generator) -> Scan:
+        """Detections ``(m, D)`` in a random order."""
+        order = random.permutation(detections.shape[1])
+        return Scan(
+            time=time,
+            sensor=self.name,
+            kind=self.sensor.type,
+            measurement=detections[:, order],
+            valid=np.ones(len(order), dtype=bool),
+            noise_covariance=self.sensor.noise_covariance(),
+            sensor_pose=np.zeros(3),
+            sensor_velocity=np.zeros(2),
+            arrival_time=time,
+            detection_probability=DETECTION,
+            clutter_density=FALSE_ALARMS
+            / self.sensor.model_copy(update={"max_range_m": RANGE, "fov_deg": 360.0}).volume(),
+            field_of_view=FieldOfView(np.pi, RANGE),
+        )
+
+    def exact(self, objects: Array, seconds: float) -> list[Scan]:
+        """Every object detected in every scan, without noise."""
+        times, random = np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(0)
+        return [self.scan(float(t), self.ideal(objects, float(t)), random) for t in times]
+
+    def scans(self, objects: Array, start: float, seconds: float, random: np.random.Generator) -> list[Scan]:
+        """Every object detected in every scan."""
+        times = start + np.arange(round(seconds * RATE)) / RATE
+        return [self.scan(float(t), self.detections(objects, float(t), random), random) for t in times]
+
+    def none(self, start: float, seconds: float, random: np.random.Generator) -> list[Scan]:
+        """Empty scans."""
+        return self.scans(OBJECTS[:, :0], start, seconds, random)
+
+    def expected(self, tracks: Tracks, column: int) -> tuple[Array, Array, Array]:
+        """The measurement that a track expects at its own time, its covariance, and the gain of a Kalman filter."""
+        mean, prior = tracks.mean[:, column], tracks.covariance[:, :, column]
+        slope = self.sensor.jacobian(mean, np.zeros(3), np.zeros(2))
+        covariance = slope @ prior @ slope.T + self.sensor.noise_covariance()
+        gain = np.asarray(np.linalg.solve(covariance, slope @ prior).T, dtype=float)
+        return self.ideal(mean), covariance, gain
+
+
+class Follower:
+    """A tracker on its way through scans."""
+
+    def __init__(self, make: Make) -> None:
+        self._tracker = make()
+
+    def step(self, scan: Scan) -> Tracks:
+        """The tracks after a scan."""
+        batch = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
+        return tracks_of_run(self._tracker.step(batch), 0)
+
+    def follow(self, scans: Sequence[Scan]) -> list[Tracks]:
+        """The tracks after each scan."""
+        return [self.step(scan) for scan in scans]
+
+
+def nearest(tracks: Tracks, position: Array) -> int | None:
+    """The column of the track that is on an object at ``(2,)``; None: there is none."""
+    away = distances(tracks, position[:2, None])[:, 0]
+    return int(np.argmin(away)) if len(away) and away.min() < NEAR else None
+
+
+def moved(objects: Array, time: float) -> Array:
+    """Objects ``(4, ...)`` some time later."""
+    return np.concatenate([objects[:2] + objects[2:] * time, objects[2:]])
+
+
+def distances(tracks: Tracks, positions: Array) -> Array:
+    """``(K, n)`` m, of tracks to positions ``(2, n)``."""
+    away = tracks.mean[:2, :, None] - positions[:2, None, :]
+    return np.asarray(np.hypot(away[0], away[1]))
+
+
+def note(result: PartResult, name: str, passed: bool, text: str, fault: str) -> PartResult:
+    """Add a check, and its finding where it failed; its question is that of the check's record."""
+    result.checks.append(CheckResult(name, "", bool(passed), text))
+    if not passed:
+        result.findings.append(Finding(fault, 0.9, text[0].upper() + text[1:] + "."))
+    return result
+
+
+class TrafficDoctor:
+    """Examines trackers of several objects with sensors mounted at the origin that see all around.
+
+    Args:
+        sensors: by name; of each kind the first one is used, its kind and noise.
+
+    Raises:
+        InputError: none has a field of view with a volume.
+    """
+
+    def __init__(self, sensors: Mapping[str, Sensor]) -> None:
+        kinds: dict[str, Site] = {}
+        for name, sensor in sensors.items():
+            if type(sensor).volume is not Sensor.volume:
+                kinds.setdefault(sensor.type, Site(name, simplified(sensor)))
+        if not kinds:
+            raise InputError("no sensor of it has a field of view with a volume, which clutter needs", key="sensors")
+        self._sites = list(kinds.values())
+
+    @one_blas_thread()
+    def examine(self, name: str, make: Make, progress: Progress = no_progress) -> Examination:
+        """Make all checks of a tracker, with each sensor whose detections alone give it tracks.
+
+        Args:
+            name: what it is called in the results.
+            make: gives a fresh tracker.
+            progress: called after each scene with the number of scenes done and of all scenes.
+
+        Raises:
+            CannotRun: the tracker fails in a scene.
+        """
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            used = [site for site in self._sites if _played("begins", _begins, make, site)] or self._sites[:1]
+            records = checks_of(TRAFFIC_CHECKS)
+            scenes = [(record, [site]) for site in used for record in records if record.least_sensors == 1]
+            scenes += [(record, used) for record in records if 1 < record.least_sensors <= len(used)]
+            why = "no track comes of its detections alone; nothing was tried with it"
+            question = "Does an object that this sensor detects become a track?"
+            left_out = [site.name for site in self._sites if site not in used]
+            checks = [CheckResult(f"confirmation.{sensor}", question, None, why) for sensor in left_out]
+            findings: dict[str, list[Finding]] = {}
+            for done, (record, sites) in enumerate(scenes, start=1):
+                result = _played(record.name, record.make, make, sites[0] if record.least_sensors == 1 else sites)
+                # A check with one of several sensors names it.
+                sensor = sites[0].name if len(sites) < len(used) else None
+                checks += _with_questions(result.checks, record, sensor)
+                for finding in result.findings:
+                    findings.setdefault(finding.fault, []).append(replace(finding, sensor=sensor))
+                progress(done, len(scenes))
+        # Each fault once; of no sensor in particular where all show it.
+        once = [replace(same[0], sensor=None) if len(same) >= len(used) else same[0] for same in findings.values()]
+        return Examination(name, rank(once, TRAFFIC_CHECKS), checks)
+
+
+def _begins(make: Make, site: Site) -> bool:
+    """Whether detections of one object make a track at all."""
+    follower = Follower(make)
+    return any(len(follower.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
+
+
+def _played(scene: str, play: Callable[..., Any], make: Make, sites: Site | list[Site]) -> Any:
+    try:
+        return play(make, sites)
+    except Exception as error:
+        raise CannotRun(f"in the scene {scene}: {error or type(error).__name__}") from error
+
+
+def _with_questions(checks: list[CheckResult], record: DoctorCheck[Any], sensor: str | None) -> list[CheckResult]:
+    asks = {question.name: question.asks for question in record.questions}
+    ending = "" if sensor is None else f".{sensor}"
+    return [replace(check, name=check.name + ending, question=asks[check.name]) for check in checks]

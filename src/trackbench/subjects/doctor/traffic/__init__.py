@@ -1,1 +1,0 @@
-"""Examines trackers of several objects: short scenes with known answers, each of which shows one kind of fault."""
