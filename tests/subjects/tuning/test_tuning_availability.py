@@ -15,7 +15,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import Availability, PackedGiven, score_labelled, score_start
+from trackbench.subjects.tuning.labelled import Availability, PackedAvailability, score_labelled, score_start
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
@@ -127,7 +127,7 @@ def test_masks_are_packed_and_unpacked() -> None:
     random = np.random.default_rng(0)
     coverage = Availability(random.random((13, 2, 5)) < 0.5, random.random((21, 2, 5)) < 0.5)
     parts = [Availability(*(mask[..., runs] for mask in coverage)) for runs in (slice(0, 2), slice(2, 5))]
-    joined = PackedGiven.joined([PackedGiven.of(part) for part in parts])
+    joined = PackedAvailability.joined([PackedAvailability.of(part) for part in parts])
     for found, expected in zip(joined.unpacked(), coverage, strict=True):
         np.testing.assert_array_equal(found, expected)
     for found, expected in zip(joined.of_runs(range(1, 4)).unpacked(), coverage, strict=True):

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import ast
 import copy
-import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from trackbench.base.config.explain import explain
@@ -39,10 +36,21 @@ def stated_default(use: str, option: str, folder: Path) -> Any:
     if file is None:
         return None
     try:
-        made = _named(use.partition(":")[2], ast.parse(file.read_bytes()).body)
-        found = _named("__init__", made.body) if isinstance(made, ast.ClassDef) else made
-        defaults = dict(_defaults(found.args)) if isinstance(found, ast.FunctionDef) else {}
-        return ast.literal_eval(defaults[option]) if option in defaults else None
+        maker = _named(use.partition(":")[2], ast.parse(file.read_bytes()).body)
+        function = _named("__init__", maker.body) if isinstance(maker, ast.ClassDef) else maker
+        if not isinstance(function, ast.FunctionDef):
+            return None
+        arguments = function.args
+        positional = [*arguments.posonlyargs, *arguments.args]
+        defaults: dict[str, ast.expr | None] = {
+            argument.arg: default
+            for argument, default in (
+                *zip(reversed(positional), reversed(arguments.defaults), strict=False),
+                *zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True),
+            )
+        }
+        default = defaults.get(option)
+        return None if default is None else ast.literal_eval(default)
     except (SyntaxError, ValueError):
         return None
 
@@ -56,15 +64,6 @@ def source_of(use: str, folder: Path) -> Path | None:
 
 def _named(name: str, body: Sequence[ast.stmt]) -> ast.stmt | None:
     return next((item for item in body if isinstance(item, ast.ClassDef | ast.FunctionDef) and item.name == name), None)
-
-
-def _defaults(arguments: ast.arguments) -> Iterator[tuple[str, ast.expr]]:
-    positional = [*arguments.posonlyargs, *arguments.args]
-    for argument, default in zip(reversed(positional), reversed(arguments.defaults), strict=False):
-        yield argument.arg, default
-    for argument, given in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True):
-        if given is not None:
-            yield argument.arg, given
 
 
 Entry = FilterConfig | PluginConfig
@@ -129,14 +128,10 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
         elif isinstance(node, list | tuple):
             node = node[int(part)] if part.isdecimal() and int(part) < len(node) else None
         else:
-            node = getattr(node, _attribute(node, part), None)
+            # ``from`` is a word of the language: such an option has an alias.
+            fields = getattr(type(node), "model_fields", {})
+            node = getattr(node, next((name for name, field in fields.items() if field.alias == part), part), None)
     return node
-
-
-def _attribute(config: Any, option: str) -> str:
-    """Under which name a configuration has an option: ``from`` is a word of the language."""
-    fields = getattr(type(config), "model_fields", {})
-    return next((name for name, field in fields.items() if field.alias == option), option)
 
 
 def varies_in_batch(entry: Entry, key: str) -> bool:
@@ -149,13 +144,8 @@ def varies_in_batch(entry: Entry, key: str) -> bool:
         return False
     if isinstance(entry.motion, ImmConfig) and key.startswith(STAYS):
         return True
-    found = _motion_option(entry, key)
-    return found is not None and found[1] in found[0].driving_noise
-
-
-def structure(values: Values, batched: Sequence[str]) -> str:
-    """What trials must have in common to be of one batch."""
-    return json.dumps({key: None if key in batched else value for key, value in values.items()}, sort_keys=True)
+    option = _motion_option(entry, key)
+    return option is not None and option[1] in option[0].driving_noise
 
 
 def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
@@ -189,14 +179,3 @@ def _motion_option(entry: FilterConfig, key: str) -> tuple[MotionModel, str] | N
         return None
     option = parts[1] if len(parts) == 2 and parts[0] == "motion" else parts[0] if len(parts) == 1 else ""
     return (entry.motion, option) if option in type(entry.motion).model_fields else None
-
-
-def columns_of(points: Sequence[Values], keys: Sequence[str], size: int) -> dict[str, Array]:
-    """For each key the values ``(trials * size,)`` of a batch in which trials come slowest."""
-    return {key: np.repeat(np.array([float(point[key]) for point in points]), size) for key in keys}
-
-
-def with_tracker(loaded: Scenario, entries: Mapping[str, Entry]) -> Scenario:
-    """The scenario with these trackers alone, of which nothing is expected."""
-    config = loaded.config.model_copy(update={"trackers": dict(entries), "expect": []})
-    return replace(loaded, config=config)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -26,32 +27,14 @@ from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.subjects.tuning.entry import Entry, Values, columns_of, combined, entry_with, structure, varies_in_batch
-from trackbench.subjects.tuning.labelled import PackedGiven, score_labelled, score_start
+from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
+from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled, score_start
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
 
 TRIAL = "trial"
-
-
-def score_hidden(
-    work: Work, piece: BlockRuns, entry: Entry, measure: str = "gospa", metric: Metric | None = None
-) -> tuple[Sums | str, EngineUsed | None]:
-    """The sums of one trial over some runs of one scene, or why there are none, where the tracker failed; and what
-    computed it; ``measure``: a metric of tracks that is wanted beside the usual ones;
-    ``metric``: one that is not built in.
-    """
-    block = run_block(replace(work, trackers={TRIAL: entry}), piece)
-    scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
-    if isinstance(scores, Failure):
-        return scores.cause, engine
-    assert isinstance(scores, TrafficScores)
-    values = np.array(scores.sums.values)
-    wanted = {path: path for path in (*OF_TRACKS, measure) if path in PATHS} | {"prediction_score": "log_likelihood"}
-    sums = Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()})
-    return sums if metric is None else sums.with_metric(metric, scores.metrics), engine
 
 
 #: Most trials of one batch, so that several processes share them.
@@ -103,25 +86,21 @@ class _Start(NamedTuple):
     """What the tracker gives as it is in one scenario."""
 
     outcome: Outcome
-    counted: tuple[PackedGiven | None, ...]
+    counted: tuple[PackedAvailability | None, ...]
     """Of each scene; None where it failed, and where nobody labelled the detections."""
     engine: EngineUsed | None
     """What computed it; None of a tracker that is not built in."""
 
 
-class _StartPiece(NamedTuple):
-    """The same of some runs of one scene."""
-
-    sums: Sums | str
-    counted: PackedGiven | None = None
-    engine: EngineUsed | None = None
+#: The sums of some runs of one scene, or why there are none; what is counted; what computed the tracker.
+_StartPiece = tuple[Sums | str, PackedAvailability | None, EngineUsed | None]
 
 
 class _Scene(NamedTuple):
     """What all trials of a scene share."""
 
     work: Work
-    counted: PackedGiven | None
+    counted: PackedAvailability | None
     metric: Metric | None
     """That is summed beside the usual measures, where it is none of these."""
     measure: str
@@ -169,12 +148,12 @@ class Evaluator:
     @property
     def start(self) -> list[Outcome]:
         """What the tracker gives as it is, in each scenario."""
-        return [found.outcome for found in self._start]
+        return [start.outcome for start in self._start]
 
     @property
     def engine_used(self) -> EngineUsed | None:
         """What computes the tracker; None of one that is not built in."""
-        return joined(found.engine for found in self._start if found.engine is not None)
+        return joined(start.engine for start in self._start if start.engine is not None)
 
     @cached_property
     def _start(self) -> list[_Start]:
@@ -184,11 +163,21 @@ class Evaluator:
             entry = bench.scenario.config.trackers[self.tracker]
             submitted.append(
                 [
-                    [self._executor.submit(tasks[scene], piece, entry) for piece in _pieces(work, scene, 1)]
-                    for scene in range(len(work.scenes))
+                    [self._executor.submit(task, piece, entry) for piece in _pieces(work, scene, 1)]
+                    for scene, task in enumerate(tasks)
                 ]
             )
-        return [_whole([[one.result() for one in scene] for scene in scenes]) for scenes in submitted]
+        starts = []
+        for scenes in submitted:
+            results: list[list[_StartPiece]] = [[piece.result() for piece in pieces] for pieces in scenes]
+            counted = []
+            for pieces in results:
+                masks = [piece[1] for piece in pieces if piece[1] is not None]
+                counted.append(PackedAvailability.joined(masks) if len(masks) == len(pieces) else None)
+            every = [piece for pieces in results for piece in pieces]
+            engine = joined(piece[2] for piece in every if piece[2] is not None)
+            starts.append(_Start(_joined([piece[0] for piece in every]), tuple(counted), engine))
+        return starts
 
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
         """Of each point its outcome in each scenario.
@@ -197,23 +186,23 @@ class Evaluator:
             points: values by the parameters' keys; empty for the tracker as it is.
             progress: called with how many parts are done and how many there are.
         """
-        found: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
+        sums: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
         pending = []
         for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
             tasks = self._tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
-            for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in found]):
+            for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in sums]):
                 for scene, task in enumerate(tasks):
                     for piece in _pieces(work, scene, len(batch.trials)):
                         pending.append((number, batch, self._executor.submit(task, piece, batch)))
         for done, (number, batch, future) in enumerate(pending):
             progress(done, len(pending))
             for trial, outcome in zip(batch.trials, future.result(), strict=True):
-                found[trial][number].append(outcome)
+                sums[trial][number].append(outcome)
         progress(len(pending), len(pending))
-        return [[_joined(parts) for parts in outcomes] for outcomes in found]
+        return [[_joined(parts) for parts in outcomes] for outcomes in sums]
 
     def _tasks(
-        self, make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedGiven | None] = ()
+        self, make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()
     ) -> list[Task]:
         """A function for each scene, and what its calls share."""
         constants = [
@@ -223,7 +212,7 @@ class Evaluator:
         return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
 
     def _batches(
-        self, loaded: Scenario, points: Sequence[Values], found: Sequence[list[Sums | str]]
+        self, loaded: Scenario, points: Sequence[Values], sums: Sequence[list[Sums | str]]
     ) -> Iterator[_Batch]:
         """The trials in batches; of one whose values do not go together it is noted why."""
         groups: dict[str, _Batch] = {}
@@ -231,10 +220,10 @@ class Evaluator:
             try:
                 entry = entry_with(loaded, self.tracker, point)
             except ValidationError as invalid:
-                found[trial].append(invalid.errors()[0]["msg"])
+                sums[trial].append(invalid.errors()[0]["msg"])
                 continue
             keys = tuple(key for key in point if varies_in_batch(entry, key))
-            name = structure(point, keys)
+            name = json.dumps({key: None if key in keys else value for key, value in point.items()}, sort_keys=True)
             group = groups.get(name, _Batch((), (), (), keys))
             groups[name] = _Batch((*group.trials, trial), (*group.entries, entry), (*group.points, point), keys)
         for group in groups.values():
@@ -250,30 +239,32 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
 
 
 def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    """The tracker as it is."""
     try:
-        sums, given, engine = score_start(scene.work, piece, entry)
+        sums, available, engine = score_start(scene.work, piece, entry)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        return _StartPiece(fault_of(error).cause)
-    return _StartPiece(_with_metric(sums, scene, piece, entry), PackedGiven.of(given), engine)
+        return fault_of(error).cause, None, None
+    return _with_metric(sums, scene, piece, entry), PackedAvailability.of(available), engine
 
 
 def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    sums, engine = score_hidden(scene.work, piece, entry, scene.measure, scene.metric)
-    return _StartPiece(sums, engine=engine)
+    sums, engine = _score_hidden(scene, piece, entry)
+    return sums, None, engine
 
 
-def _whole(scenes: Sequence[Sequence[_StartPiece]]) -> _Start:
-    """The tracker as it is, all of its runs together."""
-    counted = []
-    for pieces in scenes:
-        given = [piece.counted for piece in pieces if piece.counted is not None]
-        counted.append(PackedGiven.joined(given) if len(given) == len(pieces) else None)
-    every = [piece for pieces in scenes for piece in pieces]
-    engine = joined(piece.engine for piece in every if piece.engine is not None)
-    return _Start(_joined([piece.sums for piece in every]), tuple(counted), engine)
+def _score_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, EngineUsed | None]:
+    """The sums of a trial that follows several objects from detections of hidden identities, or why there are none."""
+    block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
+    scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
+    if isinstance(scores, Failure):
+        return scores.cause, engine
+    assert isinstance(scores, TrafficScores)
+    values = np.array(scores.sums.values)
+    measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in PATHS}
+    measures["prediction_score"] = "log_likelihood"
+    sums = Sums({name: values[:, :, PATHS.index(path)].T for path, name in measures.items()})
+    return sums if scene.metric is None else sums.with_metric(scene.metric, scores.metrics), engine
 
 
 def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry) -> Sums | str:
@@ -289,7 +280,6 @@ def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry
 
 
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
-    """The trials of a batch."""
     outcomes = zip(_together(scene, piece, batch), batch.entries, strict=True)
     return [_with_metric(sums, scene, piece, entry) for sums, entry in outcomes]
 
@@ -309,7 +299,9 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
         except BaseException as error:
             return [fault_of(error).cause]
     if isinstance(entry, FilterConfig) and batch.keys:
-        entry = combined(entry, columns_of(batch.points, batch.keys, size))
+        # Trials come slowest.
+        columns = {key: np.repeat(np.array([float(point[key]) for point in batch.points]), size) for key in batch.keys}
+        entry = combined(entry, columns)
     try:
         return [*score_labelled(work, piece, entry, number, counted)]
     except np.linalg.LinAlgError:
@@ -318,12 +310,12 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(scene.work, piece, entry, scene.measure, scene.metric)[0] for entry in batch.entries]
+    return [_score_hidden(scene, piece, entry)[0] for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:
     """The runs of all scenes together."""
-    failed = next((part for part in parts if isinstance(part, str)), None)
-    if failed is not None:
-        return Outcome(None, failed)
+    for part in parts:
+        if isinstance(part, str):
+            return Outcome(None, part)
     return Outcome(Sums.joined([part for part in parts if isinstance(part, Sums)]))

@@ -39,13 +39,8 @@ class Availability(NamedTuple):
     innovations: Mask
     """``(scans, objects, runs)``, the scans in the order in which they were taken."""
 
-    @classmethod
-    def none(cls, instants: int, scans: int, objects: int, runs: int) -> Availability:
-        """Of no object; to be filled in."""
-        return cls(*(np.zeros((number, objects, runs), dtype=bool) for number in (instants, scans)))
 
-
-class PackedGiven(NamedTuple):
+class PackedAvailability(NamedTuple):
     """The same in an eighth of the memory, as it is kept of all runs and sent to other processes."""
 
     estimates: Bytes
@@ -56,18 +51,18 @@ class PackedGiven(NamedTuple):
     scans: int
 
     @classmethod
-    def of(cls, given: Availability) -> PackedGiven:
+    def of(cls, masks: Availability) -> PackedAvailability:
         """The packed masks."""
-        estimates, innovations = (np.packbits(mask, axis=0) for mask in given)
-        return cls(estimates, innovations, len(given.estimates), len(given.innovations))
+        estimates, innovations = (np.packbits(mask, axis=0) for mask in masks)
+        return cls(estimates, innovations, len(masks.estimates), len(masks.innovations))
 
     @classmethod
-    def joined(cls, parts: Sequence[PackedGiven]) -> PackedGiven:
+    def joined(cls, parts: Sequence[PackedAvailability]) -> PackedAvailability:
         """Those of consecutive runs of a scene as one."""
         estimates, innovations = (np.concatenate([part[field] for part in parts], axis=-1) for field in (0, 1))
         return cls(estimates, innovations, parts[0].instants, parts[0].scans)
 
-    def of_runs(self, runs: range) -> PackedGiven:
+    def of_runs(self, runs: range) -> PackedAvailability:
         """Of some runs alone."""
         here = slice(runs.start, runs.stop)
         return self._replace(estimates=self.estimates[..., here], innovations=self.innovations[..., here])
@@ -90,8 +85,8 @@ def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Avail
     Raises:
         Exception: what the tracker raises.
     """
-    sums = _run(work, piece, entry, 1, None)
-    return sums.of_trials()[0], sums.given, sums.engine
+    sums, engine = _score(work, piece, entry, 1, None)
+    return sums.of_trials()[0], sums.available, engine
 
 
 def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability) -> list[Sums]:
@@ -107,17 +102,19 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, coun
     Raises:
         Exception: what the tracker raises.
     """
-    return _run(work, piece, entry, trials, counted).of_trials()
+    return _score(work, piece, entry, trials, counted)[0].of_trials()
 
 
-def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability | None) -> _Sums:
+def _score(
+    work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability | None
+) -> tuple[_Sums, EngineUsed | None]:
     keep_freed_memory()
     scene = work.scenes[piece.scene]
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
-    objects, runs = len(scene.truth.ids), len(piece.runs)
     sensors, scans = entry.sensors_used, measurements.scans
-    sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
+    shape = trials, len(scene.truth.ids), len(piece.runs)
+    sums = _Sums(targets, targets.conditions(entry), shape, len(scans), counted)
     # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
     drive = TrackerDrive[Estimate | None](
         lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
@@ -125,19 +122,16 @@ def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Avail
         sensors,
         given=lambda scan: _tiled(scan, trials),
     )
-    try:
-        with np.errstate(all="ignore"), drive:
-            for step in drive:
-                estimate = step.answer
-                if estimate is None:
-                    continue
-                if step.number is not None:
-                    sums.add_innovation(step.instant, step.number, step.scan, estimate)
-                if step.last:
-                    sums.add_error(step.instant, estimate)
-    finally:
-        sums.engine = work.engine_of(drive.engine_used)
-    return sums
+    with np.errstate(all="ignore"), drive:
+        for step in drive:
+            estimate = step.answer
+            if estimate is None:
+                continue
+            if step.number is not None:
+                sums.add_innovation(step.instant, step.number, step.scan, estimate)
+            if step.last:
+                sums.add_error(step.instant, estimate)
+    return sums, work.engine_of(drive.engine_used)
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:
@@ -160,45 +154,40 @@ class _Sums:
     ) -> None:
         self._state, self._due = targets.state, targets.due
         self._shape, self._counted = shape, counted
-        self.given = Availability.none(len(self._due), scans, *shape[1:])
+        self.available = Availability(*(np.zeros((size, *shape[1:]), dtype=bool) for size in (len(self._due), scans)))
         """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
-        self.engine: EngineUsed | None = None
-        """What computed the tracker, once all scans were taken."""
         self._total = {name: np.zeros(self._shape) for name in names}
         self._count = {name: np.zeros(self._shape) for name in names}
         self._member = condition_members(classes)
         self._nees = np.zeros((2, len(CONDITIONS), shape[0], shape[2]))
 
     def add_error(self, instant: int, estimate: Estimate) -> None:
-        """Take in the estimate after the last scan of an instant."""
         mean = estimate.mean.reshape(4, *self._shape)
         error = mean - self._state[:, instant, None]
-        there: Mask = np.asarray(np.isfinite(error).all(axis=0))
-        given = self._that_count(there, instant, "estimates", instant)
+        finite: Mask = np.asarray(np.isfinite(error).all(axis=0))
+        summed = self._that_count(finite, instant, "estimates", instant)
         square = error * error
         covariance = estimate.covariance.reshape(4, 4, *self._shape)
         nees, whitened, positive = normalised_square(error, covariance)
-        self._add("position_rmse", square[0] + square[1], given)
-        self._add("velocity_rmse", square[2] + square[3], given)
-        self._add("nees", np.where(positive, nees, np.nan), given)
+        self._add("position_rmse", square[0] + square[1], summed)
+        self._add("velocity_rmse", square[2] + square[3], summed)
+        self._add("nees", np.where(positive, nees, np.nan), summed)
         # The factor is triangular: its first rows are those of the position by itself.
-        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), given)
-        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], given)
-        counted = np.stack([np.where(given, nees, 0.0), np.broadcast_to(given, self._shape)])
+        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), summed)
+        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], summed)
+        counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, self._shape)])
         self._nees += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
 
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
-        """Take in how likely the tracker found a scan, by its number."""
         log_density = log_likelihood(estimate)
         if log_density is None:
             return
         log_density = log_density.reshape(self._shape)
-        said: Mask = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
-        self._add("log_likelihood", log_density, self._that_count(said, instant, "innovations", number))
+        predicted: Mask = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
+        self._add("log_likelihood", log_density, self._that_count(predicted, instant, "innovations", number))
 
     def of_trials(self) -> list[Sums]:
-        """Of each trial, summed over the objects."""
         total = {name: values.sum(axis=1) for name, values in self._total.items()}
         count = {name: values.sum(axis=1) for name, values in self._count.items()}
         total |= dict(zip(CONDITIONS, self._nees[0], strict=True))
@@ -209,12 +198,12 @@ class _Sums:
         ]
 
     def _that_count(self, there: Mask, instant: int, what: Literal["estimates", "innovations"], number: int) -> Mask:
-        """Those of what there is that are summed."""
+        """Those of the available values that are summed."""
         if self._counted is not None:
             counted: Mask = getattr(self._counted, what)[number]
             return there & counted
         due: Mask = there & self._due[instant]
-        getattr(self.given, what)[number] = due[0]
+        getattr(self.available, what)[number] = due[0]
         return due
 
     def _add(self, name: str, values: Array, where: Mask) -> None:

@@ -17,7 +17,6 @@ from trackbench.metrics.evaluate import MetricSums, finished
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, SMALLEST_SHARE
-from trackbench.results import MetricValue
 
 #: Of labelled objects: the unit of each measure.
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
@@ -30,18 +29,17 @@ class _Words(dict[str, str]):
         return measure.replace("_", " ")
 
 
-_NAMED = {
-    "position_rmse": "position RMSE",
-    "velocity_rmse": "velocity RMSE",
-    "nees": "mean NEES",
-    "log_likelihood": "log-likelihood of a measurement",
-    "gospa": "GOSPA",
-    "gospa_localisation": "GOSPA, localisation",
-    "gospa_missed": "GOSPA, missed",
-    "gospa_false": "GOSPA, false",
-}
 #: Each measure as a sentence names it.
-WORDS = _Words(_NAMED)
+WORDS = _Words(
+    position_rmse="position RMSE",
+    velocity_rmse="velocity RMSE",
+    nees="mean NEES",
+    log_likelihood="log-likelihood of a measurement",
+    gospa="GOSPA",
+    gospa_localisation="GOSPA, localisation",
+    gospa_missed="GOSPA, missed",
+    gospa_false="GOSPA, false",
+)
 #: Components of the state whose NEES is taken.
 NEES_DOF = 4
 
@@ -93,8 +91,8 @@ class Sums:
         if not count.any():
             return None
         if name in TRACK_METRICS:
-            found = TRACK_METRICS[name].of_runs(total, count)
-            return None if found is None else clustered(found, scene)
+            estimate = TRACK_METRICS[name].of_runs(total, count)
+            return None if estimate is None else clustered(estimate, scene)
         if name == "log_likelihood":
             return clustered(ratio(total, count), scene)
         mean = ratio(total, count, at_least=0.0)
@@ -112,8 +110,8 @@ class Sums:
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""
         runs = next(iter(self.values.values())).shape[1]
-        found = self.interval(name, np.zeros(runs, dtype=np.intp))
-        return np.nan if found is None else found.value
+        interval = self.interval(name, np.zeros(runs, dtype=np.intp))
+        return np.nan if interval is None else interval.value
 
     def lacking(self, start: Sums, measures: Sequence[str] = ("position_rmse", "log_likelihood")) -> str | None:
         """What there is less of than with the start's values, or is not finite, so that the two cannot be compared.
@@ -128,8 +126,8 @@ class Sums:
             own, other = self.values[name][1], start.values[name][1]
             word = "innovations" if name == "log_likelihood" else "estimates"
             if (own < other).any():
-                given = np.minimum(own, other).sum()
-                return f"it gives {given:.0f} of the {other.sum():.0f} {word} that the start gives"
+                common = np.minimum(own, other).sum()
+                return f"it gives {common:.0f} of the {other.sum():.0f} {word} that the start gives"
             if not np.isfinite(self.values[name][0]).all():
                 return f"its {word} are not finite"
         return None
@@ -138,11 +136,6 @@ class Sums:
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
     """What a block computes for a metric: that, and the sums that any block has."""
     return Coverage(), metric
-
-
-def as_value(interval: Interval | None, unit: str) -> MetricValue:
-    """As it stands in a result."""
-    return MetricValue(unit=unit, reason="no run tells it") if interval is None else interval.as_value(unit)
 
 
 #: Each manoeuvre, each range band and the first second.
@@ -159,12 +152,12 @@ def condition_members(classes: Classes) -> Array:
         classes: ``(instants, objects, runs or 1)`` as ``metrics.conditions`` gives them.
     """
     manoeuvre, band, age, _ = np.unravel_index(classes, SHAPE)
-    found = [
+    under = [
         *(manoeuvre == number for number in range(len(MANOEUVRES))),
         *(band == number for number in range(BANDS)),
         age == 0,
     ]
-    return np.stack(found).astype(float)
+    return np.stack(under).astype(float)
 
 
 def nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:

@@ -26,22 +26,14 @@ Loss = Callable[[Mapping[str, float]], tuple[float, ...]]
 class LocalModel:
     """``c + g d + d H d / 2`` of each part, where ``d`` is the way from the centre, each range being one long."""
 
-    parameters: Sequence[Parameter]
-    """The continuous ones."""
     centre: Array
     """``(d,)``"""
     coefficients: Mapping[str, Array]
-    residual: Mapping[str, float]
-    """Root mean square of what the model misses, by part."""
-
-    def parts(self, shares: Array) -> dict[str, Array]:
-        """Each part at some points ``(k, d)``."""
-        rows = _terms(shares - self.centre)
-        return {name: rows @ found for name, found in self.coefficients.items()}
 
     def losses(self, shares: Array, loss: Loss) -> Array:
-        """``(k,)`` the loss at some points."""
-        parts = self.parts(shares)
+        """``(k,)`` the loss at some points ``(k, d)``."""
+        rows = _terms(shares - self.centre)
+        parts = {name: rows @ column for name, column in self.coefficients.items()}
         return np.array(
             [loss({name: float(values[i]) for name, values in parts.items()})[0] for i in range(len(shares))]
         )
@@ -76,7 +68,7 @@ def fit(
         radius: at which distance a trial counts 0.6.
     """
     done = [trial for trial in trials if trial.losses]
-    size = _size(len(parameters))
+    size = (len(parameters) + 1) * (len(parameters) + 2) // 2
     if len(done) < size:
         return None
     away = shares_of(parameters, done) - centre
@@ -86,19 +78,14 @@ def fit(
         nearest = np.sort((away**2).sum(axis=1))[size - 1]
         weight = np.exp(-0.25 * (away**2).sum(axis=1) / max(nearest, radius**2))
     rows = _terms(away)
-    found, residual = {}, {}
+    coefficients = {}
     for name in done[0].parts:
         values = np.array([trial.parts[name] for trial in done])
         solution, _, rank, _ = np.linalg.lstsq(rows * weight[:, None], values * weight, rcond=1e-10)
         if rank < size:
             return None
-        found[name] = solution
-        residual[name] = float(np.sqrt(np.average((values - rows @ solution) ** 2, weights=weight**2)))
-    return LocalModel(parameters, centre, found, residual)
-
-
-def _size(dimensions: int) -> int:
-    return (dimensions + 1) * (dimensions + 2) // 2
+        coefficients[name] = solution
+    return LocalModel(centre, coefficients)
 
 
 def _terms(away: Array) -> Array:
@@ -228,13 +215,10 @@ def _around(
     radius = max(batch.radius, SMALLEST_RADIUS)
     steps = np.vstack([np.zeros(len(axes)), radius * np.eye(len(axes)), -radius * np.eye(len(axes))])
     more = radius * random.uniform(-1.0, 1.0, (max(0, batch.size - len(steps)), len(axes)))
-    points = _reflected(centre + np.vstack([steps, more])[: batch.size])
+    shares = centre + np.vstack([steps, more])[: batch.size]
+    # Points beyond an end of a range come back from it, so that no two fall onto the end.
+    points = 1.0 - np.abs(1.0 - np.abs(shares) % 2.0)
     return [
         others | {item.key: item.from_unit(float(share)) for item, share in zip(axes, point, strict=True)}
         for point in points
     ]
-
-
-def _reflected(shares: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Points of which those beyond an end of the range come back from it, so that no two fall onto the end."""
-    return np.asarray(1.0 - np.abs(1.0 - np.abs(shares) % 2.0))

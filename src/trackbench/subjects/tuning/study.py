@@ -56,12 +56,12 @@ def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], 
 
 def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
-    found = {}
+    measures = {}
     for name in sums[0].units if sums else ():
-        values = np.array([one.value(name) for one in sums])
+        values = np.array([item.value(name) for item in sums])
         if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
-            found[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
-    return found
+            measures[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
+    return measures
 
 
 def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:
@@ -122,17 +122,21 @@ def signature_of(
 
 def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """In what two signatures differ, in words; empty where they do not."""
-    told = list(_told(*({key: value for key, value in each.items() if key != START} for each in (kept, now))))
-    if told:
-        more = f" and {len(told) - MOST} more" if len(told) > MOST else ""
-        return "; ".join(told[:MOST]) + more
+    before, after = (
+        dict(_leaves({key: value for key, value in each.items() if key != START}, "")) for each in (kept, now)
+    )
+    pairs = {key: (before.get(key, "not given"), after.get(key, "not given")) for key in {**after, **before}}
+    changes = [f"{key} was {old} and is {new}" for key, (old, new) in pairs.items() if not _same(old, new)]
+    if changes:
+        more = f" and {len(changes) - MOST} more" if len(changes) > MOST else ""
+        return "; ".join(changes[:MOST]) + more
     for name, measures in now[START].items():
         for measure, value in measures.items():
-            before = kept.get(START, {}).get(name, {}).get(measure, math.nan)
-            if not _same(before, value):
+            earlier = kept.get(START, {}).get(name, {}).get(measure, math.nan)
+            if not _same(earlier, value):
                 return (
-                    f"in {name} the start now gives {WORDS[measure]} {value:.6g}, and gave {before:.6g}: its code, the "
-                    "measurements or trackbench changed"
+                    f"in {name} the start now gives {WORDS[measure]} {value:.6g}, and gave {earlier:.6g}: its code, "
+                    "the measurements or trackbench changed"
                 )
     return ""
 
@@ -141,36 +145,22 @@ def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
     """Of a scenario what one tracker's trials depend on."""
     config, document = bench.scenario.config, bench.scenario.document.value
     entry = config.trackers[tracker]
+    source = source_of(entry.use, bench.scenario.path.resolve().parent) if isinstance(entry, PluginConfig) else None
     return {
         **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
         "truth": config.truth.model_dump(mode="json", fallback=str),
         "monte_carlo": config.monte_carlo.model_dump(mode="json"),
         "tracker": plain(bench.scenario, tracker),
-        "module": _digest(entry.use, bench.scenario.path.resolve().parent) if isinstance(entry, PluginConfig) else "",
+        "module": hashlib.sha256(source.read_bytes()).hexdigest()[:12] if source is not None else "",
     }
-
-
-def _digest(use: str, folder: Path) -> str:
-    """Of the source of a tracker beside the scenario; empty where it is another one."""
-    source = source_of(use, folder)
-    return hashlib.sha256(source.read_bytes()).hexdigest()[:12] if source is not None else ""
-
-
-def _told(kept: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
-    """Each value that differs."""
-    before, after = dict(_leaves(kept, "")), dict(_leaves(now, ""))
-    for key in {**after, **before}:
-        old, new = before.get(key, "not given"), after.get(key, "not given")
-        if not _same(old, new):
-            yield f"{key} was {old} and is {new}"
 
 
 def _leaves(node: Any, path: str) -> Iterator[tuple[str, Any]]:
     """The values that are neither mapping nor list, each with its dotted key."""
     if isinstance(node, Mapping):
-        parts = list(node.items())
+        parts = [*node.items()]
     elif isinstance(node, list | tuple):
-        parts = list(enumerate(node))
+        parts = [*enumerate(node)]
     else:
         yield path, node
         return
@@ -178,10 +168,10 @@ def _leaves(node: Any, path: str) -> Iterator[tuple[str, Any]]:
         yield from _leaves(value, f"{path}.{key}" if path else str(key))
 
 
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, float) and isinstance(other, float):
-        return math.isclose(one, other, rel_tol=ROUNDING)
-    return bool(one == other)
+def _same(first: Any, second: Any) -> bool:
+    if isinstance(first, float) and isinstance(second, float):
+        return math.isclose(first, second, rel_tol=ROUNDING)
+    return bool(first == second)
 
 
 SIGNATURE = "trackbench"
@@ -220,16 +210,37 @@ class Study:
         signature: Mapping[str, Any],
     ) -> None:
         import optuna
+        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._parameters = parameters
-        self._distributions = {item.key: _distribution(item) for item in parameters}
+        self._distributions: dict[str, BaseDistribution] = {}
+        for item in parameters:
+            if item.scale == "choice":
+                self._distributions[item.key] = CategoricalDistribution([json.dumps(choice) for choice in item.choices])
+            elif item.scale == "integer":
+                self._distributions[item.key] = IntDistribution(int(item.low), int(item.high))
+            else:
+                self._distributions[item.key] = FloatDistribution(item.low, item.high, log=item.scale == "log")
         self._directions: list[Direction] = ["minimize"] * len(axes)
         self._study = _open(name, storage, self._directions)
-        _require_same(self._study, signature, name, storage)
+        kept = self._study.user_attrs.get(SIGNATURE)
+        if kept is None:
+            if self._study.get_trials(deepcopy=False):
+                raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
+            self._study.set_user_attr(SIGNATURE, dict(signature))
+        elif changes := differences(kept, json.loads(json.dumps(signature))):
+            problem = f"its study {name!r} is of another search: {changes}; give another file"
+            raise InputError(problem, key="--storage", file=storage)
         with _quiet():
             self._study.set_metric_names(list(axes))
-        self.trials = [self._trial(item) for item in self._study.get_trials(deepcopy=False)]
+        self.trials = []
+        for frozen in self._study.get_trials(deepcopy=False):
+            attributes, losses = frozen.user_attrs, tuple(frozen.values or ())
+            values = self._values(frozen.params)
+            self.trials.append(
+                TuningTrial(values, attributes["parts"], losses, attributes["failed"], attributes["measures"])
+            )
 
     def add(self, trial: TuningTrial) -> None:
         """Keep a trial; it is there whole, or not at all."""
@@ -242,7 +253,7 @@ class Study:
 
         with _quiet():
             sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
-            return self._asked(sampler, [], count)
+            return self._proposed(sampler, [], count)
 
     def promising(self, count: int, seed: int, known: Sequence[TuningTrial]) -> list[dict[str, Any]]:
         """Values where good ones are frequent among the known trials: the tree-structured Parzen estimator."""
@@ -250,9 +261,9 @@ class Study:
 
         with _quiet():
             sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True, n_startup_trials=5)
-            return self._asked(sampler, known, count)
+            return self._proposed(sampler, known, count)
 
-    def _asked(
+    def _proposed(
         self, sampler: optuna.samplers.BaseSampler, known: Sequence[TuningTrial], count: int
     ) -> list[dict[str, Any]]:
         import optuna
@@ -268,7 +279,10 @@ class Study:
 
         state = optuna.trial.TrialState.COMPLETE if trial.losses else optuna.trial.TrialState.FAIL
         kept = {"parts": dict(trial.parts), "measures": dict(trial.measures), "failed": trial.failed}
-        params = {item.key: _to_optuna(item, trial.values[item.key]) for item in self._parameters}
+        params = {
+            item.key: json.dumps(trial.values[item.key]) if item.scale == "choice" else trial.values[item.key]
+            for item in self._parameters
+        }
         return optuna.trial.create_trial(
             state=state,
             values=list(trial.losses) or None,
@@ -277,13 +291,16 @@ class Study:
             user_attrs=kept,
         )
 
-    def _trial(self, frozen: optuna.trial.FrozenTrial) -> TuningTrial:
-        kept = frozen.user_attrs
-        losses = tuple(frozen.values or ())
-        return TuningTrial(self._values(frozen.params), kept["parts"], losses, kept["failed"], kept["measures"])
-
     def _values(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        return {item.key: _from_optuna(item, params[item.key]) for item in self._parameters}
+        values: dict[str, Any] = {}
+        for item in self._parameters:
+            value = params[item.key]
+            if item.scale == "choice":
+                value = json.loads(value)
+            elif item.continuous:
+                value = item.from_unit(item.to_unit(value))
+            values[item.key] = value
+        return values
 
 
 @contextmanager
@@ -292,26 +309,6 @@ def _quiet() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-def _distribution(item: Parameter) -> BaseDistribution:
-    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
-
-    if item.scale == "choice":
-        return CategoricalDistribution([json.dumps(choice) for choice in item.choices])
-    if item.scale == "integer":
-        return IntDistribution(int(item.low), int(item.high))
-    return FloatDistribution(item.low, item.high, log=item.scale == "log")
-
-
-def _to_optuna(item: Parameter, value: Any) -> Any:
-    return json.dumps(value) if item.scale == "choice" else value
-
-
-def _from_optuna(item: Parameter, value: Any) -> Any:
-    if item.scale == "choice":
-        return json.loads(value)
-    return item.from_unit(item.to_unit(value)) if item.continuous else value
 
 
 def _open(name: str, storage: Path | None, directions: list[Direction]) -> optuna.Study:
@@ -332,17 +329,3 @@ def _open(name: str, storage: Path | None, directions: list[Direction]) -> optun
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"is no study that can be written: {reason}", key="--storage", file=storage) from None
-
-
-def _require_same(study: optuna.Study, signature: Mapping[str, Any], name: str, storage: Path | None) -> None:
-    kept = study.user_attrs.get(SIGNATURE)
-    if kept is None:
-        if study.get_trials(deepcopy=False):
-            raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
-        study.set_user_attr(SIGNATURE, dict(signature))
-        return
-    differs = differences(kept, json.loads(json.dumps(signature)))
-    if differs:
-        raise InputError(
-            f"its study {name!r} is of another search: {differs}; give another file", key="--storage", file=storage
-        )
