@@ -42,7 +42,7 @@ STAGES = {
     "emitting": ["trackbench.engine.vector_code:function"],
     "compiling": ["trackbench.engine.machine:Processor.object_code"],
     "loading kernels": ["trackbench.engine.machine:Processor.function"],
-    "comparison": ["trackbench.compare.assembly:compare", "trackbench.report.comparison.files:batch_files"],
+    "comparison": ["trackbench.compare.assembly:compare", "trackbench.report.comparison.document:batch_files"],
 }
 IMPORTS, REST = "imports", "the rest"
 

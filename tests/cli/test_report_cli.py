@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from trackbench.document.html import to_html
-from trackbench.report.run import run_document
+from trackbench.report.run.document import run_document
 from trackbench.results import Result
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, Finding

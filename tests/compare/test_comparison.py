@@ -17,8 +17,8 @@ from trackbench.compare import Comparison, compare, results_in
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_colours
-from trackbench.report.comparison import batch_files, comparison_files, document
-from trackbench.report.comparison.rank_figure import rank_figure
+from trackbench.report.comparison.document import batch_files, comparison_files, document
+from trackbench.report.comparison.figures import rank_figure
 from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20

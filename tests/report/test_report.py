@@ -14,9 +14,9 @@ from tests.support.example_result import RMSE, breakdown, failed_tracker, make_r
 
 from trackbench.document.html import to_html
 from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
-from trackbench.report.calibration import calibration_clauses
 from trackbench.report.console import print_summary
-from trackbench.report.run import run_document
+from trackbench.report.run.calibration import calibration_clauses
+from trackbench.report.run.document import run_document
 from trackbench.report.run.pairs import Pairs
 from trackbench.results import Breakdown, Result
 

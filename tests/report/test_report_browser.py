@@ -8,8 +8,8 @@ from tests.support.example_result import make_result
 
 from trackbench.compare import compare, results_in
 from trackbench.document.html import to_html
-from trackbench.report.comparison import document
-from trackbench.report.run import run_document
+from trackbench.report.comparison.document import document
+from trackbench.report.run.document import run_document
 from trackbench.results import Result
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

@@ -32,7 +32,7 @@ from trackbench.document.files import FORMATS, Format, files, text, to_csv
 from trackbench.document.html import to_html
 from trackbench.document.latex import escape, table_to_latex
 from trackbench.document.markdown import to_markdown
-from trackbench.report.run import run_document
+from trackbench.report.run.document import run_document
 
 #: What any of the formats could take for its own.
 HOSTILE = r"50 % of $x_1$ & {y} # ~^\end{document} <b> `*[a]* | --"

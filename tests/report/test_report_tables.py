@@ -12,7 +12,7 @@ from tests.support.example_result import RMSE, make_result
 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary
-from trackbench.report.run import run_document
+from trackbench.report.run.document import run_document
 from trackbench.report.run.pairs import Pairs, groups
 from trackbench.results import Difference, Result
 

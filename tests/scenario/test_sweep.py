@@ -10,7 +10,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.document.markdown import to_markdown
-from trackbench.report.run import run_document
+from trackbench.report.run.document import run_document
 from trackbench.results import MOST_DRAWN
 from trackbench.scenario import load_scenario
 from trackbench.subjects.recording.contents import contents_of

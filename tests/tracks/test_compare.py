@@ -12,7 +12,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.compare import Limit, compare, load
 from trackbench.document.files import text
-from trackbench.report.comparison import comparison_files, document
+from trackbench.report.comparison.document import comparison_files, document
 from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 

@@ -19,7 +19,7 @@ from trackbench.document.model import Document, Figure, Section, every
 from trackbench.metrics.track_events import events_of
 from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document
-from trackbench.report.run.figures.ground import draw_surroundings
+from trackbench.report.run.figures.map import draw_surroundings
 from trackbench.report.traffic.sentences import association_against_filtering, verdict
 from trackbench.results import Difference, MetricValue, Result, TrackerResult
 

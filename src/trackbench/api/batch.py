@@ -82,7 +82,7 @@ def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, st
         TrackbenchError: a file cannot be written.
     """
     from trackbench.compare import compare, results_in
-    from trackbench.report.comparison import batch_files
+    from trackbench.report.comparison.document import batch_files
 
     comparison = compare([results_in(out, found)])
     for file, content in batch_files(comparison, out, colours):

@@ -11,7 +11,7 @@ from trackbench.api.scenario import listed
 from trackbench.base.errors import InputError, counted
 from trackbench.compare import Limit, ResultSet, comparison, find
 from trackbench.compare import compare as compare_sets
-from trackbench.report.comparison import document
+from trackbench.report.comparison.document import document
 
 #: A result, or the folder of one or of several.
 Compared = results.Result | Path | str

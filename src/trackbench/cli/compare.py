@@ -62,7 +62,7 @@ def compare_command(
     from trackbench.compare import Limit, compare, find
     from trackbench.document.files import require_ending
     from trackbench.document.terminal import print_document
-    from trackbench.report.comparison import ENDINGS, comparison_files, document
+    from trackbench.report.comparison.document import ENDINGS, comparison_files, document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
     parsed = [Limit.parse(text) for text in limits]

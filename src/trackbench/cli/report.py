@@ -82,7 +82,7 @@ def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
 
 def _document(run: Path) -> Document:
     from trackbench.compare import compare, find, load
-    from trackbench.report.comparison import document
+    from trackbench.report.comparison.document import document
     from trackbench.report.result import result_document
 
     for file, document_of in offered("documents"):

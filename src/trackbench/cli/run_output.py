@@ -75,7 +75,7 @@ class RunOutput(Listener):
 
     def compared(self, comparison: Comparison, page: Path) -> None:
         """Where the comparison is, and which scenarios are not in it."""
-        from trackbench.report.comparison import without_truth
+        from trackbench.report.comparison.document import without_truth
 
         if not self._as_json and not self._quiet:
             scenarios = sum(len(group.scenarios) for group in comparison.groups)

@@ -14,7 +14,6 @@ from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
-from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
 from trackbench.report.run.sentences import (
@@ -25,9 +24,81 @@ from trackbench.report.run.sentences import (
     not_called_better,
     precision_reached,
 )
-from trackbench.report.run.tables import found
-from trackbench.report.traffic import console as traffic
+from trackbench.report.run.tables import TONE, found, metric_of
+from trackbench.report.traffic.sentences import reused_identities
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
+
+#: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
+COLUMNS = (
+    ("GOSPA m", "gospa", 3, 1.0),
+    ("missed", "gospa_missed", 3, 1.0),
+    ("false", "gospa_false", 3, 1.0),
+    ("HOTA", "hota", 3, 1.0),
+    ("IDF1", "idf1", 3, 1.0),
+    ("sw/min", "id_switches", 2, 1.0),
+    ("pos. m", "position_rmse", 3, 1.0),
+    ("NEES", "nees", 2, 1.0),
+    ("matched %", "matched_share", 3, 100.0),
+)
+
+
+#: Without a truth.
+COLUMNS_WITHOUT_TRUTH = (
+    ("tracks", "track_count", 3, 1.0),
+    ("length s", "track_length", 3, 1.0),
+    ("new/min", "new_tracks", 3, 1.0),
+    ("used %", "used_share", 3, 100.0),
+    ("NIS", "nis", 2, 1.0),
+    ("breaks", "track_breaks", 2, 1.0),
+    ("own br.", "own_track_breaks", 2, 1.0),
+    ("swaps", "track_swaps", 2, 1.0),
+    ("score", "prediction_score", 3, 1.0),
+)
+
+
+def track_values(result: Result) -> list[tuple[str, list[Text]]]:
+    """Each column's heading and cells."""
+    found, trackers = [], result.scored
+    for heading, path, digits, factor in COLUMNS if result.summary.truth.known else COLUMNS_WITHOUT_TRUTH:
+        numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
+        places = decimals(numbers, digits)
+        texts = map(_nees_in_four_letters, numbers) if path == "nees" else (fixed(number, places) for number in numbers)
+        found.append((heading, [Text(text) for text in texts]))
+    return found
+
+
+def _nees_in_four_letters(value: float | None) -> str:
+    """In four letters at most."""
+    if value is not None and value >= 999.5:
+        return ">999"
+    return fixed(value, 1 if value is None or value < 99.95 else 0)
+
+
+def _notes_on_tracks(result: Result) -> list[str]:
+    """What the headings mean."""
+    if not result.summary.truth.known:
+        return notes_without_truth()
+    cutoff = result.summary.score.cutoff_m or 0.0
+    any_reference = any(tracker.is_reference for tracker in result.scored)
+    return [
+        f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
+        f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
+        *(["*: a reference, which knows which detection is whose; no competitor"] if any_reference else []),
+        "intervals are in the report; they are",
+        basis_of_intervals(result),
+        *([reused] if (reused := reused_identities(result)) else []),
+    ]
+
+
+def notes_without_truth() -> list[str]:
+    """What the headings mean, and what is not told."""
+    return [
+        "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
+        "tracks: mean number; length: median; used: share of detections; NIS: 1 when consistent",
+        "breaks: our track ends and the sensor's own goes on; own br.: the other way round;",
+        "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
+    ]
+
 
 #: From here on a number is written with its power of ten.
 _HUGE = 1e4
@@ -94,7 +165,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
     trackers = result.scored
     group = _groups(result)
     if result.summary.identities == "hidden":
-        columns = [_Column(heading, cells) for heading, cells in traffic.values(result)]
+        columns = [_Column(heading, cells) for heading, cells in track_values(result)]
         return _rows(trackers, columns[:1] + _grouped(group) + columns[1:], width)
     diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
     columns = [
@@ -185,7 +256,7 @@ def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
     if summary.identities == "hidden":
-        return [*traffic.notes(result), *(_note_on_groups(result) if summary.truth.known else [])]
+        return [*_notes_on_tracks(result), *(_note_on_groups(result) if summary.truth.known else [])]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     notes = [
         f"±: 95 %, {basis_of_intervals(result)}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from trackbench.document import Document, Table
-from trackbench.report.run import run_document
+from trackbench.report.run.document import run_document
 from trackbench.report.run.tables import ranking
 from trackbench.report.traffic.document import ranking as ranking_of_tracks
 from trackbench.report.traffic.document import traffic_document

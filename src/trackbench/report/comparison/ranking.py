@@ -10,8 +10,7 @@ from trackbench.compare.comparison import EntrantScore, RankedTracker
 from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
-from trackbench.report.comparison.figures import reference_figure
-from trackbench.report.comparison.rank_figure import competitors, label, rank_figure
+from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
 
 #: A verdict's colour.

@@ -1,5 +1,1 @@
-"""The report of a run, as a document."""
-
-from trackbench.report.run.document import run_document
-
-__all__ = ["run_document"]
+"""The report of a run with known identities."""

@@ -12,8 +12,8 @@ from rich.text import Text
 from trackbench.base.errors import counted
 from trackbench.metrics.moments import EstimateMoment, SceneMoment
 from trackbench.metrics.track_events import TrackEvent
+from trackbench.report.console import track_values
 from trackbench.report.numbers import decimals, fixed
-from trackbench.report.traffic.console import values
 from trackbench.results import Summary
 from trackbench.subjects.recording.inspection import Inspection, RecordedContents, TracksMoment
 
@@ -82,7 +82,7 @@ def _contents(contents: RecordedContents, console: Console) -> None:
 
 def _all_runs(inspection: Inspection, console: Console) -> None:
     console.print("\nAll runs")
-    columns = values(inspection.contents.recorded.result)
+    columns = track_values(inspection.contents.recorded.result)
     rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(inspection.scored)]
     console.print(_table(["tracker", *(heading for heading, _ in columns)], rows))
 

@@ -1,4 +1,4 @@
-"""The map of the recorded run, coloured by the position error."""
+"""Maps of the recorded run: the position error along true paths, and tracks with what went wrong."""
 
 from __future__ import annotations
 
@@ -14,21 +14,115 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.drawing import INK, MUTED, WIDTH, panel_title
+from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
+from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.report.numbers import fixed
-from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
-from trackbench.report.run.figures.lines import column, names, where
-from trackbench.report.run.moments import say
-from trackbench.results import Tables
+from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.report.numbers import fixed, joined
+from trackbench.report.run.figures.over_time import column, names, where
+from trackbench.report.run.scenes import say
+from trackbench.results import Result, Tables
+
+#: A scene longer than this many times its width (a straight road) is drawn stretched across.
+ELONGATED = 4.0
+MARGIN_M = 6.0
+#: Points.
+TALLEST, STRETCHED = 400.0, 150.0
+#: The widest name of an object, points.
+NAME = 90.0
+#: Of a letter and a line of a name, and where a name may stand above the end of its path, points.
+LETTER, LINE = 5.2, 10.0
+ABOVE = (3.0, -11.0, 14.0, -22.0, 25.0)
+
+
+@dataclass(frozen=True)
+class MapBox:
+    """What the map shows, m."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """m."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """m."""
+        return self.top - self.bottom
+
+    @property
+    def stretched(self) -> bool:
+        """Whether its axes have different scales."""
+        return self.width > ELONGATED * self.height
+
+    def drawn_height(self, across: float) -> float:
+        """Points of a map that is so many points wide."""
+        return STRETCHED if self.stretched else min(TALLEST, 30 + (across - 50) * self.height / self.width)
+
+    def points(self, across: float) -> tuple[float, float]:
+        """Of one metre in x and in y, on a map that is so many points wide."""
+        return (across - 50) / self.width, (self.drawn_height(across) - 30) / self.height
+
+
+def draw_surroundings(
+    axes: Axes,
+    roads: pa.Table,
+    observer: Sequence[tuple[Array, Array]],
+    targets: Mapping[str, tuple[Array, Array]],
+    points: tuple[float, float],
+) -> None:
+    """Roads, the observer's path and those of the objects, with their names; ``points`` are of a metre in x and y."""
+    lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
+    for line in np.unique(lines):
+        axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
+    for x, y in observer:
+        axes.plot(x, y, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
+        axes.plot(x[:1], y[:1], color=MUTED, marker="s", markersize=5)
+    placed: list[tuple[float, float, float]] = []
+    for name, (x, y) in targets.items():
+        axes.plot(x, y, color=MUTED, linewidth=0.8)
+        axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
+        text = shortened(name, NAME, 9)
+        left, at, width = x[-1] * points[0] + 3, y[-1] * points[1], LETTER * len(text)
+        above = next((each for each in ABOVE if _free(left, at + each, width, placed)), ABOVE[0])
+        placed.append((left, at + above, width))
+        axes.annotate(text, (x[-1], y[-1]), xytext=(3, above), textcoords="offset points", fontsize=9)
+
+
+def _free(left: float, bottom: float, width: float, placed: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether a name covers none of those that are there."""
+    return all(
+        abs(bottom - other) >= LINE or left >= start + wide or start >= left + width for start, other, wide in placed
+    )
+
+
+def alive_path(truth: pa.Table, name: str) -> tuple[Array, Array]:
+    """``(points,)`` x and y of an object while it is there, m."""
+    rows = where(truth, object=name)
+    alive = column(rows, "alive") > 0
+    return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
+
+
+def box_around(paths: Sequence[tuple[Array, Array]]) -> MapBox | None:
+    """What holds all paths; None where there is none."""
+    x = np.concatenate([path[0] for path in paths]) if paths else np.empty(0)
+    y = np.concatenate([path[1] for path in paths]) if paths else np.empty(0)
+    if not x.size:
+        return None
+    return MapBox(x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M)
+
 
 #: Round numbers among which the limits of the colours are chosen, m.
 _ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
 
 
 @dataclass(frozen=True)
-class _Track:
+class _PathWithErrors:
     """One object's true path, with the error of a tracker along it; NaN where there is no estimate."""
 
     x: Array
@@ -60,7 +154,7 @@ def map_of_run(
     if box is None:
         return None
     estimates = [where(tables.estimates, tracker=style.name) for style in drawn]
-    tracks = [_tracks(truth, rows, list(targets)) for rows in estimates]
+    tracks = [_paths_with_errors(truth, rows, list(targets)) for rows in estimates]
     rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
     roads = tables.roads
     limits = _limits([track.error for of in tracks for track in of])
@@ -118,7 +212,7 @@ def map_of_run(
     )
 
 
-def _coloured(axes: Axes, tracks: Sequence[_Track], limits: Array) -> None:
+def _coloured(axes: Axes, tracks: Sequence[_PathWithErrors], limits: Array) -> None:
     """A line for each colour, broken where a path has another; the largest errors on top."""
     x, y, error = (
         np.concatenate([np.append(getattr(track, name), np.nan) for track in tracks]) for name in ("x", "y", "error")
@@ -160,14 +254,16 @@ def _legend(limits: Array) -> tuple[LegendEntry, ...]:
     )
 
 
-def _tracks(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_Track]:
+def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_PathWithErrors]:
     found = []
     for name in objects:
         own, path = where(rows, object=name), where(truth, object=name)
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
         if len(place) and place.max() >= len(path):
             raise InputError(f"the estimates of {name} go on after its truth: not the tables of one run")
-        found.append(_Track(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m")))
+        found.append(
+            _PathWithErrors(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m"))
+        )
     return found
 
 
@@ -176,3 +272,87 @@ def _place(truth: pa.Table, moment: EstimateMoment) -> tuple[float, float]:
     path = where(truth, object=moment.object)
     step = int(np.searchsorted(column(path, "time_s"), moment.time_s - 1e-9))
     return float(column(path, "px_m")[step]), float(column(path, "py_m")[step])
+
+
+_LOST, _FALSE = ERROR_COLOURS[4], "#B42D00"
+#: Marks of events, each with its colour and whether it is filled.
+MARKS = {
+    "switched": ("x", INK, "none"),
+    "lost": ("o", _LOST, "none"),
+    "merged": ("o", _LOST, "none"),
+    "false": ("^", _FALSE, _FALSE),
+}
+
+
+def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | None:
+    """The tracks of the best and of the last ranked tracker, a panel each, over the true paths.
+
+    Args:
+        result: of the run.
+        styles: of all scored trackers, best first.
+    """
+    truth, roads, run = result.tables.truth, result.tables.roads, result.summary.recorded_run
+    shown = mapped(styles)
+    targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
+    observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
+    box = box_around([*targets.values(), *observer])
+    if box is None or not shown:
+        return None
+    tracks = {style.key: _track_lines(where(result.tables.tracks, tracker=style.name)) for style in shown}
+    events = {style.key: events_of(result, style.name, run) for style in shown}
+    beside = box.height > box.width
+    across = WIDTH / len(shown) if beside else WIDTH
+    height = box.drawn_height(across)
+
+    def paint(canvas: Canvas) -> None:
+        shape = (1, len(shown)) if beside else (len(shown), 1)
+        every = list(canvas.subplots(*shape, sharex=True, sharey=True, squeeze=False).flat)
+        for axes, style in zip(every, shown, strict=True):
+            axes.grid(visible=False)
+            draw_surroundings(axes, roads, observer, targets, box.points(across))
+            panel_title(axes, style.name, across)
+            for x, y in tracks[style.key].values():
+                axes.plot(x, y, color=style.colour, linewidth=1.5)
+            _marks(axes, events[style.key])
+            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
+            if not box.stretched:
+                axes.set_aspect("equal")
+        every[-1].set_xlabel("x, m")
+
+    said = [f"{style.name} {counted(len(tracks[style.key]), 'track')}" for style in shown]
+    return Figure(
+        "map",
+        "Tracks from above",
+        f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's dotted; "
+        "tracks in the tracker's colour." + (" The axes have different scales." if box.stretched else ""),
+        f"Map of run {run}: {counted(len(targets), 'vehicle')}; {joined(said)}.",
+        paint,
+        30 + (height if beside else len(shown) * height),
+        legend=(
+            LegendEntry("true path", MUTED),
+            LegendEntry("switch", INK, "cross"),
+            LegendEntry("lost or merged", _LOST, "ring"),
+            LegendEntry("false track begins", _FALSE, "triangle"),
+        ),
+    )
+
+
+def _which(shown: Sequence[TrackerStyle], every: int) -> str:
+    """Of the trackers, and where the others are."""
+    names = joined([style.name for style in shown])
+    return names if len(shown) == every else f"the best and the last ranked tracker, {names} (the recording has all)"
+
+
+def _track_lines(rows: pa.Table) -> Mapping[int, tuple[np.ndarray, np.ndarray]]:
+    """``(points,)`` x and y of each track, m."""
+    ids, x, y = (column(rows, name) for name in ("track", "px_m", "py_m"))
+    return {int(each): (x[ids == each], y[ids == each]) for each in np.unique(ids)}
+
+
+def _marks(axes: Axes, events: Sequence[TrackEvent]) -> None:
+    for kind, (marker, colour, filled) in MARKS.items():
+        own = [event for event in events if event.kind == kind]
+        axes.plot(
+            [event.x_m for event in own], [event.y_m for event in own], marker=marker, markersize=7, color=colour,
+            markerfacecolor=filled, markeredgewidth=1.6, linestyle="none", zorder=5,
+        )  # fmt: skip
