@@ -11,7 +11,7 @@ from highway_env.vehicle.controller import ControlledVehicle
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway
-from trackbench.truth.instants import Recorder
+from trackbench.truth.environment import Recorder
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 from trackbench.truth.sources import HighwayTruth
 

@@ -24,7 +24,7 @@ from trackbench.engine.kernels import OTHER_NUMBERS
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 
 pytestmark = pytest.mark.usefixtures("kernels")
 FIRST = InitialConfig.model_validate({"from": "first_measurement", "velocity_sigma_mps": 10})

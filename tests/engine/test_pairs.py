@@ -14,9 +14,8 @@ from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.pairs import PairSearch
 from trackbench.filters import Measured, PredictedMeasurement
-from trackbench.trackers.multi.detections import RunDetections
-from trackbench.trackers.multi.fused_close import close_in_all
-from trackbench.trackers.multi.gate import close_in_one, gated
+from trackbench.trackers.multi.fused_tracks import close_in_all
+from trackbench.trackers.multi.gate import RunDetections, close_in_one, gated
 
 SHAPES: dict[str, tuple[int, ...]] = {"mean": (2,), "value": (2,), "reach": (2,)}
 

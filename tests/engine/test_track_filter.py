@@ -16,9 +16,9 @@ from trackbench.engine.kernels import Kernels
 from trackbench.filters import AnyBelief
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
-from trackbench.trackers.multi.detections import side_by_side
 from trackbench.trackers.multi.fused_tracks import MOST_SLOTS, FusedTrackFilter
-from trackbench.trackers.multi.marginals import ENUMERATION, MOST_TERMS
+from trackbench.trackers.multi.gate import side_by_side
+from trackbench.trackers.multi.mixture import ENUMERATION, MOST_TERMS
 from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
 
 pytestmark = pytest.mark.usefixtures("kernels")

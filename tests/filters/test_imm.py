@@ -19,8 +19,7 @@ from trackbench.filters import (
     SigmaPointFilter,
     scaled,
 )
-from trackbench.filters.imm import transition_probabilities
-from trackbench.filters.mixing import in_state_of
+from trackbench.filters.imm import in_state_of, transition_probabilities
 from trackbench.models.motion import (
     MOTION_MODELS,
     ConstantVelocity,

@@ -11,7 +11,7 @@ import yaml
 from tests.fuzz.conftest import Tried
 from tests.fuzz.mutations import EXTREMES, cases, edited_bytes, edited_text, edited_tree
 
-from trackbench.scenario.examples import EXAMPLES
+from trackbench.scenario.docs import EXAMPLES
 
 SCRIPTED = """\
 name: scripted

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.scenario.examples import EXAMPLES
+from trackbench.scenario.docs import EXAMPLES
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,7 @@ from tests.support.places import DOCS, SCENARIOS
 from trackbench.metrics.registry import by_path, metric_paths
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.docs import scenario_markdown
-from trackbench.scenario.examples import EXAMPLES
+from trackbench.scenario.docs import EXAMPLES, scenario_markdown
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.source import parse
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from trackbench.scenario.examples import OTHER_EXAMPLES
+from trackbench.scenario.docs import OTHER_EXAMPLES
 
 TRACKERS = 'trackers: {any: {use: "any_tracker:Any"}}\n'
 SCENARIO = (

@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Estimate, Scan
 from trackbench.filters import KalmanFilter
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 
 FIRST = {"from": "first_measurement", "velocity_sigma_mps": 10}
 

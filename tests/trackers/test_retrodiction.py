@@ -11,7 +11,7 @@ from trackbench.base.types import Scan
 from trackbench.filters import KalmanFilter
 from trackbench.models.motion import MOTION_MODELS, MotionModel
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 
 MODELS = {"white": WhiteAcceleration(a=4, b=4, c=4, d=4), "cv": MOTION_MODELS["cv"](acceleration_sigma_mps2=3)}
 

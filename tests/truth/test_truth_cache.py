@@ -9,7 +9,7 @@ import pytest
 from trackbench.base import files
 from trackbench.base.files import cache_folder
 from trackbench.base.types import Progress, Truth
-from trackbench.truth import Draw, LoadedTruth, cache, highway
+from trackbench.truth import Draw, LoadedTruth, highway, simulated
 from trackbench.truth.sources import HighwayTruth
 
 CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=1, rate_hz=10)
@@ -66,13 +66,13 @@ def test_second_load_gives_the_same_truth_without_simulating(folder: Path, simul
 )
 def test_key_holds_everything_that_determines_the_truth(change: dict[str, object]) -> None:
     other = HighwayTruth.model_validate({**CONFIG.model_dump(), **change})
-    assert cache.path(other) != cache.path(CONFIG)
+    assert simulated.path(other) != simulated.path(CONFIG)
 
 
 def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = cache.path(CONFIG)
-    monkeypatch.setattr(cache, "version", lambda package: "0")
-    assert cache.path(CONFIG) != before
+    before = simulated.path(CONFIG)
+    monkeypatch.setattr(simulated, "version", lambda package: "0")
+    assert simulated.path(CONFIG) != before
 
 
 @pytest.mark.parametrize(
@@ -82,13 +82,13 @@ def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.Mon
         lambda raw: raw[:-30] + bytes([raw[-30] ^ 1]) + raw[-29:],
         lambda raw: b"",
         lambda raw: b"something else\n" * 100,
-        lambda raw: raw.replace(cache.HEADER.encode(), b"trackbench truth 9"),
+        lambda raw: raw.replace(simulated.HEADER.encode(), b"trackbench truth 9"),
     ],
     ids=["truncated", "one bit", "empty", "foreign", "other format"],
 )
 def test_damaged_entry_is_simulated_again(folder: Path, simulations: list[HighwayTruth], damage: object) -> None:
     first = load(CONFIG)
-    file = cache.path(CONFIG)
+    file = simulated.path(CONFIG)
     file.write_bytes(damage(file.read_bytes()))
     again = load(CONFIG)
     assert not again.cached
@@ -101,7 +101,7 @@ def test_damaged_entry_is_simulated_again(folder: Path, simulations: list[Highwa
 def test_entry_of_another_truth_under_this_name_is_not_taken(folder: Path, simulations: list[HighwayTruth]) -> None:
     other = CONFIG.model_copy(update={"seed": 7})
     load(other)
-    cache.path(other).rename(cache.path(CONFIG))
+    simulated.path(other).rename(simulated.path(CONFIG))
     loaded = load(CONFIG)
     assert not loaded.cached
     assert "something else" in loaded.notes[0]

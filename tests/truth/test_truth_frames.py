@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array, Observer
-from trackbench.truth.bodies import lane_edges
-from trackbench.truth.frames import Frames
+from trackbench.truth.frames import Frames, lane_edges
 
 DT = 0.1
 STEPS = 20

@@ -5,7 +5,7 @@ import pytest
 
 from trackbench.base.types import Array, Observer, Truth
 from trackbench.truth.audit import by_euler
-from trackbench.truth.instants import at_instants
+from trackbench.truth.environment import at_instants
 
 DT, STEPS, SPEED, RADIUS = 0.05, 200, 15.0, 20.0
 TIME = DT * np.arange(STEPS)

@@ -14,9 +14,8 @@ from trackbench.base.types import Truth
 from trackbench.scenario.load import load_scenario
 from trackbench.scenario.truth import source_of, truth_of
 from trackbench.truth import Draw, highway
-from trackbench.truth.bodies import TRUCK, VAN, with_sizes
 from trackbench.truth.config import FixedObserver, VehicleSizes
-from trackbench.truth.frames import Frames
+from trackbench.truth.frames import TRUCK, VAN, Frames, with_sizes
 from trackbench.truth.sources import HighwayTruth, ScriptedTruth
 
 CONFIG = HighwayTruth(

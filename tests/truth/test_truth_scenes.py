@@ -19,7 +19,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, executor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of, truths_of
-from trackbench.truth import LoadedTruth, cache
+from trackbench.truth import LoadedTruth, simulated
 from trackbench.truth.sources import HighwayTruth
 
 PLAIN = HighwayTruth(env="u-turn-v1", duration_s=1, rate_hz=10, seed=13)
@@ -53,8 +53,8 @@ def test_the_scenes_are_counted_from_the_seed_or_listed() -> None:
 
 def test_a_scene_is_kept_under_the_key_of_its_seed() -> None:
     (only,) = options(seeds=[13]).scenes()
-    assert cache.path(only) == cache.path(PLAIN)
-    assert len({cache.path(scene) for scene in options(seeds=5).scenes()}) == 5
+    assert simulated.path(only) == simulated.path(PLAIN)
+    assert len({simulated.path(scene) for scene in options(seeds=5).scenes()}) == 5
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_what_is_stored_is_not_made_again(tiny: Path, folder: Path) -> None:
     assert positions(again) == positions(made)
     assert [scene.truth.source["seed"] for scene in again] == [1, 2, 3]
     # Only what is missing is simulated.
-    cache.path(loaded.config.truth.scenes()[1]).unlink()
+    simulated.path(loaded.config.truth.scenes()[1]).unlink()
     assert [scene.cached for scene in truths_of(loaded, executor=counting)] == [True, False, True]
     assert counting.calls == 1
 

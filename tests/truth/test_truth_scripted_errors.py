@@ -7,7 +7,7 @@ import yaml
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.scenario.examples import OTHER_EXAMPLES
+from trackbench.scenario.docs import OTHER_EXAMPLES
 
 TEXT = """\
 name: example

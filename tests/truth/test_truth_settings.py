@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from trackbench.base.errors import InputError
-from trackbench.truth.settings import complete
+from trackbench.truth.environment import complete
 
 DEFAULTS: dict[str, Any] = {
     "lanes_count": 4,

@@ -15,9 +15,9 @@ from highway_env.vehicle.controller import ControlledVehicle
 
 from trackbench.base.types import Array, Truth
 from trackbench.scenario import load_scenario
-from trackbench.truth import cache, highway
+from trackbench.truth import highway, simulated
+from trackbench.truth.environment import SteeredVehicle, limit_steering
 from trackbench.truth.sources import HighwayTruth
-from trackbench.truth.steering import SteeredVehicle, limit_steering
 
 RATE = math.radians(30)
 DT = 0.05
@@ -140,7 +140,7 @@ def test_traffic_steers_at_the_rate_and_has_no_velocity_jump(name: str) -> None:
 
 
 def test_the_rate_is_part_of_the_key() -> None:
-    keys = {cache.path(configured("highway", steering_rate_degps=rate)) for rate in (None, 20, 30)}
+    keys = {simulated.path(configured("highway", steering_rate_degps=rate)) for rate in (None, 20, 30)}
     assert len(keys) == 3
 
 

@@ -98,7 +98,7 @@ def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str
 
 def _metrics() -> Iterable[Row]:
     from trackbench.metrics.registry import METRICS, metric_paths
-    from trackbench.scenario.traffic_paths import traffic_paths
+    from trackbench.scenario.cross_checks import traffic_paths
 
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"

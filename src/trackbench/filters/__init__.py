@@ -11,11 +11,24 @@ from trackbench.filters.base import (
     Step,
     StepGuard,
     Update,
+    bare,
+    choose,
+    concatenated,
+    placed,
+    select,
+    selected_prediction,
 )
-from trackbench.filters.batches import bare, choose, concatenated, placed, select, selected_prediction
 from trackbench.filters.imm import InteractingMultipleModel
-from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
-from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
+from trackbench.filters.kalman import (
+    CUBATURE,
+    ExtendedKalmanFilter,
+    IteratedExtendedKalmanFilter,
+    KalmanFilter,
+    SigmaPointFilter,
+    SymmetricSet,
+    classic,
+    scaled,
+)
 from trackbench.filters.smoothers import smoothed
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The Kalman filter and its extensions by linearisation."""
+"""Kalman filters: linear, extended, iterated, and of sigma points."""
 
 from __future__ import annotations
 
@@ -168,3 +168,127 @@ def kept_definite(belief: Belief) -> Belief:
     """The belief, checked by its variances alone: the gain cannot make the covariance indefinite but by rounding."""
     variances = np.einsum("ii...->i...", belief.covariance)
     return guarded(belief) if np.any(variances <= 0.0) else belief
+
+
+@dataclass(frozen=True)
+class SymmetricSet:
+    """A rule that places the central point and a pair of points along each column of the covariance's factor."""
+
+    alpha: float
+    beta: float
+    kappa: float | None
+    """None: three minus the dimension."""
+
+    def weights(self, dimension: int) -> tuple[float, float, float, float]:
+        """Distance in standard deviations; weight of the centre in the mean and in the covariance; of each other."""
+        kappa = 3.0 - dimension if self.kappa is None else self.kappa
+        scaled = self.alpha**2 * (dimension + kappa)
+        centre = (scaled - dimension) / scaled
+        return np.sqrt(scaled), centre, centre + 1.0 - self.alpha**2 + self.beta, 0.5 / scaled
+
+
+def scaled(alpha: float, beta: float, kappa: float) -> SymmetricSet:
+    """Scaled sigma points. Source: Julier (2002), "The scaled unscented transformation"."""
+    return SymmetricSet(alpha, beta, kappa)
+
+
+def classic(kappa: float | None) -> SymmetricSet:
+    """The original sigma points. Source: Julier and Uhlmann (1997), equations 11 and 12."""
+    return SymmetricSet(1.0, 0.0, kappa)
+
+
+#: Third-degree spherical-radial cubature: the centre has no weight. Source: Arasaratnam and Haykin (2009).
+CUBATURE = SymmetricSet(1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SigmaPointFilter(SingleModelFilter):
+    """The unscented Kalman filter, and with ``CUBATURE`` the cubature Kalman filter.
+
+    ``augmented``: the driving noise is part of the state whose points go through the transition, and the points that
+    the prediction moved serve the update. Otherwise the process noise is added to the predicted covariance and the
+    points are drawn anew. Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
+    """
+
+    rule: SymmetricSet
+    augmented: bool = True
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        motion = self.motion
+        belief = belief if belief.factor is not None else guarded(belief)
+        noises = self._noises
+        distance, _, centre_weight, weight = self.rule.weights(len(belief.mean) + noises)
+        moved = motion.transition(_points(belief, distance), dt)
+        if noises:
+            push = distance * self._noise_columns(belief.mean, dt)
+            moved = np.concatenate([moved, moved[:, :1] + push, moved[:, :1] - push], axis=1)
+        deviations = difference(moved, moved[:, :1], motion.angular)
+        shift = weight * deviations.sum(axis=1)
+        deviations -= shift[:, None]
+        covariance = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
+        if not noises:
+            covariance += linalg.expand(process_noise(motion, belief.mean, dt), covariance)
+        mean = wrap_components(moved[:, 0] + shift, motion.angular)
+        return Belief(mean, covariance, points=moved if noises else None, repaired=belief.repaired)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        belief, size = guarded(belief), len(belief.mean)
+        distance, _, _, weight = self.rule.weights(size + self._noises)
+        moved = self.motion.transition(_points(belief, distance), dt)
+        away = difference(moved, moved[:, :1], self.motion.angular)
+        # Of the other points, the centre and those of the noises, the state before has no deviation.
+        across = away[:, 1 : size + 1] - away[:, size + 1 :]
+        assert belief.factor is not None
+        return weight * distance * linalg.matmul_transposed(belief.factor, across)
+
+    def measured(self, scan: Scan) -> Measured:
+        return as_measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        motion, sensor = self.motion, SENSOR_MODELS[scan.kind]
+        points = belief.points
+        if points is None:
+            belief = guarded(belief)
+            points = _points(belief, self.rule.weights(len(belief.mean))[0])
+        _, _, centre_weight, weight = self.rule.weights((points.shape[1] - 1) // 2)
+        seen = sensor.measure(motion.to_cartesian(points), scan.sensor_pose, scan.sensor_velocity)
+        deviations = difference(seen, seen[:, :1], sensor.angular)
+        shift = weight * deviations.sum(axis=1)
+        deviations -= shift[:, None]
+        state_deviations = difference(points, belief.mean[:, None], motion.angular)
+        spread = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
+        cross = _weighted(deviations, state_deviations, centre_weight, weight)
+        return PredictedMeasurement(seen[:, 0] + shift, spread, cross)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
+        belief = belief if belief.points is not None else guarded(belief)
+        predicted = predicted or self.predict_measurement(belief, scan)
+        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
+        return update._replace(belief=guarded(update.belief))
+
+    @property
+    def _noises(self) -> int:
+        """How many driving noises are part of the state whose points go through the transition."""
+        return len(self.motion.noise_sigma) if self.augmented else 0
+
+    def _noise_columns(self, x: Array, dt: float) -> Array:
+        """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``."""
+        sigma = linalg.vector(self.motion.noise_sigma)
+        gain = linalg.expand(self.motion.noise_gain(x, dt), sigma[None])
+        return linalg.expand(gain * linalg.expand(sigma, gain[0]), x[:, None])
+
+
+def _points(belief: Belief, distance: float) -> Array:
+    """``(n, 2 n + 1, ...)``: the centre, then one and the other point of each pair."""
+    centre = belief.mean[:, None]
+    assert belief.factor is not None
+    columns = distance * belief.factor
+    return np.concatenate([centre, centre + columns, centre - columns], axis=1)
+
+
+def _weighted(a: Array, b: Array, centre: float, other: float) -> Array:
+    """``sum_s w_s a_s b_s^T`` of deviations ``(n, s, ...)`` and ``(m, s, ...)``; the central point comes first."""
+    outer = linalg.matmul_transposed(a[:, 1:], b[:, 1:]) * other
+    if centre == 0.0:
+        return outer
+    return outer + centre * a[:, None, 0] * b[None, :, 0]

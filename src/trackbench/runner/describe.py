@@ -7,7 +7,7 @@ from typing import Any
 
 from trackbench.base.config.key_units import in_words
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 
 
 def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str:

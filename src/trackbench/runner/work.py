@@ -20,8 +20,8 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.results import Failure
 from trackbench.scenario import Scenario
-from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 

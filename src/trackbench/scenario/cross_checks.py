@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest
-from trackbench.metrics import Field
-from trackbench.metrics.registry import by_path
+from trackbench.metrics import Field, Metric
+from trackbench.metrics.registry import HEALTH, by_path, entries
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
-from trackbench.scenario import identity_checks, recorded_checks
-from trackbench.trackers.config import FilterConfig
+from trackbench.scenario import recorded_checks
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
+from trackbench.truth.config import HighwayOptions, ScriptedOptions
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, ScenarioConfig
+
 
 #: Two times that differ by less are the same, s: a difference of times is not exact.
 ROUNDING = 1e-9
@@ -35,7 +38,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
-    yield from identity_checks.problems(scenario)
+    yield from _identities(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -207,11 +210,20 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     """Every path that an expectation may name."""
     if scenario.sensing.identities == "known":
         return by_path(scenario.sensors, scenario.score.metrics)
-    # Few scenarios are of this kind, and the scores of tracks take their time to import.
-    from trackbench.scenario.traffic_paths import traffic_paths
-
     truth = scenario.truth
     return traffic_paths(not (isinstance(truth, RecordingTruth) and truth.without_truth), scenario.score.metrics)
+
+
+def traffic_paths(truth: bool, own: Iterable[Metric | type[Metric]] = ()) -> dict[str, Field]:
+    """What an expectation may name with hidden identities, by path: metrics of tracks with or without a truth."""
+    # Few scenarios are of this kind, and the scores of tracks take their time to import.
+    from trackbench.metrics.traffic import TRACK_METRICS
+    from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
+
+    metrics = [*(TRACK_METRICS if truth else DETECTION_METRICS).values(), *own]
+    fields = {field.name: field for metric in metrics for field in entries(metric)}
+    reused = HEALTH + "reused_ids"
+    return {**fields, reused: Field(reused, "identities that were used again after their track had ended")}
 
 
 def _limit(
@@ -245,3 +257,53 @@ def _whole(value: float) -> bool:
 
 def _preset_rate(preset: str) -> float | None:
     return presets()[preset].values.get("rate_hz")
+
+
+REASONS = {
+    "clutter": "a false alarm has no identity",
+    "resolution": "a detection of two vehicles has no single identity",
+    "states": "trackers are told of this only without identities",
+}
+#: What of the scores is not used where tracks are scored.
+OF_SINGLE_OBJECTS = ("settle_s", "divergence_m", "lost_after_s", "min_coverage", "reference")
+REMEDY = "write sensing: {identities: hidden}, or remove this"
+
+
+def _identities(scenario: ScenarioConfig) -> Iterator[Problem]:
+    """What is stated of hidden identities in a scenario whose identities are known, and the other way round."""
+    if scenario.sensing.identities == "hidden":
+        yield from _of_hidden(scenario)
+        return
+    for name, sensor in scenario.sensors.items():
+        for key, reason in REASONS.items():
+            if key in sensor.model_fields_set:
+                yield Problem(("sensors", name, key), f"{reason}; {REMEDY}")
+    for name, tracker in scenario.trackers.items():
+        if isinstance(tracker, FilterConfig) and tracker.associate is not None:
+            yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
+    if any(metric.scores == "tracks" for metric in scenario.score.metrics):
+        yield Problem(("score", "metrics"), f"are of tracks; {REMEDY}")
+    if "cutoff_m" in scenario.score.model_fields_set:
+        yield Problem(("score", "cutoff_m"), f"is of tracks; {REMEDY}")
+    truth = scenario.truth
+    if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
+        yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
+    if isinstance(truth, ScriptedOptions):
+        for name, body in truth.objects.items():
+            if not body.target:
+                message = f"with known identities every object is a target; {REMEDY}"
+                yield Problem(("truth", "objects", name, "target"), message)
+
+
+def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
+    for name, tracker in scenario.trackers.items():
+        alone = "follows one object each, of which the detections do not say"
+        if isinstance(tracker, FilterConfig) and tracker.associate is None:
+            yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
+        elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.use).startswith("trackbench."):
+            yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
+    if any(metric.scores != "tracks" for metric in scenario.score.metrics):
+        yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
+    for key in OF_SINGLE_OBJECTS:
+        if key in scenario.score.model_fields_set:
+            yield Problem(("score", key), "not used with identities: hidden; remove it")

@@ -14,10 +14,9 @@ from trackbench.base.config import KeyPath
 from trackbench.base.config.explain import explain
 from trackbench.base.errors import InputError, InputErrors, counted, nearest
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.overrides import apply_overrides
+from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse
-from trackbench.scenario.sweep import expand_sweeps
 
 
 @dataclass(frozen=True, repr=False)

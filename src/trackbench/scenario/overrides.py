@@ -1,11 +1,14 @@
-"""``--set key.path=value``: values of the command line put into a document before it is validated."""
+"""``--set``, and ``sweep:`` of a tracker."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, nearest
@@ -94,3 +97,140 @@ def _index(items: list[Any], part: str, path: KeyPath, origin: Origin) -> int:
     raise InputError(
         f"{part!r} is not an index of this list; {choices}", key=dotted(path), file=origin.file, line=origin.line
     )
+
+
+#: More trackers than this in one scenario are a slip of the pen.
+MAX_POINTS = 1000
+MAX_NAME = 64
+
+FORM = "write option: [values] (all combinations), or a list of mappings, each a point"
+
+
+class Point(NamedTuple):
+    """One combination of options."""
+
+    values: dict[str, Any]
+    places: dict[str, KeyPath]
+    """Where each value was written."""
+
+    @property
+    def suffix(self) -> str:
+        """What the values add to the tracker's name."""
+        return "_".join(_word(value) for value in self.values.values())
+
+
+def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple[str, ...]]]:
+    """The document with a tracker for each point of each sweep, and the names of the points by their sweep's.
+
+    Errors at a point lead back to the line where the value or the option was written.
+
+    Raises:
+        InputError: a sweep that is not one of the two forms, has no or too many points, or two of one name.
+    """
+    trackers = document.value.get("trackers")
+    if not isinstance(trackers, dict) or not any(_has_sweep(entry) for entry in trackers.values()):
+        return document, {}
+    taken = {name for name, entry in trackers.items() if not _has_sweep(entry)}
+    expanded: dict[str, Any] = {}
+    written: dict[KeyPath, KeyPath] = {}
+    sweeps: dict[str, tuple[str, ...]] = {}
+    for name, entry in trackers.items():
+        if not _has_sweep(entry):
+            expanded[name] = entry
+            continue
+        base = {key: value for key, value in entry.items() if key != "sweep"}
+        points = _named(document, name, _points(document, entry["sweep"], ("trackers", name, "sweep")), taken)
+        for full, point in points.items():
+            expanded[full] = copy.deepcopy(base)
+            written["trackers", full] = ("trackers", name)
+            for option, value in point.values.items():
+                path = _set(document, expanded[full], option, value, point.places[option])
+                written["trackers", full, *path] = point.places[option]
+        sweeps[name] = tuple(points)
+    return replace(document, value={**document.value, "trackers": expanded}, written=written), sweeps
+
+
+def _named(document: YamlDocument, name: str, points: Sequence[Point], taken: set[str]) -> dict[str, Point]:
+    """The points by the names of their trackers, which are then taken."""
+    named = {}
+    for point in points:
+        full = f"{name}_{point.suffix}"
+        place = next(iter(point.places.values()))
+        if len(full) > MAX_NAME:
+            raise _error(document, place, f"the name {full!r} of this point has more than {MAX_NAME} characters")
+        if full in taken:
+            raise _error(document, place, f"there is another tracker {full!r}; remove one of them")
+        taken.add(full)
+        named[full] = point
+    return named
+
+
+def _set(document: YamlDocument, entry: dict[str, Any], option: str, value: Any, place: KeyPath) -> KeyPath:
+    """Set an option of a point, and return its path in the tracker's entry."""
+    parts = option.split(".")
+    try:
+        changed = set_value(entry, parts, copy.deepcopy(value), document.origin(place))
+    except InputError as error:
+        raise _error(document, place, error.message.partition(";")[0]) from None
+    return (*changed, *parts[len(changed) :])
+
+
+def _has_sweep(entry: Any) -> bool:
+    return isinstance(entry, dict) and "sweep" in entry
+
+
+def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> Sequence[Point]:
+    if isinstance(sweep, dict) and sweep:
+        return list(_combinations(document, sweep, at))
+    if isinstance(sweep, list) and sweep:
+        if len(sweep) > MAX_POINTS:
+            raise _error(document, at, f"{len(sweep)} points are too many; at most {MAX_POINTS}")
+        return [_listed(document, point, (*at, index)) for index, point in enumerate(sweep)]
+    raise _error(document, at, f"not a sweep: {FORM}")
+
+
+def _combinations(document: YamlDocument, sweep: Mapping[str, Any], at: KeyPath) -> Iterator[Point]:
+    for option, values in sweep.items():
+        _require_option(document, option, (*at, option))
+        if not isinstance(values, list) or not values:
+            raise _error(document, (*at, option), f"a list of values is needed: {FORM}")
+    count = math.prod(len(values) for values in sweep.values())
+    if count > MAX_POINTS:
+        raise _error(document, at, f"{count} points are too many; at most {MAX_POINTS}")
+    for chosen in itertools.product(*(range(len(values)) for values in sweep.values())):
+        picked = dict(zip(sweep, chosen, strict=True))
+        yield Point(
+            {option: sweep[option][index] for option, index in picked.items()},
+            {option: (*at, option, index) for option, index in picked.items()},
+        )
+
+
+def _listed(document: YamlDocument, point: Any, at: KeyPath) -> Point:
+    if not isinstance(point, dict) or not point:
+        raise _error(document, at, f"a mapping of options to values is needed: {FORM}")
+    for option in point:
+        _require_option(document, option, (*at, option))
+    return Point(dict(point), {option: (*at, option) for option in point})
+
+
+def _require_option(document: YamlDocument, option: str, at: KeyPath) -> None:
+    if not all(option.split(".")) or option.split(".")[0] == "sweep":
+        raise _error(document, at, f"{option!r} is not an option of a tracker")
+
+
+def _word(value: Any) -> str:
+    """A value as it is part of a name."""
+    if isinstance(value, dict):
+        return "-".join(_word(item) for item in value.values())
+    if isinstance(value, list):
+        return "-".join(_word(item) for item in value)
+    if isinstance(value, bool) or value is None:
+        return "none" if value is None else str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.10g}".replace("+", "").replace(".", "p")
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", str(value))
+
+
+def _error(document: YamlDocument, path: KeyPath, message: str) -> InputError:
+    origin = document.origin(path)
+    return InputError(message, key=dotted(path), file=origin.file, line=origin.line)

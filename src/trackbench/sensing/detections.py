@@ -1,4 +1,4 @@
-"""Scans that do not say which detection stems from which object, of a block of Monte-Carlo runs."""
+"""Detections without identities: which are detected, resolution, false alarms, and what a scan states of them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,156 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
-from trackbench.models.sensors import Sensor
-from trackbench.sensing.clutter import false_alarms
-from trackbench.sensing.resolution import resolve
-from trackbench.sensing.scans import IdealSensor, arrivals, measured
+from trackbench.base.units import difference, wrap_angle
+from trackbench.models.sensors import Radar, Sensor
+from trackbench.models.sensors.detection import ClutterPlace
+from trackbench.sensing.scans import IdealSensor, arrivals, measured, with_noise
 from trackbench.sensing.view import field_of_view, silent
+
+
+class Resolved(NamedTuple):
+    """Detections of one sensor in one run, after those that it cannot tell apart have become one."""
+
+    measurement: Array
+    """``(m, instants, objects)``."""
+    detected: Mask
+    """``(instants, objects)``: False for an object whose detection went into that of another."""
+    second: Indices
+    """``(instants, objects)``: the object with the second largest share of a merged detection, else -1."""
+
+
+def resolve(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -> Resolved:
+    """Merge the detections of objects that are in one cell of range, azimuth and range rate.
+
+    Two objects are, where they differ by less than the cell in each of them; a chain of such pairs is one group. A
+    group gives one measurement, at the mean of its members weighted by their received power (proportional to
+    ``range^-4``, all of one cross-section), with the noise of the strongest.
+
+    Source: Daum and Fitzgerald (1994), "The importance of resolution in multiple-target tracking"; Koch and van Keuk
+    (1997), "Multiple hypothesis track maintenance with possibly unresolved measurements", for the limit on differences.
+
+    Args:
+        sensor: what it would read without noise.
+        measurement: ``(m, instants, objects)`` with noise.
+        detected: ``(instants, objects)``.
+        run: the number of the run.
+    """
+    assert sensor.polar is not None
+    of_run = run if sensor.polar.shape[-1] > 1 else 0
+    seen, ideal = sensor.polar[..., of_run], sensor.measurement[..., of_run]
+    second = np.full(detected.shape, -1)
+    linked = _linked(sensor, seen, detected)
+    rows = np.flatnonzero(linked.any(axis=(1, 2)))
+    if not len(rows):
+        return Resolved(measurement, detected, second)
+    group = _groups(linked[rows])
+    power = np.where(detected[rows], seen[0][rows] ** -4.0, 0.0)
+    together = (group[:, :, None] == group[:, None, :]) & detected[rows][:, None, :]
+    shares = np.where(together, power[:, None, :], 0.0)
+    strongest = np.argmax(shares, axis=-1)
+    leads = detected[rows] & (strongest == np.arange(detected.shape[1]))
+    shares = shares / np.maximum(shares.sum(axis=-1, keepdims=True), np.finfo(float).tiny)
+    between = difference(ideal[:, rows][:, :, None, :], ideal[:, rows][:, :, :, None], sensor.config.angular)
+    offset = np.einsum("kij,mkij->mki", shares, between)
+    merged, found = measurement.copy(), detected.copy()
+    merged[:, rows] = difference(measurement[:, rows], -offset, sensor.config.angular)
+    found[rows] = leads
+    others = np.where(np.eye(detected.shape[1], dtype=bool), 0.0, shares)
+    partner = np.where(others.max(axis=-1) > 0.0, np.argmax(others, axis=-1), -1)
+    second[rows] = np.where(leads, partner, -1)
+    return Resolved(np.where(found, merged, np.nan), found, second)
+
+
+def _linked(sensor: IdealSensor, seen: Array, detected: Mask) -> Mask:
+    """``(instants, objects, objects)``: two detected objects in one cell."""
+    cell = sensor.config.resolution
+    assert cell is not None
+    linked = detected[:, :, None] & detected[:, None, :] & ~np.eye(detected.shape[1], dtype=bool)
+    if cell.range_m is not None:
+        linked &= np.abs(seen[0][:, :, None] - seen[0][:, None, :]) < cell.range_m
+    if cell.azimuth_deg is not None:
+        apart = wrap_angle(seen[1][:, :, None] - seen[1][:, None, :])
+        linked &= np.abs(apart) < np.deg2rad(cell.azimuth_deg)
+    if cell.range_rate_mps is not None:
+        linked &= np.abs(seen[2][:, :, None] - seen[2][:, None, :]) < cell.range_rate_mps
+    return linked
+
+
+def _groups(linked: Mask) -> Indices:
+    """``(instants, objects)`` the least number of the objects that each is linked with, directly or through others."""
+    count = linked.shape[1]
+    reached = linked | np.eye(count, dtype=bool)
+    group = np.broadcast_to(np.arange(count), linked.shape[:2])
+    while True:
+        lower = np.where(reached, group[:, None, :], count).min(axis=-1)
+        if np.array_equal(lower, group):
+            return np.asarray(lower)
+        group = lower
+
+
+class FalseAlarms(NamedTuple):
+    """Those of one sensor in one run."""
+
+    instant: Indices
+    """``(n,)`` number of the sensor's instant."""
+    measurement: Array
+    """``(m, n)``."""
+    key: Array
+    """``(n,)`` what they are sorted by among the detections of a scan."""
+
+
+def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
+    """The uniform ones, and those of each place, each drawn from a stream of its own."""
+    name, clutter = sensor.name, sensor.config.clutter
+    found = []
+    if clutter.per_scan:
+        found.append(_uniform(sensor, stream(seed, scenario, run, f"clutter of {name}")))
+    for i, place in enumerate(clutter.places, 1):
+        found.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
+    heard = ~silent(sensor.config, sensor.time)
+    return [_where(alarms, heard[alarms.instant]) for alarms in found]
+
+
+def _where(alarms: FalseAlarms, kept: Mask) -> FalseAlarms:
+    return FalseAlarms(alarms.instant[kept], alarms.measurement[:, kept], alarms.key[kept])
+
+
+def _instants(sensor: IdealSensor, per_scan: float, random: np.random.Generator) -> Indices:
+    return np.repeat(np.arange(len(sensor.time)), random.poisson(per_scan, len(sensor.time)))
+
+
+def _uniform(sensor: IdealSensor, random: np.random.Generator) -> FalseAlarms:
+    instant = _instants(sensor, sensor.config.clutter.per_scan, random)
+    measurement = sensor.config.uniform(random.random((len(sensor.noise_covariance), len(instant))))
+    return FalseAlarms(instant, measurement, random.random(len(instant)))
+
+
+def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Generator) -> FalseAlarms:
+    instant = _instants(sensor, place.per_scan, random)
+    count, pose, velocity = len(instant), sensor.pose[:, instant], sensor.velocity[:, instant]
+    x, y = _on_line(np.array(place.line), random.random(count)) + place.spread_m * random.standard_normal((2, count))
+    if place.frame == "observer":
+        mount = sensor.config.mount
+        yaw = pose[2] - np.deg2rad(mount.yaw_deg)
+        ahead, left = x - mount.x_m, y - mount.y_m
+        x = pose[0] + np.cos(yaw) * ahead - np.sin(yaw) * left
+        y = pose[1] + np.sin(yaw) * ahead + np.cos(yaw) * left
+    still = np.zeros(count)
+    target = np.stack([x, y, still, still])
+    ideal = sensor.config.measure(target, pose, velocity)
+    measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
+    key = random.random(count)
+    distance, azimuth, _ = Radar.measure(target, pose, velocity)
+    field = field_of_view(sensor.config)
+    there = (distance <= field.max_range) & (np.abs(azimuth) <= field.half_angle)
+    return _where(FalseAlarms(instant, measurement, key), there)
+
+
+def _on_line(corners: Array, share: Array) -> Array:
+    """``(2, n)`` points of a line through ``corners`` ``(points, 2)``, at shares of its length."""
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    return np.stack([np.interp(share * length[-1], length, along) for along in corners.T])
+
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
 #: caused it.

@@ -22,7 +22,7 @@ from trackbench.filters import (
     Update,
     choose,
 )
-from trackbench.filters.mixing import moment_matched
+from trackbench.filters.imm import moment_matched
 from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.models.motion.base import YAW
 

@@ -16,7 +16,7 @@ from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.late import LateMethod
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]

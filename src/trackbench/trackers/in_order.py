@@ -15,8 +15,7 @@ from trackbench.filters import AnyBelief, Filter, Step, Update, choose
 from trackbench.trackers import initial
 from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
 from trackbench.trackers.estimates import estimate_of, where_known, with_innovation
-from trackbench.trackers.initial import Prior, TentativeTrack
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig, Prior, TentativeTrack
 from trackbench.trackers.late import ProcessedScan
 
 

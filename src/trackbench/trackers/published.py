@@ -12,8 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from trackbench.base.config.explain import explain
 from trackbench.base.errors import InputError, InputErrors
-from trackbench.base.plugins import Registry, searched
-from trackbench.base.plugins.imports import one_line
+from trackbench.base.plugins import Registry, one_line, searched
 from trackbench.trackers.answers import Tracker
 
 Factory = Callable[..., Tracker]

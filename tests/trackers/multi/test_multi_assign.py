@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from trackbench.base.types import Array, Indices
-from trackbench.trackers.multi.assign import best_assignment
+from trackbench.trackers.multi.association import best_assignment
 from trackbench.trackers.multi.gate import GatedPairs
 
 

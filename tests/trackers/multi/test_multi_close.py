@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array, Scan
-from trackbench.trackers.multi import close
-from trackbench.trackers.multi.close import close_pairs
-from trackbench.trackers.multi.detections import RunDetections, side_by_side
+from trackbench.trackers.multi import gate
+from trackbench.trackers.multi.gate import RunDetections, close_pairs, side_by_side
 
 
 def scan_of(random: np.random.Generator, runs: int, most: int, decimals: int | None = None) -> Scan:
@@ -66,7 +65,7 @@ def one_by_one(mean: Array, reach: Array, run: Array, value: Array, detections: 
 @pytest.mark.parametrize("many", [0, 10**9])
 @pytest.mark.parametrize("seed", range(6))
 def test_close_pairs_are_those_of_each_pair(seed: int, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(close, "MANY", many)
+    monkeypatch.setattr(gate, "MANY", many)
     random = np.random.default_rng(seed)
     runs = int(random.integers(1, 6))
     detections = side_by_side(scan_of(random, runs, 20, decimals=1), as_listed=bool(seed % 2))
@@ -85,8 +84,8 @@ def test_cells_serve_detections_in_order_alone() -> None:
     scan = scan_of(random, 4, 15)
     mean, reach, run = random.uniform(-50, 50, 30), np.full(30, 3.0), np.sort(random.integers(0, 4, 30))
     ordered, as_listed = (side_by_side(scan, listed) for listed in (False, True))
-    assert close._by_cells(mean, reach, run, ordered.scan.measurement[0], ordered) is not None
-    assert close._by_cells(mean, reach, run, as_listed.scan.measurement[0], as_listed) is None
+    assert gate._by_cells(mean, reach, run, ordered.scan.measurement[0], ordered) is not None
+    assert gate._by_cells(mean, reach, run, as_listed.scan.measurement[0], as_listed) is None
 
 
 def test_angles_are_close_across_the_turn() -> None:

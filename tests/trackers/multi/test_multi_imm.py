@@ -13,13 +13,11 @@ from trackbench.filters import ExtendedKalmanFilter, InteractingMultipleModel
 from trackbench.models.motion import MOTION_MODELS, InitialSigmas
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi import build_multi
-from trackbench.trackers.multi.detections import side_by_side
-from trackbench.trackers.multi.gate import GatedPairs, under_modes
-from trackbench.trackers.multi.hard import AssociationInput
+from trackbench.trackers.multi.association import AssociationInput, weighed
+from trackbench.trackers.multi.gate import GatedPairs, side_by_side, under_modes
 from trackbench.trackers.multi.intensity import Intensity
-from trackbench.trackers.multi.soft import weighed
 from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
 
 CV, CTRV = ({"model": name, **NOISE[name]} for name in ("cv", "ctrv"))

@@ -12,8 +12,7 @@ from trackbench.base.types import FieldOfView, Scan
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
-from trackbench.trackers.multi.intensity import intensity
-from trackbench.trackers.multi.undetected import Undetected
+from trackbench.trackers.multi.intensity import Undetected, intensity
 
 PMB = AssociateConfig(method="pmb")
 FRONT, REAR = np.zeros(3), np.array([0.0, 0.0, np.pi])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array
-from trackbench.trackers.multi.marginals import belief_propagation, enumeration, marginals
+from trackbench.trackers.multi.mixture import belief_propagation, enumeration, marginals
 
 
 def listed(weight: Array) -> Array:

@@ -1,6 +1,46 @@
 """Where the work of a command runs: in this process, in several of this machine, or on a Dask cluster."""
 
-from trackbench.base.execution.choice import executor
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+
 from trackbench.base.execution.task import Here, InProcess, Task, one_blas_thread
 
 __all__ = ["Here", "InProcess", "Task", "executor", "one_blas_thread"]
+
+log = logging.getLogger(__name__)
+
+
+@contextmanager
+def executor(workers: int = 1, cluster: str | None = None) -> Iterator[Executor]:
+    """An executor for all the work of a command; whatever still runs when the command ends is dropped.
+
+    Args:
+        workers: number of processes of this machine; 1 is this process.
+        cluster: ``tcp://HOST:PORT`` of a Dask scheduler, or ``local:N`` for one with N workers on this machine.
+
+    Raises:
+        InputError: the cluster cannot be reached, or what it takes is not installed.
+    """
+    with one_blas_thread():
+        chosen = _chosen(workers, cluster)
+        log.info("the work runs %s", chosen)
+        try:
+            yield chosen
+        finally:
+            chosen.shutdown(wait=False, cancel_futures=True)
+
+
+def _chosen(workers: int, cluster: str | None) -> Executor:
+    if cluster is not None:
+        from trackbench.base.execution.cluster import connected
+
+        return connected(cluster)
+    if workers == 1:
+        return InProcess()
+    from trackbench.base.execution.local import LocalProcesses
+
+    return LocalProcesses(workers)

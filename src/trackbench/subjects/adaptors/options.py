@@ -18,7 +18,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.adaptors import layout
 from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, components
 from trackbench.trackers.config import STATE_COMPONENTS
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 
 Found = TypeVar("Found")
 

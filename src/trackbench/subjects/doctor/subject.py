@@ -22,7 +22,7 @@ from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig
 from trackbench.truth.config import FixedObserver, HighwayOptions
 
 #: For a tracker without a scenario.

@@ -48,8 +48,9 @@ from trackbench.subjects.log_audit.sensor_log import (
     velocity_check,
     wrong_units,
 )
-from trackbench.truth.config.columns import COMPONENT_QUANTITIES
-from trackbench.truth.recorded import Drive, assemble, read
+from trackbench.truth.config.recording import COMPONENT_QUANTITIES
+from trackbench.truth.recorded import Drive, read
+from trackbench.truth.recorded import drive as assemble
 from trackbench.truth.recorded.drive import Cycles
 from trackbench.truth.sources import RecordingTruth
 

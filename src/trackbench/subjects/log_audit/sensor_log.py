@@ -11,10 +11,9 @@ from trackbench.base.types import Array, Indices, Observer
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
-from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
+from trackbench.truth.config.recording import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
 from trackbench.truth.recorded import Drive
-from trackbench.truth.recorded.assemble import carrier, fixed
-from trackbench.truth.recorded.drive import Log, Motion, RowOrder
+from trackbench.truth.recorded.drive import Log, Motion, RowOrder, carrier, fixed
 from trackbench.truth.sources import RecordingTruth
 
 #: The errors of time and mounting that every sensor may have, with their units.

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import jinja2
 
 from trackbench.base.errors import InputError
-from trackbench.base.plugins.imports import attribute, classes, explained, searched
+from trackbench.base.plugins import attribute, classes, explained, searched
 from trackbench.metrics.registry import unfit_name
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.

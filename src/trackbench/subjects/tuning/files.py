@@ -23,8 +23,8 @@ from trackbench.document.markdown import to_markdown
 from trackbench.metrics.intervals import Interval
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
+from trackbench.scenario.overrides import expand_sweeps
 from trackbench.scenario.source import parse
-from trackbench.scenario.sweep import expand_sweeps
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import headline, remarks, tuning_document
 from trackbench.subjects.tuning.response import NEGLIGIBLE, Response

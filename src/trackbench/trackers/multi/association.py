@@ -1,21 +1,199 @@
-"""Which detections are taken to stem from which tracks, by the method that the options name."""
+"""Which detections are taken to stem from which tracks, and which tracks follow the same object."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.base.types import Indices, Mask
-from trackbench.engine.equations import Compute
-from trackbench.filters import MultiModelBelief, choose
+from trackbench.base.scipy_functions import largest_assignment
+from trackbench.base.types import Array, Gaussian, Indices, Mask, indices
+from trackbench.base.units import difference
+from trackbench.engine.equations import Compute, by_numpy
+from trackbench.filters import AnyBelief, MultiModelBelief, choose
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
-from trackbench.trackers.multi.assign import best_assignment, in_order_of_list, of_same_object
-from trackbench.trackers.multi.gate import GatedPairs, gated, under_modes
-from trackbench.trackers.multi.hard import Association, AssociationInput, decided, missed
-from trackbench.trackers.multi.soft import weighed
+from trackbench.trackers.multi.gate import GatedPairs, RunDetections, gated, under_modes
+from trackbench.trackers.multi.intensity import Intensity
+from trackbench.trackers.multi.mixture import marginals
 from trackbench.trackers.multi.table import NONE, TrackTable
+from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
+
+
+class AssociationInput(NamedTuple):
+    """The tracks and the detections of a scan, before they are associated."""
+
+    filter: TrackFilter
+    expected: PredictedTracks
+    """Of the L tracks."""
+    detections: RunDetections
+    run: Indices
+    """``(L,)``"""
+    detection_probability: Array
+    """``(L,)`` of an object where the track says; 0 outside the field of view, less where it may be hidden."""
+    gate: float
+    """Probability that a detection falls into the gate."""
+    intensity: Intensity
+
+    @property
+    def miss(self) -> Array:
+        """``(L,)`` probability that an object that exists has no detection in its gate."""
+        return missed(self.detection_probability, self.gate)
+
+
+def missed(detection: Array, gate: float) -> Array:
+    """The probability of no detection in the gate, by that of a detection and that of the gate to hold it."""
+    return 1.0 - detection * gate
+
+
+class Association(NamedTuple):
+    """What became of the tracks and the detections."""
+
+    belief: AnyBelief
+    """Of the L tracks."""
+    detection: Indices
+    """``(L,)`` the most probable one; -1 for none."""
+    unclaimed: Array
+    """``(N,)`` probability that a detection stems from none of the tracks."""
+    log_ratio: Array
+    """``(L,)`` logarithm of the likelihood of the detections with an object, over that without."""
+    existence: Array | None = None
+    """``(2, L)`` probability that the object exists, and that it is not hidden if so, where the method has them."""
+
+
+def decided(at: AssociationInput, track: Indices, detection: Indices, log_ratio: Array) -> Association:
+    """Each of the tracks takes its detection; the others keep their prediction.
+
+    Args:
+        at: the situation.
+        track, detection: ``(P,)`` the pairs, each track and each detection at most once.
+        log_ratio: ``(P,)`` logarithm of the likelihood ratio of each.
+    """
+    of_track, unclaimed = np.full(len(at.run), NONE), np.ones(len(at.detections.run))
+    of_track[track], unclaimed[detection] = detection, 0.0
+    ratio = np.log(at.miss)
+    ratio[track] = log_ratio
+    belief = at.filter.taken_in(at.expected, at.detections.scan, of_track)
+    return Association(belief, of_track, unclaimed, ratio)
+
+
+def weighed(
+    at: AssociationInput,
+    pairs: GatedPairs,
+    existence: Array | None,
+    density: float,
+    max_cluster: int,
+    compute: Compute = by_numpy,
+) -> Association:
+    """Joint probabilistic data association, with or without existence probabilities.
+
+    Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic
+    data association"; with existence Musicki and Evans (2004), "Joint integrated probabilistic data association:
+    JIPDA", and Williams (2015), "Marginal multi-Bernoulli filters", equations 36 to 52, whose Bernoulli components are
+    the same.
+
+    Args:
+        at: the situation.
+        pairs: in the gates, sorted by track.
+        existence: ``(2, L)`` predicted probability that the object exists, and that it is not hidden if so; None: both
+            are certain.
+        density: of detections that stem from none of the tracks.
+        max_cluster: size of cluster up to which the association probabilities are exact.
+        compute: how equations are computed.
+    """
+    track, detection = pairs.track, pairs.detection
+    count, detections = len(at.run), len(at.detections.run)
+    exists, visible = np.ones((2, count)) if existence is None else existence
+    hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / density
+    missed_existing, unseen = exists * at.miss, 1.0 - exists + exists * at.miss
+    share = marginals(track, detection, hit / unseen[track], (count, detections), max_cluster, compute)
+    none = np.maximum(1.0 - np.bincount(track, share, count), 0.0)
+    kept = none * missed_existing / unseen
+    after = np.minimum(kept + np.bincount(track, share, count), 1.0)
+    belief = at.filter.mixture(at.expected, at.detections.scan, track, detection, share / after[track], kept / after)
+    unclaimed = np.maximum(1.0 - np.bincount(detection, share, detections), 0.0)
+    # Of an object that exists and was missed.
+    still_visible = 1.0 - (1.0 - visible) / at.miss
+    visible = (after - kept + kept * still_visible) / after
+    ratio = np.log(unseen + np.bincount(track, hit, count))
+    used = _largest(track, detection, share, none)
+    return Association(belief, used, unclaimed, ratio, None if existence is None else np.array([after, visible]))
+
+
+def _largest(track: Indices, detection: Indices, share: Array, none: Array) -> Indices:
+    """``(L,)`` the detection of the largest share of each track, -1 where none is likelier."""
+    used, largest = np.full(len(none), NONE), none.copy()
+    np.maximum.at(largest, track, share)
+    # The last of several writes to the same place stays.
+    which = np.flatnonzero((share == largest[track]) & (share > none[track]))
+    used[track[which]] = detection[which]
+    return used
+
+
+def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
+    """Those pairs, each track and each detection in at most one, whose weights have the largest sum.
+
+    Args:
+        pairs: of all runs, sorted by track.
+        weight: ``(P,)``; a pair of negative weight is never taken.
+        run: ``(L,)`` of each track.
+    """
+    rest = indices(weight > 0.0)
+    taken: list[Indices] = []
+    while len(rest):
+        # What outweighs all its rivals together is in every best assignment.
+        track, detection, own = pairs.track[rest], pairs.detection[rest], weight[rest]
+        of_track, of_detection = np.bincount(track, own), np.bincount(detection, own)
+        sure = 3.0 * own > of_track[track] + of_detection[detection]
+        if not sure.any():
+            taken += _by_run(pairs, weight, run, rest)
+            break
+        of_track[track[sure]] = of_detection[detection[sure]] = 0.0
+        taken.append(rest[sure])
+        rest = rest[(of_track[track] > 0.0) & (of_detection[detection] > 0.0)]
+    return np.sort(np.concatenate(taken)) if len(taken) > 1 else (taken or [rest])[0]
+
+
+def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
+    """The best assignment of some pairs, one run after the other."""
+    taken = []
+    for part in np.split(which, indices(np.diff(run[pairs.track[which]])) + 1):
+        rows, row = np.unique(pairs.track[part], return_inverse=True)
+        columns, column = np.unique(pairs.detection[part], return_inverse=True)
+        value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
+        value[row, column], index[row, column] = weight[part], part
+        chosen = index[largest_assignment(value)]
+        taken.append(chosen[chosen >= 0])
+    return taken
+
+
+def in_order_of_list(pairs: GatedPairs) -> Indices:
+    """Each detection, in the order of the list, with the nearest track that has none yet."""
+    taken_tracks, taken_detections, taken = set(), set(), []
+    for pair in np.lexsort((pairs.distance, pairs.detection)):
+        track, detection = pairs.track[pair], pairs.detection[pair]
+        if track not in taken_tracks and detection not in taken_detections:
+            taken_tracks.add(track)
+            taken_detections.add(detection)
+            taken.append(pair)
+    return np.sort(np.array(taken, dtype=np.intp))
+
+
+def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices]:
+    """Tracks and detections of the same object.
+
+    Args:
+        track: ``(L,)`` a number for the run and object of each track.
+        detection: ``(N,)`` the same of each detection; negative for false alarms.
+    """
+    order = np.argsort(detection, kind="stable")
+    place = np.searchsorted(detection[order], track)
+    found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
+    same = indices(detection[found] == track) if len(order) else found
+    return same, found[same]
+
 
 #: A detection that is less likely than this to stem from a track is free, where tracks have no existence.
 CLAIMED = 0.5
@@ -105,3 +283,31 @@ def _by_origin(at: AssociationInput, of_track: Indices, of_detection: Indices) -
     detection = np.where(of_detection >= 0, at.detections.run * objects + of_detection, NONE)
     track, taken = of_same_object(at.run * objects + of_track, detection)
     return decided(at, track, taken, np.zeros(len(track)))
+
+
+def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: tuple[int, ...]) -> Mask:
+    """``(L,)`` tracks whose most probable detection is also that of a better track, and whose state is too.
+
+    Of those that share a detection a confirmed track is better than another, and then an older one. Two estimates of
+    the same state are as close as the mean of two independent ones: their squared Mahalanobis distance is at most
+    ``n``.
+
+    Args:
+        detection: ``(L,)`` the most probable one of each track; negative for none.
+        confirmed: ``(L,)``.
+        states: ``(n, L)``.
+        angular: which components of the state are angles.
+    """
+    mean, covariance = states
+    found = np.zeros(len(detection), dtype=bool)
+    order = np.lexsort((~confirmed, detection))
+    order = order[detection[order] >= 0]
+    again = np.diff(detection[order], prepend=-1) == 0
+    if not np.any(again):
+        return found
+    best = order[np.maximum.accumulate(np.where(again, 0, np.arange(len(order))))]
+    worse, better = order[again], best[again]
+    apart = difference(mean[:, worse], mean[:, better], angular)
+    whitened = linalg.cholesky(covariance[..., worse] + covariance[..., better]).whiten(apart)
+    found[worse] = np.einsum("ik,ik->k", whitened, whitened) <= len(mean)
+    return found

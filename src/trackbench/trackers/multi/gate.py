@@ -13,8 +13,115 @@ from trackbench.base.types import Array, FieldOfView, Indices, Mask, Scan, indic
 from trackbench.base.units import difference, wrap_angle
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.filters import Measured, PredictedMeasurement
-from trackbench.trackers.multi.close import close_pairs
-from trackbench.trackers.multi.detections import RunDetections
+
+
+class RunDetections(NamedTuple):
+    """The N detections of a scan of many runs, those of a run together."""
+
+    scan: Scan
+    """``measurement`` ``(m, N)``, ``valid`` ``(N,)``, all True."""
+    run: Indices
+    """``(N,)``"""
+    column: Indices
+    """``(N,)`` where each stands in the scan of its run."""
+    first: Indices
+    """``(runs + 1,)`` the first detection of each run, and ``N``."""
+
+
+def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
+    """The detections of a scan ``(m, D, runs)`` without its padding.
+
+    Within a run they stand as listed, or sorted by their values, so that the order of the list changes nothing.
+    """
+    most, runs = scan.valid.shape
+    flat = scan.measurement.reshape(len(scan.measurement), -1)
+    counts = scan.valid.sum(axis=0)
+    run = np.repeat(np.arange(runs), counts)
+    place = (np.flatnonzero(scan.valid.T) - run * most) * runs + run
+    if not as_listed and len(run):
+        place = place[_order(flat.take(place, axis=1), run)]
+    alone = scan._replace(measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool))
+    return RunDetections(alone, run, place // runs, np.concatenate([[0], counts.cumsum()]))
+
+
+def _order(measurement: Array, run: Indices) -> Indices:
+    """How detections ``(m, N)`` stand that are sorted by their run, then by their values."""
+    key = measurement[0]
+    if run[-1]:
+        # One number for both: the first component falls short of 1.
+        lowest = key.min()
+        spread = key.max() - lowest
+        key = run + (key - lowest) / max(2.0 * spread, np.finfo(float).tiny)
+    # In any order of those alike, which is the quickest; what is alike, or no number, is told apart by all components.
+    order: Indices = key.argsort()
+    ranked = key[order]
+    return order if (ranked[1:] > ranked[:-1]).all() else np.lexsort((*measurement[::-1], run))
+
+
+#: From so many pairs on, only those in the same cells are compared.
+MANY = 20_000
+#: Over how many cells the detections of a run are spread.
+CELLS = 128
+#: By how much a reach is extended when its cells are looked up, in cells.
+MARGIN = 1e-6
+
+
+def close_pairs(
+    mean: Array, reach: Array, run: Indices, value: Array, detections: RunDetections, angular: bool
+) -> tuple[Indices, Indices]:
+    """Tracks and detections of the same run, sorted by both, that are not farther apart than the track's reach.
+
+    Args:
+        mean, reach: ``(L,)`` of the component, for each track.
+        run: ``(L,)`` of each track.
+        value: ``(N,)`` of the component, for each detection.
+        detections: of all runs.
+        angular: whether the component is an angle.
+    """
+    first = detections.first
+    rank = np.arange(len(value)) - first[detections.run]
+    most = int(rank.max(initial=-1)) + 1
+    if len(run) * most > MANY and not angular:
+        found = _by_cells(mean, reach, run, value, detections)
+        if found is not None:
+            return found
+    listed = np.full((len(first) - 1, most), np.nan)
+    listed[detections.run, rank] = value
+    away = listed.take(run, axis=0)
+    away -= mean[:, None]
+    if angular:
+        away = wrap_angle(away)
+    # Nonzero entries of one axis are found several times faster than those of two.
+    pair = np.flatnonzero(np.abs(away, out=away) <= reach[:, None])
+    track = pair // max(most, 1)
+    return track, first[run[track]] + pair - track * most
+
+
+def _by_cells(
+    mean: Array, reach: Array, run: Indices, value: Array, detections: RunDetections
+) -> tuple[Indices, Indices] | None:
+    """The same, comparing only what lies in the same cells; None where the detections do not stand in their order."""
+    lowest = value.min()
+    spread = value.max() - lowest
+    if not 0.0 < spread < np.inf:
+        return None
+    per_unit = (CELLS - 0.5) / spread
+    cell = ((value - lowest) * per_unit).astype(np.intp) + detections.run * CELLS
+    if (cell[1:] < cell[:-1]).any():
+        return None
+    cells = (len(detections.first) - 1) * CELLS
+    begins = np.zeros(cells + 1, dtype=np.intp)
+    np.cumsum(np.bincount(cell, minlength=cells), out=begins[1:])
+    at, around, own = (mean - lowest) * per_unit, reach * per_unit + MARGIN, run * CELLS
+    # What is not a number is close to nothing; it is looked up in the first cell.
+    low, high = (np.fmin(np.fmax(edge, 0.0), CELLS - 1).astype(np.intp) + own for edge in (at - around, at + around))
+    begin = begins[low]
+    count = begins[high + 1] - begin
+    track = np.arange(len(run)).repeat(count)
+    detection = np.arange(len(track)) + (begin - np.cumsum(count) + count)[track]
+    close = np.flatnonzero(np.abs(value[detection] - mean[track]) <= reach[track])
+    return track[close], detection[close]
+
 
 #: Finds tracks and detections, sorted by both, among which are all that are in the gate; arguments as of ``gated``.
 Close = Callable[[PredictedMeasurement, Measured, RunDetections, Indices, float], tuple[Indices, Indices]]

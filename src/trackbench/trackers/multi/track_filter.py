@@ -18,8 +18,7 @@ from trackbench.filters import (
     selected_prediction,
 )
 from trackbench.models.motion import MotionModel
-from trackbench.trackers.initial import first_measurement
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.initial import InitialConfig, first_measurement
 from trackbench.trackers.multi.gate import close_in_one, in_view
 from trackbench.trackers.multi.mixture import of_pairs
 

@@ -14,18 +14,16 @@ from trackbench.engine.choice import Engine, compute_by, used
 from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, Filter, bare
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
-from trackbench.trackers.config import AdvanceAt, AssumedSensors
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.builtin import filter_of
+from trackbench.trackers.config import AdvanceAt, AssumedSensors, FilterConfig
+from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.late import LateMethod, ProcessedScan, appended, position, replayed
-from trackbench.trackers.multi.association import CLAIMED, associated
-from trackbench.trackers.multi.detections import RunDetections, side_by_side
-from trackbench.trackers.multi.duplicates import duplicates
-from trackbench.trackers.multi.hard import Association, AssociationInput
-from trackbench.trackers.multi.intensity import intensity
+from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, associated, duplicates
+from trackbench.trackers.multi.gate import RunDetections, side_by_side
+from trackbench.trackers.multi.intensity import Undetected, intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
 from trackbench.trackers.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
 from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter, detections_of
-from trackbench.trackers.multi.undetected import Undetected
 
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -298,3 +296,18 @@ def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
     for ids, column in zip(late.ids, late.used, strict=True):
         found = np.where((tracks.ids == ids) & (ids != NONE), column, found)
     return tracks._replace(used=found)
+
+
+def build_multi(config: FilterConfig) -> MultiObjectTracker:
+    """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
+    assert config.associate is not None
+    return MultiObjectTracker(
+        filter_of(config),
+        config.associate,
+        config.initial,
+        assumed=config.assumed,
+        sensors=config.sensors,
+        advance_at=config.advance_at,
+        late=config.late,
+        lag_s=config.lag_s,
+    )

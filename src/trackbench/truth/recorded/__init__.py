@@ -10,7 +10,16 @@ from typing import NamedTuple
 from trackbench.base.types import Truth
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.recorded.drive import Drive
+from trackbench.truth.recorded.drive import (
+    Drive,
+    grid,
+    left_out,
+    measurements_on_grid,
+    notes,
+    require_measurements,
+    scan_cycles,
+    truth_on_grid,
+)
 
 __all__ = ["Drive", "Recording", "load", "read"]
 
@@ -36,23 +45,23 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    from trackbench.truth.recorded import assemble, unlabelled
+    from trackbench.truth.recorded import unlabelled
 
     if config.without_truth:
         return Recording(*unlabelled.load(config, kinds, folder))
     drive = read(config, kinds, folder)
     clipped = drive.clipped()
-    assemble.require_measurements(drive, clipped)
-    looked = assemble.scan_cycles(clipped)
-    times = assemble.grid(clipped, looked)
-    counts = assemble.left_out(drive, clipped)
-    truth = assemble.truth(config, clipped, times)
+    require_measurements(drive, clipped)
+    looked = scan_cycles(clipped)
+    times = grid(clipped, looked)
+    counts = left_out(drive, clipped)
+    truth = truth_on_grid(config, clipped, times)
     truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
     found: dict[str, Recorded] = {
-        name: assemble.measurements(log, kinds[name], looked[name], times, len(truth.ids))
+        name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
-    return Recording(truth, found, tuple(assemble.notes(drive, counts)))
+    return Recording(truth, found, tuple(notes(drive, counts)))
 
 
 def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:

@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.columns import (
+from trackbench.truth.config.recording import (
     MOTION_QUANTITIES,
     MeasurementColumns,
     MotionColumns,

@@ -16,10 +16,9 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.columns import POLAR, MeasurementColumns
+from trackbench.truth.config.recording import POLAR, MeasurementColumns
 from trackbench.truth.recorded import rows
-from trackbench.truth.recorded.assemble import carrier, fixed
-from trackbench.truth.recorded.drive import Motion, cycles, row_order
+from trackbench.truth.recorded.drive import Motion, carrier, cycles, fixed, row_order
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
 

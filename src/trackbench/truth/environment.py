@@ -1,0 +1,275 @@
+"""The environment of highway-env: its settings, its steering, and the recorder of its steps."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from highway_env.utils import not_zero, wrap_to_pi
+from highway_env.vehicle.controller import ControlledVehicle
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array, Mask, Truth
+from trackbench.base.units import wrap_angle
+from trackbench.truth.frames import Frames
+
+#: For ``action`` and ``observation``: the keys that each of their types takes.
+Variants = Mapping[str, Mapping[str, Collection[str]]]
+
+WHOLE_NUMBERS = ("_count", "vehicles", "_lanes", "_frequency")
+#: Of lanes and vehicles: each is simulated.
+MOST = 1000
+NULLABLE = {"destination"}
+
+
+def complete(
+    given: Mapping[str, Any], defaults: Mapping[str, Any], variants: Variants, at: str = "truth.config"
+) -> dict[str, Any]:
+    """``given`` with what it leaves out of a nested mapping filled in from ``defaults``.
+
+    Raises:
+        InputError: an unknown key, a value of another type than its default, a count that is negative.
+    """
+    result: dict[str, Any] = {}
+    for key, value in given.items():
+        path = f"{at}.{key}"
+        if key not in defaults:
+            raise InputError(f"unknown key; {nearest(str(key), defaults)}", key=path)
+        if key in variants:
+            result[key] = _variant(value, defaults[key], key, variants, path)
+        else:
+            _check(key, value, defaults[key], path)
+            result[key] = value
+    return result
+
+
+def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Variants, at: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise InputError(f"must be a mapping, not {value!r}", key=at)
+    kind = value.get("type", default.get("type"))
+    if kind not in variants[name]:
+        raise InputError(f"unknown {name} type {kind!r}; {nearest(str(kind), variants[name])}", key=f"{at}.type")
+    known = default if kind == default.get("type") else {}
+    accepted = {"type", *variants[name][kind], *known}
+    for key, inner in value.items():
+        if key not in accepted:
+            raise InputError(f"unknown key; {nearest(str(key), accepted)}", key=f"{at}.{key}")
+        if known.get(key) is not None:
+            _check(key, inner, known[key], f"{at}.{key}")
+    merged = {**known, **value}
+    part = f"{name}_config"
+    if part in value:
+        merged[part] = _variant(value[part], known.get(part, {}), name, variants, f"{at}.{part}")
+    return merged
+
+
+def _check(key: str, value: Any, default: Any, at: str) -> None:
+    wanted = _kind(default)
+    if (value is None and key in NULLABLE) or default is None:
+        return
+    if _kind(value) != wanted:
+        raise InputError(f"must be {wanted}, not {value!r} (the default is {default!r})", key=at)
+    if wanted == "a number" and not _finite(value):
+        raise InputError("must be finite, and such a number is not", key=at)
+    if isinstance(default, int) and wanted == "a number" and key.endswith(WHOLE_NUMBERS):
+        least = 1 if key.endswith("_frequency") else 0
+        if not isinstance(value, int) or not least <= value <= MOST:
+            raise InputError(f"must be a whole number from {least} to {MOST}, not {value!r}", key=at)
+    if wanted == "a list" and default and all(_kind(item) == "a number" for item in default):
+        if len(value) != len(default) and key != "target_speeds":
+            raise InputError(f"must have {len(default)} numbers, not {len(value)}", key=at)
+        for item in value:
+            if _kind(item) != "a number" or not _finite(item):
+                raise InputError(f"must be a list of numbers, not {value!r}", key=at)
+
+
+def _finite(value: float) -> bool:
+    """Whether it can be reckoned with: a whole number may be too large for that."""
+    return abs(value) <= sys.float_info.max
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, int | float):
+        return "a number"
+    if isinstance(value, str):
+        return "text"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    return "a list" if isinstance(value, list | tuple) else type(value).__name__
+
+
+class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
+    """A vehicle that follows its target lane with a steering of finite rate; where it wants to go is left as it is.
+
+    The controller is that of ``ControlledVehicle`` (a lateral offset asks for a heading, a heading error for a turn),
+    slower by the same factor in both of its time constants, of the course instead of the heading, and solved for the
+    steering angle that turns the course at the wanted rate. With the original's time constants it would ask for 3 g
+    in a lane change, and a steering of finite rate would make it swing.
+    """
+
+    action: dict[str, float]
+    #: rad/s.
+    STEERING_RATE = math.inf
+    TAU_HEADING = 0.5
+    TAU_LATERAL = 1.5
+
+    def step(self, dt: float) -> None:
+        if not self.crashed:
+            now = getattr(self, "steering", 0.0)
+            most = self.STEERING_RATE * dt
+            self.steering = now + float(np.clip(self._wanted(now, dt) - now, -most, most))
+            self.action = {**self.action, "steering": self.steering}
+        super().step(dt)
+
+    def _wanted(self, steering: float, dt: float) -> float:
+        """The steering angle with which the course turns as the target lane asks for, rad."""
+        lane = self.road.network.get_lane(self.target_lane_index)
+        along, offset = lane.local_coordinates(self.position)
+        ahead = self._lane_heading(along + self.speed * self.TAU_HEADING)
+        back = math.asin(float(np.clip(-offset / self.TAU_LATERAL / not_zero(self.speed), -1.0, 1.0)))
+        slip = math.atan(0.5 * math.tan(steering))
+        wanted = ahead + float(np.clip(back, -math.pi / 4, math.pi / 4))
+        course_rate = wrap_to_pi(wanted - self.heading - slip) / self.TAU_HEADING
+        # The course turns with the heading, which the slip angle turns, and with the slip angle itself.
+        slip += dt * (course_rate - self.speed * math.sin(slip) / (self.LENGTH / 2))
+        limit = math.atan(0.5 * math.tan(self.MAX_STEERING_ANGLE))
+        return math.atan(2.0 * math.tan(float(np.clip(slip, -limit, limit))))
+
+    def _lane_heading(self, along: float) -> float:
+        """The heading of the target lane, or of those after it, at a distance from its start, m."""
+        network, index = self.road.network, self.target_lane_index
+        route = list(self.route or ())
+        lane = network.get_lane(index)
+        while along > lane.length:
+            following = network.next_lane(index, route=route, position=lane.position(lane.length, 0))
+            if following == index:
+                break
+            along -= lane.length
+            index, lane = following, network.get_lane(following)
+        return float(lane.heading_at(along))
+
+
+def limit_steering(env: Any, rate: float) -> None:
+    """From now on let every vehicle that follows lanes steer at ``rate`` (rad/s) at most, those to come included."""
+    road_step = env.road.step
+    steered: dict[type[Any], type[Any]] = {}
+
+    def step(dt: float) -> None:
+        for vehicle in env.road.vehicles:
+            kind = type(vehicle)
+            if isinstance(vehicle, ControlledVehicle) and not isinstance(vehicle, SteeredVehicle):
+                if kind not in steered:
+                    steered[kind] = type(f"Steered{kind.__name__}", (SteeredVehicle, kind), {"STEERING_RATE": rate})
+                vehicle.__class__ = steered[kind]
+        road_step(dt)
+
+    env.road.step = step
+
+
+def at_instants(truth: Truth, stepped: Mask) -> Truth:
+    """The truth with the rates that hold at its instants, where those of the step that begins there are stated.
+
+    A body that moves with one velocity until the next instant has that velocity half a step later, on the smooth path
+    through its positions. At the instant it has the mean of the steps before and after, to second order in the step.
+    Else the range rate and the velocity would be ahead of the position: by 0.3 m/s at 12 m/s^2 and 20 Hz.
+
+    Args:
+        truth: velocity, acceleration and yaw rate are those of the step that begins at each instant.
+        stepped: ``(objects,)`` the bodies that move so; the others stay. The observer moves so.
+    """
+    known = np.zeros_like(truth.alive)
+    known[1:] = truth.alive[1:] & truth.alive[:-1]
+    known = (known & stepped)[..., None]
+
+    def middle(values: Array) -> Array:
+        return np.where(known, 0.5 * (values + _before(values)), values)
+
+    vx, vy = middle(truth.vx), middle(truth.vy)
+    moves = known & (np.hypot(vx, vy) > 0.0)
+    carrier = truth.observer
+    vx_of_carrier, vy_of_carrier, turning = (
+        0.5 * (rate + _before(rate)) for rate in (carrier.vx, carrier.vy, carrier.yaw_rate)
+    )
+    return replace(
+        truth,
+        speed=np.where(known, np.hypot(vx, vy), truth.speed),
+        course=np.where(moves, wrap_angle(np.arctan2(vy, vx)), truth.course),
+        # The change from the step before to the step after is that at the instant.
+        acceleration=np.where(known, _before(truth.acceleration), truth.acceleration),
+        yaw_rate=middle(truth.yaw_rate),
+        observer=replace(carrier, vx=vx_of_carrier, vy=vy_of_carrier, yaw_rate=turning),
+    )
+
+
+def _before(values: Array) -> Array:
+    """Those of one step before; the first has none and keeps its own."""
+    return np.concatenate([values[:1], values[:-1]])
+
+
+class Recorder:
+    """Stands in for ``road.step`` and notes, at the start of each step, every vehicle on the road."""
+
+    def __init__(self, env: Any) -> None:
+        self.frames: list[dict[int, tuple[float, ...]]] = []
+        self._env = env
+        self._bodies: list[Any] = [env.vehicle]
+        self._numbers = {id(env.vehicle): 0}
+        self._clock: dict[int, float] = {}
+        self._step: Callable[[float], None] = env.road.step
+        env.road.step = self
+
+    def __call__(self, dt: float) -> None:
+        vehicles = list(self._env.road.vehicles)
+        before = [(*v.position, v.heading, v.speed, *v.velocity, v.crashed) for v in vehicles]
+        self._step(dt)
+        # Steering is what this step used, so it is read after the step has clipped it.
+        self.frames.append(
+            {self._number(v): (*state, float(v.action["steering"])) for v, state in zip(vehicles, before, strict=True)}
+        )
+
+    def note_clock(self) -> None:
+        """The environment's time between two of its steps; within one it runs ahead."""
+        self._clock[len(self.frames)] = float(self._env.time)
+
+    def _number(self, vehicle: Any) -> int:
+        if id(vehicle) not in self._numbers:
+            self._numbers[id(vehicle)] = len(self._bodies)
+            self._bodies.append(vehicle)  # keeps it alive, so that no other can take its id
+        return self._numbers[id(vehicle)]
+
+    def result(self, steps: int, dt: float) -> Frames:
+        """The first ``steps`` frames; the ego is body 0."""
+        raw = np.full((8, min(steps, len(self.frames)), len(self._bodies)), np.nan)
+        for k, frame in enumerate(self.frames[:steps]):
+            for body, state in frame.items():
+                raw[:, k, body] = state
+        seen = np.isfinite(raw[0]).any(axis=0)
+        raw = raw[:, :, seen]
+        px, down, clockwise, speed, vx, vy_down, crashed, steering = raw
+        return Frames(
+            dt=dt,
+            ids=tuple("ego" if i == 0 else f"v{i}" for i in np.flatnonzero(seen)),
+            px=px,
+            # The simulator's y points down its screen, to the right of the cars; the fixed frame's points up.
+            py=-down,
+            heading=-clockwise,
+            # The slip angle of the kinematic bicycle (Polack et al. 2017): beta = atan(tan(steering) / 2).
+            slip=-np.arctan(0.5 * np.tan(steering)),
+            speed=speed,
+            reported_vx=vx,
+            reported_vy=-vy_down,
+            collided=crashed == 1.0,
+            length=np.array([float(v.LENGTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
+            width=np.array([float(v.WIDTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
+            clock=self._times(px.shape[0]),
+        )
+
+    def _times(self, steps: int) -> Array:
+        kept = any(self._clock.values())
+        return np.array([self._clock.get(k, math.nan) if kept else math.nan for k in range(steps)])
