@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -31,34 +31,35 @@ SCHEMA_VERSION = 1
 
 def to_json(audit: LogAudit) -> dict[str, Any]:
     """All that was found, in SI units and radians; null where there is no number."""
-    found = {
-        "schema_version": SCHEMA_VERSION,
-        "scenario": audit.name,
-        "file": str(audit.scenario.path),
-        "duration_s": audit.duration_s,
-        "findings": [asdict(finding) for finding in audit.findings],
-        "changes": audit.changes,
-        "sensors": {name: _sensor(item) for name, item in audit.sensors.items()},
-        "clocks": [{key: value for key, value in asdict(clock).items() if key != "time"} for clock in audit.clocks],
-        "truth_velocity": [
-            {
-                "object": check.name,
-                "difference_mps": check.difference,
-                "scale": check.scale,
-                "fits_unit": check.unit,
-                "jumps": check.jumps,
-                "contradicts": check.contradicts,
-            }
-            for check in audit.velocities
-        ],
-    }
-    plain: dict[str, Any] = _plain(found)
-    return plain
+    values: dict[str, Any] = _plain(
+        {
+            "schema_version": SCHEMA_VERSION,
+            "scenario": audit.name,
+            "file": str(audit.scenario.path),
+            "duration_s": audit.duration_s,
+            "findings": [asdict(finding) for finding in audit.findings],
+            "changes": audit.changes,
+            "sensors": {name: _sensor(item) for name, item in audit.sensors.items()},
+            "clocks": [{key: value for key, value in asdict(clock).items() if key != "time"} for clock in audit.clocks],
+            "truth_velocity": [
+                {
+                    "object": check.name,
+                    "difference_mps": check.difference,
+                    "scale": check.scale,
+                    "fits_unit": check.unit,
+                    "jumps": check.jumps,
+                    "contradicts": check.contradicts,
+                }
+                for check in audit.velocities
+            ],
+        }
+    )
+    return values
 
 
 def _sensor(item: SensorAudit) -> dict[str, Any]:
     fit, detections = item.fit, item.detections
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "kind": item.log.config.type,
         "measurements": len(item.log.log.time),
         "mean_square": {"as_logged": item.square_before, "with_findings": item.square_after},
@@ -73,9 +74,9 @@ def _sensor(item: SensorAudit) -> dict[str, Any]:
         "wrong_units": [asdict(wrong) for wrong in item.units],
     }
     if fit is None:
-        return {**found, "reason": "too few measurements to estimate anything"}
+        return {**values, "reason": "too few measurements to estimate anything"}
     return {
-        **found,
+        **values,
         "outliers": int(fit.outlier.sum()),
         "errors": {
             name: {
@@ -131,11 +132,6 @@ AUDIT = "audit.json"
 class ReportableAudit(LogAudit):
     """What is wrong with a log. A notebook shows it as a page, ``print`` as text."""
 
-    @classmethod
-    def of(cls, audit: LogAudit) -> Self:
-        """The same audit, as one that shows itself."""
-        return cls(**{field.name: getattr(audit, field.name) for field in fields(audit)})
-
     def json(self) -> dict[str, Any]:
         """All that was found, as in ``audit.json``."""
         return to_json(self)
@@ -189,7 +185,7 @@ def audit(
         InputError: the scenario has no recorded measurements, or a file is damaged.
         TrackbenchError: the folder cannot be written.
     """
-    found = ReportableAudit.of(audit_log(loaded_scenario(scenario), progress))
+    reportable = ReportableAudit(**vars(audit_log(loaded_scenario(scenario), progress)))
     if out is not None:
-        found.save(out)
-    return found
+        reportable.save(out)
+    return reportable

@@ -37,7 +37,7 @@ from trackbench.subjects.log_audit.findings import (
     truth_findings,
     unit_finding,
 )
-from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, JointFit, joint_fit, refit
+from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, JointFit, converged, joint_fit
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift, detections_of, noise_of
 from trackbench.subjects.log_audit.sensor_log import (
     Clock,
@@ -58,17 +58,17 @@ from trackbench.truth.sources import RecordingTruth
 def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     """By error, the key that takes it out, with its new value."""
     mount, entry = log.config.mount, log.truth.measurements.get(log.name)
-    found: dict[str, dict[str, Any]] = {}
+    changes: dict[str, dict[str, Any]] = {}
     for name, value in errors.items():
         if name.startswith("mount_"):
             key = "yaw_deg" if name == "mount_yaw" else f"{name.removeprefix('mount_')}_m"
             change = float(np.rad2deg(value)) if name == "mount_yaw" else value
-            found[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
+            changes[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
         elif entry is None:
-            found[name] = {}
+            changes[name] = {}
         elif name == "time_offset":
             key = f"truth.readings.{log.name}.time_offset_s"
-            found[name] = {key: _rounded(entry.time_offset_s + value, value)}
+            changes[name] = {key: _rounded(entry.time_offset_s + value, value)}
         else:
             component = name.removeprefix("bias_")
             i = log.components.index(component)
@@ -76,18 +76,18 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
             factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
             # In the unit of the column, before which one that was found wrong is put right.
             known = entry.bias.get(component, 0.0)
-            found[name] = {
+            changes[name] = {
                 f"truth.readings.{log.name}.bias.{component}": _rounded(known + value / factor, value / factor)
             }
-    return found
+    return changes
 
 
 def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
     """The keys that state a sensor's noise, with the components that each is for."""
-    found: dict[str, list[int]] = {}
+    components: dict[str, list[int]] = {}
     for i, key in enumerate(log.config.sigma_options):
-        found.setdefault(key, []).append(i)
-    return found
+        components.setdefault(key, []).append(i)
+    return components
 
 
 def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | None = None) -> str:
@@ -106,17 +106,15 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
         truth = tree["truth"]
         places = [truth, *(truth.get("readings") or {}).values(), (truth.get("columns") or {}).get("observer")]
         for place in places:
-            if isinstance(place, dict) and isinstance(place.get("path"), str):
-                place["path"] = _seen_from(place["path"], loaded.path.resolve().parent, folder)
+            path = place.get("path") if isinstance(place, dict) else None
+            if not isinstance(path, str) or "$" in path or path.startswith("~") or Path(path).is_absolute():
+                continue
+            file = loaded.path.resolve().parent / path
+            if file.is_file():
+                place["path"] = os.path.relpath(file, folder.resolve())
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
     head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
-
-
-def _seen_from(path: str, old: Path, new: Path) -> str:
-    if "$" in path or path.startswith("~") or not (old / path).is_file() or Path(path).is_absolute():
-        return path
-    return os.path.relpath(old / path, new.resolve())
 
 
 def _rounded(value: float, change: float) -> float:
@@ -166,7 +164,9 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
         return SensorAudit(log, (), detections_of(log, looked, {}))
     units = tuple(wrong_units(log))
     for wrong in units:
-        log = log.with_factor(log.components.index(wrong.component), wrong.factor)
+        factors = log.factors.copy()
+        factors[log.components.index(wrong.component)] *= wrong.factor
+        log = replace(log, factors=factors)
     fit = joint_fit(log)
     if fit.inlier.sum() < FEWEST_ROWS:
         return SensorAudit(log, units, detections_of(log, looked, {}))
@@ -194,40 +194,33 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     drifts = drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S
     if drift is not None and drifts:
         yield drift_finding(item.log, drift)
-    yield from _errors(item, item.fit, level)
-    if not drifts:
-        yield from _noises(item, level)
-
-
-def _errors(item: SensorAudit, fit: JointFit, level: float) -> Iterator[LogFinding]:
-    wrong = [
+    wrong_errors = [
         name
-        for name, estimate in fit.estimates.items()
+        for name, estimate in item.fit.estimates.items()
         if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
     ]
-    changes = error_changes(item.log, refit(item.log, wrong, fit.errors))
-    for name in wrong:
-        yield error_finding(item.log.name, fit.estimates[name], changes[name])
+    start = {name: item.fit.errors[name] for name in wrong_errors}
+    changes = error_changes(item.log, converged(item.log, wrong_errors, start) if wrong_errors else {})
+    for name in wrong_errors:
+        yield error_finding(item.log.name, item.fit.estimates[name], changes[name])
+    if not drifts:
+        yield from _noises(item, level)
 
 
 def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     for key, components in sigma_keys(item.log).items():
         noises = [item.noise[i] for i in components]
-        ratio = _ratio(noises)
+        # Logarithm of the standard deviation found over the stated one, the mean of several components.
+        logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
+        relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
+        freedom = min(noise.sigma.freedom for noise in noises)
+        ratio = BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
         if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
             yield sigma_finding(item.log, key, noises, ratio)
     for noise in item.noise:
         shape = noise.exponent
         if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
             yield shape_finding(item.log.name, noise, shape)
-
-
-def _ratio(noises: list[ResidualNoise]) -> BlockInterval:
-    """Logarithm of the standard deviation found over the stated one, the mean of several components."""
-    logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
-    relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
-    freedom = min(noise.sigma.freedom for noise in noises)
-    return BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
 
 
 @dataclass(frozen=True)
@@ -270,7 +263,12 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
 
 def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
     truth, drive = _read(loaded)
-    velocities = _velocities(truth, drive)
+    columns = truth.columns
+    key = "vx" if columns is not None and columns.vx is not None else "speed"
+    unit = (columns.units.get(key) if columns is not None else None) or truth.units.speed
+    bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
+    checks = (velocity_check(name, motion, unit) for name, motion in bodies)
+    velocities = [check for check in checks if check is not None]
     of_truth = list(truth_findings(truth, velocities))
     units = [finding for finding in of_truth if finding.changes]
     if units:
@@ -289,14 +287,14 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
         sensors[name] = audit_sensor(sensor, looked[name])
     progress(len(sensors), len(sensors))
     level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
-    found = [
+    findings = [
         *of_truth,
         *hole_findings(drive.motions),
         *clock_findings(clocks, {name: cycles.period for name, cycles in looked.items()}),
         *(finding for item in sensors.values() for finding in sensor_findings(item, level)),
     ]
     duration = max(float(m.time[-1]) for m in drive.motions.values())
-    return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(found), duration)
+    return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(findings), duration)
 
 
 def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
@@ -318,20 +316,17 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     return truth, drive
 
 
-def _velocities(truth: RecordingTruth, drive: Drive) -> list[VelocityCheck]:
-    columns = truth.columns
-    key = "vx" if columns is not None and columns.vx is not None else "speed"
-    unit = (columns.units.get(key) if columns is not None else None) or truth.units.speed
-    bodies = [*drive.motions.items(), *([("observer", drive.observer)] if drive.observer is not None else [])]
-    checks = (velocity_check(name, motion, unit) for name, motion in bodies)
-    return [check for check in checks if check is not None]
-
-
 def _with_squares(audit: LogAudit) -> LogAudit:
     """The audit with the mean square of the errors before and after the findings are put in, as far as they can be."""
     findings = audit.findings
     if audit.changes and _refused(audit.scenario, findings):
-        findings = tuple(_possible(audit.scenario, finding) for finding in findings)
+        none = "No sensor is so: look for what else is wrong with the log first."
+        findings = tuple(
+            replace(finding, changes={}, fix=none)
+            if finding.changes and _refused(audit.scenario, (finding,))
+            else finding
+            for finding in findings
+        )
         audit = replace(audit, findings=findings)
     before = after = _squares(audit.scenario)
     if audit.changes:
@@ -341,12 +336,6 @@ def _with_squares(audit: LogAudit) -> LogAudit:
         for name, item in audit.sensors.items()
     }
     return replace(audit, sensors=sensors)
-
-
-def _possible(loaded: Scenario, finding: LogFinding) -> LogFinding:
-    if not finding.changes or not _refused(loaded, (finding,)):
-        return finding
-    return replace(finding, changes={}, fix="No sensor is so: look for what else is wrong with the log first.")
 
 
 def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
@@ -361,12 +350,12 @@ def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
 def _squares(loaded: Scenario) -> dict[str, float]:
     """By sensor, the mean square of measurement minus truth over the stated sigmas."""
     truth, drive = _read(loaded)
-    found = {}
+    squares = {}
     for name, log in drive.clipped().logs.items():
         config = loaded.config.sensors[name]
         residual = SensorLog(name, config, log, drive, truth, np.ones(len(config.components))).residual({})
         square = (residual / np.array(config.sigmas())[:, None]) ** 2
         square = square[:, np.isfinite(square).all(axis=0)]
         if square.size:
-            found[name] = float(square.mean())
-    return found
+            squares[name] = float(square.mean())
+    return squares

@@ -48,11 +48,11 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
     results.require_replaceable(folder, AUDIT)
     results.require_writable(folder.parent)
     with progress(f"auditing {loaded.config.name}", "sensors") as advance:
-        found = audit(loaded, progress=advance)
-    written = found.save(folder)
+        reportable = audit(loaded, progress=advance)
+    written = reportable.save(folder)
     if as_json:
-        click.echo(results.to_json(found.json()), nl=False)
+        click.echo(results.to_json(reportable.json()), nl=False)
     else:
-        print_document(log_audit_summary(found), Console())
+        print_document(log_audit_summary(reportable), Console())
         click.echo(f"\n{folder}/: {', '.join(written)}")
-    raise click.exceptions.Exit(FOUND if found.findings else 0)
+    raise click.exceptions.Exit(FOUND if reportable.findings else 0)

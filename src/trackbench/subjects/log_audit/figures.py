@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.base.types import Array
@@ -15,7 +14,7 @@ from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
 from trackbench.subjects.log_audit.findings import LogFinding, spelt
 from trackbench.subjects.log_audit.joint_fit import residual_scale
-from trackbench.subjects.log_audit.noise import Band
+from trackbench.subjects.log_audit.noise import Band, ResidualNoise
 
 _FOUND = TRACKER_COLOURS[4]
 _HEIGHT = 230.0
@@ -35,9 +34,7 @@ def finding_figure(audit: LogAudit, finding: LogFinding, number: int) -> Figure 
     if finding.kind in ("unit", "sign"):
         return _expected(item, finding, name)
     if finding.kind in ("sigma", "sigma_by_range"):
-        return next(
-            (_sigma(item, i, name) for i in range(len(item.noise)) if item.noise[i].name == finding.component), None
-        )
+        return next((_sigma(item, noise, name) for noise in item.noise if noise.name == finding.component), None)
     if finding.kind == "outliers":
         return _outliers(item, name)
     if finding.kind == "clock_drift":
@@ -47,10 +44,16 @@ def finding_figure(audit: LogAudit, finding: LogFinding, number: int) -> Figure 
 
 def band_figures(item: SensorAudit) -> Iterator[Figure]:
     """Noise and detections by range."""
-    for i, noise in enumerate(item.noise):
-        yield _sigma(item, i, f"sigma-{item.log.name}-{noise.name}".replace("_", "-"))
+    for noise in item.noise:
+        yield _sigma(item, noise, f"sigma-{item.log.name}-{noise.name}".replace("_", "-"))
     if item.detections.bands:
-        yield _detected(item)
+        texts = (
+            f"{item.log.name}: detections",
+            "Share of the scans with an object in the field of view that detected it, by range, with 95 % intervals.",
+            f"Share of detections of {item.log.name} by range.",
+        )
+        name = f"detections-{item.log.name}".replace("_", "-")
+        yield _by_range(name, texts, "detected, %", item.detections.bands, 100.0, most=100.0)
 
 
 def _partial(item: SensorAudit, kind: str, name: str) -> Figure | None:
@@ -106,51 +109,44 @@ def _means(x: Array, y: Array) -> tuple[Array, Array, Array]:
     return centres, means, np.array([y[part].std() / np.sqrt(len(part)) for part in parts])
 
 
-def _sigma(item: SensorAudit, i: int, name: str) -> Figure:
-    noise = item.noise[i]
+def _sigma(item: SensorAudit, noise: ResidualNoise, name: str) -> Figure:
     factor, unit = (180 / np.pi, "°") if noise.unit == "rad" else (1.0, noise.unit)
-    label = f"sigma of {noise.name.replace('_', ' ')}, {unit}"
+    component = noise.name.replace("_", " ")
+    texts = (
+        f"{item.log.name}: noise of {component}",
+        "Standard deviation of measurement minus truth by range, after the errors of time, mount and bias are taken "
+        "out, with 95 % intervals. Dashed: what the scenario states.",
+        f"Standard deviation of {component} of {item.log.name} by range.",
+    )
+    return _by_range(name, texts, f"sigma of {component}, {unit}", noise.bands, factor, noise.stated)
+
+
+def _by_range(
+    name: str,
+    texts: tuple[str, str, str],
+    label: str,
+    bands: Sequence[Band],
+    factor: float,
+    stated: float | None = None,
+    most: float = np.inf,
+) -> Figure:
+    """A value by range with its intervals; ``texts``: title, caption and alternative."""
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="range, m", ylabel=label)
-        _bars(axes, noise.bands, factor)
-        axes.axhline(noise.stated * factor, color=MUTED, linestyle=DASHED)
-        axes.set_ylim(bottom=0)
+        for band in bands:
+            low, high = (min(max(bound * factor, 0.0), most) for bound in band.interval.bounds())
+            value, middle = band.interval.value * factor, 0.5 * (band.from_m + band.to_m)
+            axes.plot([band.from_m, band.to_m], [value, value], color=_FOUND)
+            axes.plot([middle, middle], [low, high], color=_FOUND, linewidth=1.0)
+        if stated is None:
+            axes.set_ylim(0, 1.05 * most)
+        else:
+            axes.axhline(stated * factor, color=MUTED, linestyle=DASHED)
+            axes.set_ylim(bottom=0)
 
-    return Figure(
-        name,
-        f"{item.log.name}: noise of {noise.name.replace('_', ' ')}",
-        "Standard deviation of measurement minus truth by range, after the errors of time, mount and bias are taken "
-        "out, with 95 % intervals. Dashed: what the scenario states.",
-        f"Standard deviation of {noise.name.replace('_', ' ')} of {item.log.name} by range.",
-        paint,
-        _HEIGHT,
-        legend=(LegendEntry("found", _FOUND), LegendEntry("stated", MUTED, "dash")),
-    )
-
-
-def _detected(item: SensorAudit) -> Figure:
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel="range, m", ylabel="detected, %")
-        _bars(axes, item.detections.bands, 100.0, most=100.0)
-        axes.set_ylim(0, 105)
-
-    return Figure(
-        f"detections-{item.log.name}".replace("_", "-"),
-        f"{item.log.name}: detections",
-        "Share of the scans with an object in the field of view that detected it, by range, with 95 % intervals.",
-        f"Share of detections of {item.log.name} by range.",
-        paint,
-        _HEIGHT,
-    )
-
-
-def _bars(axes: Axes, bands: Sequence[Band], factor: float, most: float = np.inf) -> None:
-    for band in bands:
-        low, high = (min(max(bound * factor, 0.0), most) for bound in band.interval.bounds())
-        value, middle = band.interval.value * factor, 0.5 * (band.from_m + band.to_m)
-        axes.plot([band.from_m, band.to_m], [value, value], color=_FOUND)
-        axes.plot([middle, middle], [low, high], color=_FOUND, linewidth=1.0)
+    legend = (LegendEntry("found", _FOUND), LegendEntry("stated", MUTED, "dash")) if stated is not None else ()
+    return Figure(name, *texts, paint, _HEIGHT, legend=legend)
 
 
 def _expected(item: SensorAudit, finding: LogFinding, name: str) -> Figure:

@@ -88,31 +88,27 @@ def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
     return f"{low:.{places}f} to {high:.{places}f}{name}"
 
 
-def describe_error(estimate: ErrorEstimate) -> str:
-    """What an error of time, mount or a component amounts to."""
+def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
+    """That a sensor has an error of time, mount or a bias."""
     value, unit = estimate.interval.value, estimate.unit
     size = shown(abs(value), unit)
     if estimate.name in _WORDS:
-        return _WORDS[estimate.name][int(value > 0)].format(size)
-    component = estimate.name.removeprefix("bias_").replace("_", " ")
-    return f"{component} reads {size} too {'much' if value > 0 else 'little'}"
-
-
-def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
-    """That a sensor has an error of time, mount or a bias."""
-    title = f"{sensor}: its {describe_error(estimate)}"
+        title = f"{sensor}: its {_WORDS[estimate.name][int(value > 0)].format(size)}"
+    else:
+        component = estimate.name.removeprefix("bias_").replace("_", " ")
+        title = f"{sensor}: its {component} reads {size} too {'much' if value > 0 else 'little'}"
     evidence = (
-        f"{spelt(estimate.name)} {shown(estimate.interval.value, estimate.unit, signed=True)} "
-        f"({between(estimate.interval, estimate.unit)}); it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
+        f"{spelt(estimate.name)} {shown(value, unit, signed=True)} "
+        f"({between(estimate.interval, unit)}); it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
     )
     if estimate.or_else:
         others = " and ".join(spelt(name) for name in estimate.or_else)
         title += f", or it is its {others}"
         evidence += f" This log cannot tell it from {others}: the value holds if there is none of that."
-    for name, value in estimate.same_as.items():
-        unit = "rad" if estimate.unit == "rad" else "m"
-        evidence += f" A {spelt(name)} of {shown(value, unit, signed=True)} would be the same in any log."
-    setting = "; ".join(f"{key}: {value}" for key, value in changes.items())
+    for name, bias in estimate.same_as.items():
+        equal = shown(bias, "rad" if unit == "rad" else "m", signed=True)
+        evidence += f" A {spelt(name)} of {equal} would be the same in any log."
+    setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
     fix = f"Set {setting}" if changes else "Correct the log: this format has no key for it"
     return LogFinding(
         kind=estimate.name,
@@ -120,9 +116,9 @@ def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, An
         title=title,
         evidence=evidence,
         fix=f"{fix}.",
-        value=estimate.interval.value,
+        value=value,
         ci95=estimate.interval.bounds(),
-        unit=estimate.unit,
+        unit=unit,
         or_else=estimate.or_else,
         changes=dict(changes),
     )

@@ -85,18 +85,13 @@ def joint_fit(log: SensorLog) -> JointFit:
     names, unidentified, same = _identifiable(log, start, residual_scale(log.residual(start)))
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
-        errors = _converged(log, names, errors)
-        found = _identifiable(log, errors, residual_scale(log.residual(errors)))
-        if round_number or found[0] == names:
+        errors = converged(log, names, errors)
+        identifiable = _identifiable(log, errors, residual_scale(log.residual(errors)))
+        if round_number or identifiable[0] == names:
             break
-        names, unidentified, same = found
+        names, unidentified, same = identifiable
         errors = {name: errors.get(name, 0.0) for name in names}
     return _finished(log, names, errors, unidentified, same)
-
-
-def refit(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
-    """The best values of some of the errors, were all others zero."""
-    return _converged(log, names, {name: start[name] for name in names}) if names else {}
 
 
 def clipped_sigma(residual: Array, axis: int = -1) -> Array:
@@ -181,15 +176,16 @@ def _identifiable(
     return [every[i] for i in kept], hidden, same
 
 
-def _explained(alike: Array, one: int, others: list[int]) -> tuple[Array, float]:
+def _explained(alike: Array, error: int, others: list[int]) -> tuple[Array, float]:
     """How the derivatives of some errors add up to those of another, and the share of its information that is left."""
     if not others:
         return np.empty(0), 1.0
-    share = np.linalg.lstsq(alike[np.ix_(others, others)], alike[others, one], rcond=None)[0]
-    return np.asarray(share, dtype=float), 1.0 - float(alike[others, one] @ share)
+    share = np.linalg.lstsq(alike[np.ix_(others, others)], alike[others, error], rcond=None)[0]
+    return np.asarray(share, dtype=float), 1.0 - float(alike[others, error] @ share)
 
 
-def _converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
+def converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
+    """The best values of some of the errors, were all others zero."""
     errors = dict(start)
     for _ in range(STEPS):
         derivatives, residual, inlier = _linearised(log, names, errors)
@@ -236,9 +232,10 @@ def _finished(
         matrix = np.moveaxis(sums[: size * size].reshape(size, size, -1), -1, 0)
         right = np.moveaxis(sums[size * size :].reshape(size, -1), -1, 0)
         # Blocks that were drawn may not determine every error: the least of the solutions.
-        return np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
+        solution = np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
+        return solution[:, 0] if sums.ndim == 1 else solution
 
-    steps = blocks.intervals(np.concatenate([squares, products]), lambda sums: _shaped(solved(sums), sums))
+    steps = blocks.intervals(np.concatenate([squares, products]), solved)
     gram = squares.sum(axis=1).reshape(size, size)
     inverse = np.linalg.pinv(gram, hermitian=True)
     spread = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
@@ -271,11 +268,6 @@ def _finished(
         ~inlier & np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1)),
         blocks,
     )
-
-
-def _shaped(solution: Array, sums: Array) -> Array:
-    """Without the axis of draws where there is one set of sums."""
-    return solution[:, 0] if sums.ndim == 1 else solution
 
 
 def _second_values(log: SensorLog, errors: Mapping[str, float], same: Mapping[str, list[str]]) -> dict[str, float]:

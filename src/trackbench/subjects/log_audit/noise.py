@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -54,12 +55,12 @@ def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]
     logged = log.residual({})[:, inlier]
     residual = fit.residual[:, inlier]
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, inlier]
-    found = [_component(log, fit, i, logged[i], residual[i], distance) for i in range(len(log.components))]
-    sigma = np.array([component.sigma.value for component in found])
+    components = [_component(log, fit, i, logged[i], residual[i], distance) for i in range(len(log.components))]
+    sigma = np.array([component.sigma.value for component in components])
     inside = (np.abs(residual) <= 3 * sigma[:, None]).all(axis=0)
     alike = np.corrcoef(residual[:, inside]) if inside.sum() > 2 else np.eye(len(sigma))
     correlation = np.where(np.isfinite(alike), alike, np.eye(len(sigma)))
-    return found, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
+    return components, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
 
 
 def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array) -> ResidualNoise:
@@ -76,7 +77,7 @@ def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: A
         mean=mean,
         sigma=sigma,
         stated=float(log.config.sigmas()[i]),
-        bands=tuple(_bands(fit, residual, distance)),
+        bands=_bands(distance, IN_BAND // 2, lambda rows: _sigma(fit, residual, rows)),
         exponent=exponent,
         spread=spread,
     )
@@ -93,19 +94,15 @@ def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> BlockInterval:
         sigma = float(np.sqrt(((values[inside] - middle) ** 2).mean() / KEPT)) if inside.any() else 0.0
     inside = chosen & (np.abs(residual - middle) <= 3 * sigma)
     # The logarithm of a standard deviation is nearer to normal, and the share within its limits moves with it.
-    share = 1 / (1 - _edge())
+    # So much of a change of the standard deviation limits that follow it, at three of it, take away.
+    density, within = normal_density(3), normal_within(3)
+    share = 1 / (1 - 0.5 * (2 * 27 * density / (within * KEPT) - 6 * density / within))
     square = np.where(inside, (residual - middle) ** 2, 0.0)
-    found = fit.blocks.intervals(
+    logarithm = fit.blocks.intervals(
         np.stack([square, inside.astype(float)]),
         lambda sums: 0.5 * np.log(np.maximum(sums[:1], 1e-300) / np.maximum(sums[1:], 1e-300)),
     )[0]
-    return BlockInterval(sigma, found.sigma * share * sigma, found.freedom)
-
-
-def _edge() -> float:
-    """How much of a change of the standard deviation limits that follow it, at three of it, take away."""
-    density, inside = normal_density(3), normal_within(3)
-    return 0.5 * (2 * 27 * density / (inside * KEPT) - 6 * density / inside)
+    return BlockInterval(sigma, logarithm.sigma * share * sigma, logarithm.freedom)
 
 
 def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> BlockInterval:
@@ -122,20 +119,18 @@ def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> 
     return fit.blocks.intervals(terms, slope)[0]
 
 
-def band_edges(distance: Array) -> Array:
-    """Edges of bands with equally many rows each."""
+def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInterval]) -> tuple[Band, ...]:
+    """Bands of the range with equally many rows each; none with fewer rows than ``fewest``."""
+    if not len(distance):
+        return ()
     count = int(np.clip(len(distance) // IN_BAND, 1, BANDS))
-    return np.unique(np.quantile(distance, np.linspace(0, 1, count + 1)))
-
-
-def _bands(fit: JointFit, residual: Array, distance: Array) -> list[Band]:
-    edges = band_edges(distance)
-    found = []
+    edges = np.unique(np.quantile(distance, np.linspace(0, 1, count + 1)))
+    bands = []
     for low, high in pairwise(edges):
-        chosen = (distance >= low) & ((distance < high) | (high == edges[-1]))
-        if chosen.sum() >= IN_BAND // 2:
-            found.append(Band(float(low), float(high), int(chosen.sum()), _sigma(fit, residual, chosen)))
-    return found
+        rows = (distance >= low) & ((distance < high) | (high == edges[-1]))
+        if rows.sum() >= fewest:
+            bands.append(Band(float(low), float(high), int(rows.sum()), interval_of(rows)))
+    return tuple(bands)
 
 
 #: The field of view is taken as narrower than stated if more than this share of the chances outside it gave nothing.
@@ -197,7 +192,7 @@ def detections_of(log: SensorLog, looked: Cycles, errors: dict[str, float]) -> D
         rate_hz=None if looked.period is None or not len(spacing) else float(1 / np.median(spacing)),
         chances=int(inside.sum()),
         share=_share(time, owner, hit),
-        bands=tuple(_detection_bands(time, owner, distance, hit)),
+        bands=_bands(distance, 2, lambda rows: _share(time[rows], owner[rows], hit[rows])),
         seen_half_angle=seen_half,
         seen_range_m=seen_range,
         narrower=narrower,
@@ -230,23 +225,11 @@ def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
     value = float(hit.mean())
     if 0 < value < 1:
         blocks = blocks_of(time, owner, np.asarray(hit - value, dtype=np.float64)[None])
-        found = blocks.intervals(np.stack([hit.astype(float), np.ones(count)]), lambda sums: sums[:1] / sums[1:])[0]
-        if found.sigma > 0:
-            return found
+        share = blocks.intervals(np.stack([hit.astype(float), np.ones(count)]), lambda sums: sums[:1] / sums[1:])[0]
+        if share.sigma > 0:
+            return share
     # All or none: as far as the rule of three reaches (Clopper and Pearson 1934, one-sided).
     return BlockInterval(value, 3.0 / count / normal_quantile(0.975), np.inf)
-
-
-def _detection_bands(time: Array, owner: Indices, distance: Array, hit: Mask) -> list[Band]:
-    if not len(distance):
-        return []
-    edges = band_edges(distance)
-    found = []
-    for low, high in pairwise(edges):
-        own = (distance >= low) & ((distance < high) | (high == edges[-1]))
-        if own.sum() >= 2:
-            found.append(Band(float(low), float(high), int(own.sum()), _share(time[own], owner[own], hit[own])))
-    return found
 
 
 def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:

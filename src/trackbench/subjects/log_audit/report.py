@@ -29,7 +29,7 @@ def log_audit_document(audit: LogAudit) -> Document:
         Section("Verdict", tuple(_verdict(audit))),
         *([Section("Findings", tuple(_findings(audit)))] if audit.findings else []),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
-        Section("Truth and clocks", tuple(_truth(audit))),
+        Section("Truth and clocks", (tables.clocks(audit), tables.velocities(audit))),
         Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
     ]
     facts = (
@@ -42,20 +42,22 @@ def log_audit_document(audit: LogAudit) -> Document:
 
 def log_audit_summary(audit: LogAudit) -> Document:
     """What a terminal shows: the verdict, the findings, and the noise of the sensors."""
-    items = tuple(Item(f"{one.evidence} {one.fix}", f"{one.title}") for one in audit.findings)
+    items = tuple(Item(f"{finding.evidence} {finding.fix}", finding.title) for finding in audit.findings)
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
     blocks += [Section("Noise", (tables.noise(audit),)), Section("Detections", (tables.rates(audit),))]
-    hidden = [Item(said, name) for name, item in audit.sensors.items() for said in _hidden(item)]
+    hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
     return Document("audit", audit.name, tuple(blocks))
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
-    found = counted(len(audit.findings), "finding")
-    yield Status(found if audit.findings else "no finding", "bad" if audit.findings else "good")
+    if audit.findings:
+        yield Status(counted(len(audit.findings), "finding"), "bad")
+    else:
+        yield Status("no finding", "good")
     for name, item in audit.sensors.items():
         if item.square_before is None or item.square_after is None:
             continue
@@ -70,8 +72,8 @@ def _findings(audit: LogAudit) -> Iterator[Block]:
     yield Paragraph(_METHOD)
     for number, finding in enumerate(audit.findings, 1):
         figure = finding_figure(audit, finding, number)
-        told = Items((Item(finding.evidence, "Evidence"), Item(finding.fix, "Fix")))
-        yield Section(f"{number}. {finding.title}", (Row((told, figure)) if figure else told,))
+        items = Items((Item(finding.evidence, "Evidence"), Item(finding.fix, "Fix")))
+        yield Section(f"{number}. {finding.title}", (Row((items, figure)) if figure else items,))
 
 
 def _sensor(item: SensorAudit) -> Iterator[Block]:
@@ -85,7 +87,7 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     yield tables.errors(item)
     hidden = tuple(_hidden(item))
     if hidden:
-        yield Items(tuple(Item(said) for said in hidden))
+        yield Items(tuple(Item(text) for text in hidden))
         yield Paragraph(_ALIKE)
     yield tables.components(item)
     yield tables.covariance(item)
@@ -109,8 +111,3 @@ def _hidden(item: SensorAudit) -> Iterator[str]:
             other, correlation = estimate.correlated
             name = spelt(estimate.name)
             yield f"{name}: correlated with {spelt(other)} by {correlation:+.3f}, so its interval is wide."
-
-
-def _truth(audit: LogAudit) -> Iterator[Block]:
-    yield tables.clocks(audit)
-    yield tables.velocities(audit)

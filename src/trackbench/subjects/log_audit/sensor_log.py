@@ -48,12 +48,6 @@ class SensorLog:
         """``(m, rows)``."""
         return self.log.measurement * self.factors[:, None]
 
-    def with_factor(self, component: int, factor: float) -> SensorLog:
-        """The log with one component in another unit."""
-        factors = self.factors.copy()
-        factors[component] *= factor
-        return replace(self, factors=factors)
-
     def rows(self, kept: Indices) -> SensorLog:
         """The log of some of its rows."""
         log = self.log
@@ -81,13 +75,13 @@ class SensorLog:
 
     def target(self, time: Array, owner: Indices) -> Array:
         """``(4, n)`` px, py, vx, vy of objects; NaN where their truth, or the observer's, is not known."""
-        found = np.full((4, len(time)), np.nan)
+        state = np.full((4, len(time)), np.nan)
         for number, motion in enumerate(self.drive.motions.values()):
             first, last = self.drive.span(number)
             own = (owner == number) & (time >= first) & (time <= last)
             for row, values in enumerate((motion.px, motion.py, motion.vx, motion.vy)):
-                found[row, own] = np.interp(time[own], motion.time, values)
-        return found
+                state[row, own] = np.interp(time[own], motion.time, values)
+        return state
 
     def observer(self, time: Array) -> Observer:
         """What carries the sensor."""
@@ -99,7 +93,7 @@ class SensorLog:
         """``(p, m, rows)`` of what is expected with respect to each of the errors, by central differences."""
         # Shorter than any period of a sensor, and long enough for truth that is written to the millimetre.
         steps = {"time_offset": 0.01, "mount_yaw": 1e-4, "mount_x": 1e-3, "mount_y": 1e-3}
-        found = []
+        columns = []
         for name in names:
             if name.startswith("bias_"):
                 column = np.zeros_like(self.log.measurement)
@@ -108,8 +102,8 @@ class SensorLog:
                 step = steps[name]
                 above, below = ({**errors, name: errors.get(name, 0.0) + sign * step} for sign in (1, -1))
                 column = difference(self.expected(above), self.expected(below), self.config.angular) / (2 * step)
-            found.append(column)
-        return np.stack(found)
+            columns.append(column)
+        return np.stack(columns)
 
     def _mount(self, errors: Mapping[str, float]) -> Mount:
         mount = self.config.mount
@@ -264,7 +258,12 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
         motion: as recorded.
         stated_unit: of the speed.
     """
-    edges = _windows(motion.time)
+    # Rows between which windows of at least the wanted length lie.
+    rows = [0]
+    for row, instant in enumerate(motion.time.tolist()):
+        if instant - motion.time[rows[-1]] >= WINDOW * (1 - 1e-9):
+            rows.append(row)
+    edges = np.array(rows, dtype=np.intp)
     if len(edges) <= FEWEST:
         return None
     dt = np.diff(motion.time[edges])
@@ -285,12 +284,3 @@ def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck
     jumps = int((apart > np.maximum(JUMP_MPS, usual + JUMP * 1.4826 * np.median(np.abs(apart - usual)))).sum())
     middle = 0.5 * (motion.time[edges][1:] + motion.time[edges][:-1])
     return VelocityCheck(name, middle, np.hypot(*stated), np.hypot(*moved), usual, scale, fits, jumps)
-
-
-def _windows(time: Array) -> Array:
-    """Numbers of the rows between which windows of at least the wanted length lie."""
-    edges = [0]
-    for row, instant in enumerate(time.tolist()):
-        if instant - time[edges[-1]] >= WINDOW * (1 - 1e-9):
-            edges.append(row)
-    return np.array(edges, dtype=np.intp)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,94 +11,99 @@ from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
 from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import bounds_shown, shown, spelt
-from trackbench.subjects.log_audit.noise import Band, ResidualNoise
-from trackbench.subjects.log_audit.sensor_log import Clock
+from trackbench.subjects.log_audit.noise import ResidualNoise
 
 #: Two estimates are called correlated from here on.
 STRONG = 0.95
+_INTERVAL = "95 % interval"
 
 
 def noise(audit: LogAudit) -> Table:
     """Mean error and standard deviation of all components."""
-    columns = (
-        Column("sensor", left=True),
-        Column("component", left=True),
-        Column("mean error", "measurement minus truth, as logged", details="95 % interval"),
-        Column("sigma", "of what the errors that were found leave", details="95 % interval"),
-        Column("stated"),
-    )
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[tuple[str, ResidualNoise | None]] = []
     for name, item in audit.sensors.items():
-        rows += [(Cell(name if number == 0 else ""), *_component(one)) for number, one in enumerate(item.noise)]
-        if not item.noise:
-            few = [Cell(NOT_AVAILABLE, reason="too few measurements") for _ in range(3)]
-            rows.append((Cell(name), Cell("all"), *few))
-    return Table("noise", columns, tuple(rows))
+        rows += [(name if number == 0 else "", component) for number, component in enumerate(item.noise or (None,))]
+    sensors = [Cell(name) for name, _ in rows]
+    return Table.of_columns(
+        "noise", [(Column("sensor", left=True), sensors), *_component_columns([component for _, component in rows])]
+    )
 
 
 def rates(audit: LogAudit) -> Table:
     """How often each sensor looks and detects."""
-    columns = (
-        Column("sensor", left=True),
-        Column("rate, Hz"),
-        Column("chances", "scans with an object in the field of view"),
-        Column("detected, %", details="95 % interval"),
-    )
-    rows = [
-        (
-            Cell(name),
-            _rate(item),
-            Cell(str(item.detections.chances)),
-            _share(item),
-        )
-        for name, item in audit.sensors.items()
+    detections = [item.detections for item in audit.sensors.values()]
+    rates = [
+        Cell(NOT_AVAILABLE, reason="no regular rate") if item.rate_hz is None else Cell(f"{item.rate_hz:.4g}")
+        for item in detections
     ]
-    return Table("rates", columns, tuple(rows))
-
-
-def _rate(item: SensorAudit) -> Cell:
-    rate = item.detections.rate_hz
-    return Cell(NOT_AVAILABLE, reason="no regular rate") if rate is None else Cell(f"{rate:.4g}")
+    chances = Column("chances", "scans with an object in the field of view")
+    columns = [
+        (Column("sensor", left=True), [Cell(name) for name in audit.sensors]),
+        (Column("rate, Hz"), rates),
+        (chances, [Cell(str(item.chances)) for item in detections]),
+        (Column("detected, %", details=_INTERVAL), [_percents(item.share) for item in detections]),
+    ]
+    return Table.of_columns("rates", columns)
 
 
 def components(item: SensorAudit) -> Table:
     """The noise of each component, and how it changes with the range."""
+    power = Column("proportional to range to the power", "0: the same at all ranges", details=_INTERVAL)
+    exponents = []
+    for component in item.noise:
+        if component.exponent is None:
+            exponents.append(Cell(NOT_AVAILABLE, reason="the range hardly changes in this log"))
+        else:
+            low, high = component.exponent.bounds()
+            exponents.append(Cell(f"{component.exponent.value:.2f}", (f"{low:.2f} to {high:.2f}",)))
+    columns = [*_component_columns(item.noise), (power, exponents)]
+    return Table.of_columns(f"components-{item.log.name}", columns, "Noise")
+
+
+def _component_columns(noises: Sequence[ResidualNoise | None]) -> list[tuple[Column, list[Cell]]]:
+    """Mean error, standard deviation and stated one of components; None of a sensor with too few measurements."""
+    rows = []
+    for component in noises:
+        if component is None:
+            rows.append([Cell("all"), *(Cell(NOT_AVAILABLE, reason="too few measurements") for _ in range(3))])
+            continue
+        unit = component.unit
+        rows.append(
+            [
+                Cell(component.name.replace("_", " ")),
+                _interval(component.mean, unit),
+                _interval(component.sigma, unit),
+                Cell(shown(component.stated, unit)),
+            ]
+        )
     columns = (
         Column("component", left=True),
-        Column("mean error", "measurement minus truth, as logged", details="95 % interval"),
-        Column("sigma", "of what the errors that were found leave", details="95 % interval"),
+        Column("mean error", "measurement minus truth, as logged", details=_INTERVAL),
+        Column("sigma", "of what the errors that were found leave", details=_INTERVAL),
         Column("stated"),
-        Column("proportional to range to the power", "0: the same at all ranges", details="95 % interval"),
     )
-    return Table(
-        f"components-{item.log.name}", columns, tuple((*_component(one), _exponent(one)) for one in item.noise), "Noise"
-    )
+    return [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
 
 
 def errors(item: SensorAudit) -> Table:
     """The errors that were estimated together."""
-    columns = (
-        Column("error", left=True),
-        Column("estimate", details="95 % interval"),
-        Column("effect, sigma", "RMS of what it does to a measurement"),
-        Column("most correlated with", left=True),
-        Column("holds if there is no", left=True),
-    )
     assert item.fit is not None
-    rows = []
-    for estimate in item.fit.estimates.values():
-        alike = estimate.correlated
-        rows.append(
-            (
-                Cell(spelt(estimate.name)),
-                _interval(estimate.interval, estimate.unit),
-                Cell(f"{estimate.effect:.2g}"),
-                Cell(f"{spelt(alike[0])} ({alike[1]:+.2f})" if alike else ""),
-                Cell(", ".join(spelt(name) for name in (*estimate.or_else, *estimate.same_as))),
-            )
-        )
+    estimates = item.fit.estimates.values()
+    correlations = [
+        Cell(f"{spelt(estimate.correlated[0])} ({estimate.correlated[1]:+.2f})" if estimate.correlated else "")
+        for estimate in estimates
+    ]
+    others = [Cell(", ".join(map(spelt, (*estimate.or_else, *estimate.same_as)))) for estimate in estimates]
+    effect = Column("effect, sigma", "RMS of what it does to a measurement")
+    columns = [
+        (Column("error", left=True), [Cell(spelt(estimate.name)) for estimate in estimates]),
+        (Column("estimate", details=_INTERVAL), [_interval(item.interval, item.unit) for item in estimates]),
+        (effect, [Cell(f"{estimate.effect:.2g}") for estimate in estimates]),
+        (Column("most correlated with", left=True), correlations),
+        (Column("holds if there is no", left=True), others),
+    ]
     caption = f"Errors of time, mount and bias, estimated together (condition number {item.fit.condition:.3g})"
-    return Table(f"errors-{item.log.name}", columns, tuple(rows), caption)
+    return Table.of_columns(f"errors-{item.log.name}", columns, caption)
 
 
 def covariance(item: SensorAudit) -> Table:
@@ -117,100 +122,57 @@ def covariance(item: SensorAudit) -> Table:
 
 def detections(item: SensorAudit) -> Table:
     """How often the sensor detects, by range."""
-    found = item.detections
-    columns = (Column("range, m", left=True), Column("chances"), Column("detected, %", details="95 % interval"))
-    rows = [(Cell("all"), Cell(str(found.chances)), _share(item)), *_bands(found.bands)]
-    rate = "no regular rate" if found.rate_hz is None else f"{found.rate_hz:.4g} Hz"
-    seen = f"{np.rad2deg(found.seen_half_angle):.1f}° to either side of the boresight and {found.seen_range_m:.4g} m"
-    stated = f"; none beyond {seen}, which is what is counted: state fov_deg and max_range_m" if found.narrower else ""
-    return Table("detections", columns, tuple(rows), f"Detections of objects in the field of view, {rate}{stated}")
+    shares = item.detections
+    rows = [
+        ("all", shares.chances, shares.share),
+        *((f"{band.from_m:.0f} to {band.to_m:.0f}", band.count, band.interval) for band in shares.bands),
+    ]
+    columns = [
+        (Column("range, m", left=True), [Cell(name) for name, _, _ in rows]),
+        (Column("chances"), [Cell(str(chances)) for _, chances, _ in rows]),
+        (Column("detected, %", details=_INTERVAL), [_percents(share) for _, _, share in rows]),
+    ]
+    rate = "no regular rate" if shares.rate_hz is None else f"{shares.rate_hz:.4g} Hz"
+    seen = f"{np.rad2deg(shares.seen_half_angle):.1f}° to either side of the boresight and {shares.seen_range_m:.4g} m"
+    stated = f"; none beyond {seen}, which is what is counted: state fov_deg and max_range_m" if shares.narrower else ""
+    caption = f"Detections of objects in the field of view, {rate}{stated}"
+    return Table.of_columns("detections", columns, caption)
 
 
 def clocks(audit: LogAudit) -> Table:
     """The times of the truth and of the sensors."""
-    columns = (
-        Column("rows of", left=True),
-        Column("rows"),
-        Column("usual interval, ms"),
-        Column("longest gap, s"),
-        Column("out of order"),
-        Column("repeated"),
-        Column("outside the truth"),
-    )
-    rows = [
-        (
-            Cell(clock.name),
-            Cell(str(clock.order.rows)),
-            Cell(NOT_AVAILABLE, reason="a single time")
-            if clock.usual_s is None
-            else Cell(f"{clock.usual_s * 1e3:.4g}"),
-            Cell(f"{clock.longest_gap_s:.3g}"),
-            Cell(str(clock.order.backwards)),
-            Cell(str(clock.order.duplicates)),
-            Cell(str(clock.outside)),
-        )
-        for clock in audit.clocks
+    single = Cell(NOT_AVAILABLE, reason="a single time")
+    usual = [single if clock.usual_s is None else Cell(f"{clock.usual_s * 1e3:.4g}") for clock in audit.clocks]
+    columns = [
+        (Column("rows of", left=True), [Cell(clock.name) for clock in audit.clocks]),
+        (Column("rows"), [Cell(str(clock.order.rows)) for clock in audit.clocks]),
+        (Column("usual interval, ms"), usual),
+        (Column("longest gap, s"), [Cell(f"{clock.longest_gap_s:.3g}") for clock in audit.clocks]),
+        (Column("out of order"), [Cell(str(clock.order.backwards)) for clock in audit.clocks]),
+        (Column("repeated"), [Cell(str(clock.order.duplicates)) for clock in audit.clocks]),
+        (Column("outside the truth"), [Cell(str(clock.outside)) for clock in audit.clocks]),
     ]
-    return Table("clocks", columns, tuple(rows), "Times")
-
-
-def _usual(clock: Clock) -> Cell:
-    if clock.usual_s is None:
-        return Cell(NOT_AVAILABLE, reason="a single time")
-    return Cell(f"{clock.usual_s * 1e3:.4g}")
+    return Table.of_columns("clocks", columns, "Times")
 
 
 def velocities(audit: LogAudit) -> Table:
     """The velocity of the truth beside its displacement."""
-    columns = (
-        Column("object", left=True),
-        Column("difference, m/s", "median over windows of half a second"),
-        Column("displacement over velocity"),
-        Column("jumps"),
-    )
-    rows = [
-        (
-            Cell(check.name),
-            Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else ""),
-            Cell(f"{check.scale:.3f}"),
-            Cell(str(check.jumps)),
-        )
-        for check in audit.velocities
+    checks = audit.velocities
+    differences = [Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else "") for check in checks]
+    columns = [
+        (Column("object", left=True), [Cell(check.name) for check in checks]),
+        (Column("difference, m/s", "median over windows of half a second"), differences),
+        (Column("displacement over velocity"), [Cell(f"{check.scale:.3f}") for check in checks]),
+        (Column("jumps"), [Cell(str(check.jumps)) for check in checks]),
     ]
-    return Table("velocities", columns, tuple(rows), "The truth's velocity against its displacement")
-
-
-def _component(one: ResidualNoise) -> tuple[Cell, Cell, Cell, Cell]:
-    return (
-        Cell(one.name.replace("_", " ")),
-        _interval(one.mean, one.unit),
-        _interval(one.sigma, one.unit),
-        Cell(shown(one.stated, one.unit)),
-    )
-
-
-def _exponent(one: ResidualNoise) -> Cell:
-    if one.exponent is None:
-        return Cell(NOT_AVAILABLE, reason="the range hardly changes in this log")
-    low, high = one.exponent.bounds()
-    return Cell(f"{one.exponent.value:.2f}", (f"{low:.2f} to {high:.2f}",))
+    return Table.of_columns("velocities", columns, "The truth's velocity against its displacement")
 
 
 def _interval(interval: BlockInterval, unit: str) -> Cell:
-    if not np.isfinite(interval.sigma):
-        return Cell(shown(interval.value, unit), ("no interval",))
-    return Cell(shown(interval.value, unit), (bounds_shown(interval.bounds(), unit),))
-
-
-def _share(item: SensorAudit) -> Cell:
-    return _percents(item.detections.share)
+    details = bounds_shown(interval.bounds(), unit) if np.isfinite(interval.sigma) else "no interval"
+    return Cell(shown(interval.value, unit), (details,))
 
 
 def _percents(interval: BlockInterval) -> Cell:
     low, high = (float(np.clip(bound, 0, 1)) for bound in interval.bounds())
     return Cell(f"{100 * interval.value:.1f}", (f"{100 * low:.1f} to {100 * high:.1f}",))
-
-
-def _bands(bands: tuple[Band, ...]) -> Iterator[tuple[Cell, ...]]:
-    for band in bands:
-        yield Cell(f"{band.from_m:.0f} to {band.to_m:.0f}"), Cell(str(band.count)), _percents(band.interval)
