@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from trackbench.document.drawing import svg_file
+from trackbench.subjects.doctor.drive_figures import innovation_figure
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.report.figures import innovation_figure
 from trackbench.subjects.doctor.subject import subject
 
 DOCS = Path(__file__).parent

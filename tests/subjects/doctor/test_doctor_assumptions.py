@@ -30,7 +30,7 @@ from trackbench.subjects.doctor.findings import (
     questions,
 )
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
-from trackbench.subjects.doctor.report.text import text, verdict
+from trackbench.subjects.doctor.report import text, verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
 from trackbench.subjects.doctor.site import Carrier, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.subject import SENSORS, subject

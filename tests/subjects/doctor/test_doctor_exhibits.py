@@ -17,6 +17,7 @@ from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.prediction import prediction
 from trackbench.subjects.doctor.covariance_origin import FaultyStep, asymmetry_shown, indefinite_shown
+from trackbench.subjects.doctor.exhibit_figures import exhibit_figure, outline
 from trackbench.subjects.doctor.exhibits import (
     STATE,
     Course,
@@ -32,8 +33,6 @@ from trackbench.subjects.doctor.exhibits import (
 )
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, Probes
-from trackbench.subjects.doctor.report.exhibits import exhibit_figure
-from trackbench.subjects.doctor.report.exhibits.values import outline
 from trackbench.subjects.doctor.right_answers import points_shown, predicted
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

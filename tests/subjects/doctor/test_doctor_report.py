@@ -16,7 +16,7 @@ from tests.support.places import DOCS
 
 from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.report import text
 
 pytestmark = pytest.mark.slow
 

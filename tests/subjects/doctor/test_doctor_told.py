@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, sho
 from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor, Examination, reference
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes
-from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.report import text
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.session import Examined, TrackerSession
 from trackbench.subjects.doctor.step_count import StepCount, evidence_steps, steps_of

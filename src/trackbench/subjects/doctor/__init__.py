@@ -6,5 +6,5 @@ SUBJECT = Subject(
     commands={"doctor": Command(f"{__name__}.command:doctor_command", "Find the faults of a tracker, with evidence.")},
     api={"Examination": f"{__name__}.api:ReportableExamination", "doctor": f"{__name__}.api:doctor"},
     lists={"checks": f"{__name__}.findings:listed_checks"},
-    documents={"examination.json": f"{__name__}.report.document:saved_document"},
+    documents={"examination.json": f"{__name__}.report:saved_document"},
 )

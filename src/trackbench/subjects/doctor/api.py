@@ -27,8 +27,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.examine import Doctor, Examination
 from trackbench.subjects.doctor.replay import examination_replay
-from trackbench.subjects.doctor.report import examination_document
-from trackbench.subjects.doctor.report.text import text
+from trackbench.subjects.doctor.report import examination_document, text
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import ExaminedTracker, subject
 from trackbench.subjects.doctor.traffic import Follower, TrafficDoctor

@@ -86,7 +86,7 @@ def doctor_command(
     from trackbench.driving.faults import TrackFault
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.doctor.checks.steps import CannotRun
-    from trackbench.subjects.doctor.report.text import text
+    from trackbench.subjects.doctor.report import text
 
     require_tracker(tracker)
     name = tracker.rpartition("#")[2]
