@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from trackbench.document.drawing import DASHED, INK, MUTED, logarithmic
 from trackbench.document.margins import shortened
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.tuning.measures import NEES_DOF
-from trackbench.subjects.tuning.objectives import NEES, mean_nees
+from trackbench.subjects.tuning.objectives import has_nees, mean_nees
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.subjects.tuning.response import Response, ResponsePoint
 from trackbench.subjects.tuning.study import TuningTrial
@@ -44,7 +44,7 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
         return None
     points = [point for point in response.points if point.parts]
     x = np.array([point.value for point in points], dtype=float)
-    with_nees = any(part.startswith(NEES) for part in item.best.parts)
+    with_nees = has_nees(item.best.parts)
     start = None if item.start is None else item.start[parameter.key]
 
     def paint(canvas: Canvas) -> None:
@@ -109,8 +109,8 @@ def _errors(axes: Axes, x: Array, points: Sequence[ResponsePoint], item: Tuning)
 
 def pair_figures(item: Tuning, name: str) -> list[Figure]:
     """The trials over each pair of continuous options."""
-    pairs = list(combinations([one for one in item.parameters if one.continuous], 2))
-    return [_pair(item, first, second, name) for first, second in pairs[:_MOST_PAIRS]]
+    pairs = combinations([parameter for parameter in item.parameters if parameter.continuous], 2)
+    return [_pair(item, first, second, name) for first, second in islice(pairs, _MOST_PAIRS)]
 
 
 def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figure:
@@ -122,12 +122,13 @@ def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figur
     def paint(canvas: Canvas) -> None:
         axes = canvas.subplots()
         for number in range(3, -1, -1):
-            chosen = [trial for trial, one in zip(done, quarter, strict=True) if one == number]
-            x, y = _column(chosen, first), _column(chosen, second)
+            chosen = [trial for trial, part in zip(done, quarter, strict=True) if part == number]
+            x, y = ([float(trial.values[parameter.key]) for trial in chosen] for parameter in (first, second))
             axes.plot(x, y, linestyle="none", marker="o", markersize=5, color=_SHADES[number])
-        _mark(axes, item.best.values, first, second, "o", _BEST)
-        if item.start is not None:
-            _mark(axes, item.start, first, second, "^", INK)
+        for values, marker, colour in ((item.best.values, "o", _BEST), (item.start, "^", INK)):
+            if values is not None:
+                x, y = ([float(values[parameter.key])] for parameter in (first, second))
+                axes.plot(x, y, linestyle="none", marker=marker, markersize=10, markerfacecolor="none", color=colour)
         _scale(axes, first, "x")
         _scale(axes, second, "y")
         axes.set_xlabel(shortened(first.key, _BELOW))
@@ -160,12 +161,15 @@ def front_figure(item: Tuning, name: str) -> Figure:
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        axes.plot(*_losses(near), linestyle="none", marker="o", markersize=3.5, color=MUTED)
-        axes.plot(*_losses([trial for trial in front if trial in near]), color=_LINE, marker="o", markersize=5)
+        series: list[tuple[Sequence[TuningTrial], dict[str, Any]]] = [
+            (near, {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": MUTED}),
+            ([trial for trial in front if trial in near], {"color": _LINE, "marker": "o", "markersize": 5}),
+        ]
         if item.best.losses:
-            axes.plot(
-                *_losses([item.best]), linestyle="none", marker="o", markersize=10, markerfacecolor="none", color=_BEST
-            )
+            ring = {"marker": "o", "markersize": 10, "markerfacecolor": "none", "color": _BEST}
+            series.append(([item.best], {"linestyle": "none", **ring}))
+        for trials, style in series:
+            axes.plot(*(np.exp([trial.losses[axis] for trial in trials]) for axis in (0, 1)), **style)
         logarithmic(axes, "y")
         axes.set_xlabel(item.objective.axes[0])
         axes.set_ylabel(item.objective.axes[1])
@@ -180,10 +184,6 @@ def front_figure(item: Tuning, name: str) -> Figure:
         _HEIGHT + 40,
         legend=legend,
     )
-
-
-def _losses(trials: Sequence[TuningTrial]) -> tuple[Any, Any]:
-    return np.exp([trial.losses[0] for trial in trials]), np.exp([trial.losses[1] for trial in trials])
 
 
 def _scale(axes: Axes, parameter: Parameter, which: Any) -> None:
@@ -207,23 +207,14 @@ class _Odds(Locator):
         return self.tick_values(*self.axis.get_view_interval())  # type: ignore[union-attr]
 
     def tick_values(self, vmin: float, vmax: float) -> Array:  # type: ignore[override]
-        found: list[float] = []
+        numbers: list[float] = []
         for digits in ((1,), (1, 2, 5)):
             tails = {0.5, *(round(digit * 10.0**-power, 12) for digit in digits for power in range(1, 10))}
             places = tails | {round(1.0 - tail, 12) for tail in tails}
-            found = sorted(place for place in places if vmin <= place <= vmax)
-            if len(found) >= _FEWEST_NUMBERS:
+            numbers = sorted(place for place in places if vmin <= place <= vmax)
+            if len(numbers) >= _FEWEST_NUMBERS:
                 break
-        return np.array(found[:: math.ceil(len(found) / _MOST_NUMBERS) or 1])
-
-
-def _column(trials: Sequence[TuningTrial], parameter: Parameter) -> list[float]:
-    return [float(trial.values[parameter.key]) for trial in trials]
-
-
-def _mark(axes: Axes, values: Any, first: Parameter, second: Parameter, marker: str, colour: str) -> None:
-    x, y = float(values[first.key]), float(values[second.key])
-    axes.plot([x], [y], linestyle="none", marker=marker, markersize=10, markerfacecolor="none", color=colour)
+        return np.array(numbers[:: math.ceil(len(numbers) / _MOST_NUMBERS) or 1])
 
 
 def _file(key: str) -> str:

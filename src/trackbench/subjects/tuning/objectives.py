@@ -78,8 +78,8 @@ class Objective:
             if lacking is not None:
                 return lacking
             sums.append(outcome.sums)
-        found = self.parts(sums, start)
-        return found if all(map(math.isfinite, found.values())) else "its value is not finite"
+        parts = self.parts(sums, start)
+        return parts if all(map(math.isfinite, parts.values())) else "its value is not finite"
 
 
 class PartSource(NamedTuple):
@@ -114,11 +114,8 @@ def nees_deviations(parts: Parts) -> Iterator[NeesDeviation]:
 
 def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
     """The measure behind a part of an objective over so many scenarios."""
-    if part.startswith(NEES):
-        return PartSource("nees", [int(part.removeprefix(NEES))], logarithm=True)
-    if part.startswith(UNDER):
-        number, condition = part.removeprefix(UNDER).split(" ", 1)
-        return PartSource(condition, [int(number)], logarithm=True)
+    for nees in nees_deviations({part: 0.0}):
+        return PartSource(nees.condition or "nees", [nees.scenario], logarithm=True)
     if part == "likelihood":
         return PartSource(objective.measure, range(scenarios), logarithm=False, sign=-1.0)
     return PartSource(objective.measure, range(scenarios), logarithm=True)
@@ -152,8 +149,9 @@ def _only(part: str) -> Callable[[Parts], tuple[float, ...]]:
     return lambda parts: (parts[part],)
 
 
-def _off(parts: Parts) -> list[float]:
-    return [abs(value) for name, value in parts.items() if name.startswith(NEES)]
+def has_nees(parts: Parts) -> bool:
+    """Whether a mean NEES is among the parts."""
+    return any(name.startswith(NEES) for name in parts)
 
 
 def mean_nees(parts: Parts) -> float:
@@ -170,7 +168,8 @@ def _consistent(parts: Parts) -> tuple[float, ...]:
 
 
 def _both(parts: Parts) -> tuple[float, ...]:
-    return parts["error"], float(np.mean(_off(parts)))
+    nees = [abs(value) for name, value in parts.items() if name.startswith(NEES)]
+    return parts["error"], float(np.mean(nees))
 
 
 ERROR_AXIS, NEES_AXIS = "position RMSE over the start's", "factor by which the mean NEES is off"
@@ -226,11 +225,13 @@ OBJECTIVES = {
 
 def metric_objectives(scenario: Scenario) -> dict[str, Objective]:
     """By name, the objectives that the metrics of a scenario make: those of one value whose direction is known."""
-    config = scenario.config
-    hidden = config.sensing.identities == "hidden"
-    metrics: list[Metric] = [*(TRACK_METRICS.values() if hidden else BUILT_IN), *config.score.metrics]
-    directed = [metric for metric in metrics if metric.columns and metric.better is not None]
-    return {metric.name: _of_metric(metric, hidden) for metric in directed if metric.name not in OBJECTIVES}
+    hidden = scenario.config.sensing.identities == "hidden"
+    metrics: list[Metric] = [*(TRACK_METRICS.values() if hidden else BUILT_IN), *scenario.config.score.metrics]
+    return {
+        metric.name: _of_metric(metric, hidden)
+        for metric in metrics
+        if metric.columns and metric.better is not None and metric.name not in OBJECTIVES
+    }
 
 
 def _of_metric(metric: Metric, hidden: bool) -> Objective:

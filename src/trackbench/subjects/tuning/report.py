@@ -33,7 +33,7 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
     compared = tuning.held_out.of(tuning.objective.measure)
     if tuning.held_out.failed:
         return tuning.held_out.failed, "bad"
-    without = [one.why for one in tuning.held_out.not_compared if one.measure == tuning.objective.measure]
+    without = [lacking.why for lacking in tuning.held_out.not_compared if lacking.measure == tuning.objective.measure]
     if not compared and without:
         return f"not compared with the start: with the tuned values {without[0]}", "bad"
     if not compared:
@@ -44,46 +44,40 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
         return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
     same = [name for name, apart in zip(tuning.scenarios, tuning.apart, strict=True) if apart == SAME_MOTION]
     if len(tuning.scenarios) == 1:
-        (one,) = compared
-        return f"{_values(compared)}: {_verdict(tuning, one, same)}", _TONES.get(one.verdict, "warn")
+        return f"{_values(compared)}: {_verdict(tuning, compared[0], same)}", _TONES.get(compared[0].verdict, "warn")
     verdicts = [item.verdict for item in compared]
     counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
     if without:
         counts.append(f"not compared in {len(without)}")
     tone: Tone = "bad" if "worse" in verdicts else "warn" if without or "better" not in verdicts else "good"
-    said = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
+    text = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
     if same:
         which = "" if len(same) == len(tuning.scenarios) else f" in {' and '.join(same)}"
-        said += f";{which} on {SAME_MOTION}"
-    return f"{_values(compared)}: {said}", tone
+        text += f";{which} on {SAME_MOTION}"
+    return f"{_values(compared)}: {text}", tone
 
 
-def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str:
+def _verdict(tuning: Tuning, comparison: MeasureComparison, same: Sequence[str]) -> str:
     """The verdict on the tuned values in the only scenario."""
-    where = f" on {SAME_MOTION}" if same else ""
-    if one.verdict == "better":
+    where, measure = f" on {SAME_MOTION}" if same else "", comparison.measure
+    sign = 1.0 if tuning.objective.better == "larger" else -1.0
+    if comparison.verdict == "better":
         return f"better than the start{where}"
-    if one.verdict == "worse":
-        if _fits(tuning, one.measure):
+    if comparison.verdict == "worse":
+        gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
+        if sign * gain > 0.0:
             return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
         price = ", the price of consistency" if list(nees_deviations(tuning.best.parts)) else ""
         return f"worse than the start{where}, as on what they were tuned on{price}"
-    if one.verdict == "equivalent":
+    if comparison.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
     none = f"no difference from the start is shown{where}"
-    gain = one.difference.value * (1.0 if tuning.objective.better == "larger" else -1.0)
-    return f"the gain may be noise: {none}" if gain > 0.0 else none
-
-
-def _fits(tuning: Tuning, measure: str) -> bool:
-    """Whether the tuned values beat the start's on what they were tuned on."""
-    gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
-    return gain > 0.0 if tuning.objective.better == "larger" else gain < 0.0
+    return f"the gain may be noise: {none}" if sign * comparison.difference.value > 0.0 else none
 
 
 def _values(compared: list[MeasureComparison]) -> str:
     """Start and tuned of the main measure; over several scenarios by how much it changes in the mean."""
-    start, tuned = ([getattr(one, which).value for one in compared] for which in ("start", "tuned"))
+    start, tuned = ([getattr(item, which).value for item in compared] for which in ("start", "tuned"))
     word = WORDS[compared[0].measure]
     if compared[0].measure == "log_likelihood":
         return f"{word} {_pair(sum(tuned) / len(tuned), sum(start) / len(start))}"
@@ -107,10 +101,10 @@ def _percent(change: float) -> str:
 
 def remarks(tuning: Tuning) -> Iterator[str]:
     """What else should be known of the values."""
-    for item, edge in tuning.edges:
-        side = "smallest" if edge == item.low else "largest"
+    for parameter, edge in tuning.edges:
+        side = "smallest" if edge == parameter.low else "largest"
         yield (
-            f"{item.key}: the optimum is at the edge of the range, {shown(edge)} is the {side} that was tried; "
+            f"{parameter.key}: the optimum is at the edge of the range, {shown(edge)} is the {side} that was tried; "
             "widen the range"
         )
     yield from tuning.notes
@@ -120,8 +114,8 @@ def remarks(tuning: Tuning) -> Iterator[str]:
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
     yield from _consistency(tuning)
     lacking: dict[tuple[str, str], list[str]] = {}
-    for one in tuning.held_out.not_compared:
-        lacking.setdefault((one.scenario, one.why), []).append(WORDS[one.measure])
+    for item in tuning.held_out.not_compared:
+        lacking.setdefault((item.scenario, item.why), []).append(WORDS[item.measure])
     for (scenario, why), measures in lacking.items():
         yield f"{scenario}: not compared by {', '.join(measures)}: with the tuned values {why}"
     for scenario, apart in zip(tuning.scenarios, tuning.apart, strict=True):
@@ -135,36 +129,28 @@ def remarks(tuning: Tuning) -> Iterator[str]:
 def _consistency(tuning: Tuning) -> Iterator[str]:
     """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
     for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
-        off = [one for one in nees_deviations(tuning.best.parts) if one.scenario == number]
+        off = [nees for nees in nees_deviations(tuning.best.parts) if nees.scenario == number]
         if not off:
             continue
         worst = max(off, key=_beyond)
         if _beyond(worst) > 0.0:
-            found = f"{scenario}: mean NEES {_nees(worst)}"
-            if all(
-                any(_beyond(one) > 0.0 for one in nees_deviations(trial.parts))
-                for trial in tuning.trials
-                if trial.parts
-            ):
-                found += "; no values that were tried are consistent"
-            yield found if not apart else found.replace(scenario, f"{scenario}, tuned on", 1)
-        for nees in tuning.held_out.of("nees"):
-            if nees.scenario == scenario and apart:
-                word = verdict(nees.tuned.ci95, NEES_DOF)
-                yield f"{scenario}, held out: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+            dof = DOF["nees_position"] if worst.condition in HALVES else NEES_DOF
+            where = f" {worst.condition}" if worst.condition else ""
+            text = f"mean NEES {dof * math.exp(worst.value):.2f}{where}, where {dof} is right"
+            tried = [trial.parts for trial in tuning.trials if trial.parts]
+            if all(any(_beyond(nees) > 0.0 for nees in nees_deviations(parts)) for parts in tried):
+                text += "; no values that were tried are consistent"
+            yield f"{scenario}, tuned on: {text}" if apart else f"{scenario}: {text}"
+        for comparison in tuning.held_out.of("nees"):
+            if comparison.scenario == scenario and apart:
+                word = verdict(comparison.tuned.ci95, NEES_DOF)
+                yield f"{scenario}, held out: mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right, {word}"
 
 
-def _beyond(one: NeesDeviation) -> float:
+def _beyond(nees: NeesDeviation) -> float:
     """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
-    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if one.condition else (-OFF, OFF)
-    return max(one.value - high, low - one.value)
-
-
-def _nees(one: NeesDeviation) -> str:
-    """ "6.31 turning, where 4 is right"."""
-    dof = DOF["nees_position"] if one.condition in HALVES else NEES_DOF
-    where = f" {one.condition}" if one.condition else ""
-    return f"{dof * math.exp(one.value):.2f}{where}, where {dof} is right"
+    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if nees.condition else (-OFF, OFF)
+    return max(nees.value - high, low - nees.value)
 
 
 _METHOD = (
@@ -175,54 +161,50 @@ _METHOD = (
 )
 
 
-def tuning_document(found: Sequence[Tuning], command: str) -> Document:
+def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
     """The whole report.
 
     Args:
-        found: of each tracker.
+        tunings: of each tracker.
         command: what repeats it.
     """
-    several = len(found) > 1
+    several = len(tunings) > 1
     blocks: list[Block] = []
-    for item in found:
+    for item in tunings:
         inner = tuple(_tracker(item, f"{item.tracker}-" if several else ""))
         blocks += [Section(item.tracker, inner)] if several else inner
-    blocks.append(Section("How it was done", (Paragraph(_METHOD), *_split(found[0]), Code(command, "sh"))))
-    return Document(
-        "tuning", f"Tuning of {joined([item.tracker for item in found])}", tuple(blocks), _lead(found), _facts(found)
-    )
+    blocks.append(Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh"))))
+    return _document(tunings, blocks)
 
 
-def tuning_summary(found: Sequence[Tuning]) -> Document:
+def tuning_summary(tunings: Sequence[Tuning]) -> Document:
     """What a terminal shows: the values, whether they are better, and how sharply they are known."""
     blocks: list[Block] = []
-    for item in found:
-        said = [Item(text) for text in remarks(item)]
-        inner = [_status(item), tables.values(item), tables.held_out(item), *([Items(tuple(said))] if said else [])]
-        blocks += [Section(item.tracker, tuple(inner))] if len(found) > 1 else inner
+    for item in tunings:
+        inner = [Status(*headline(item)), tables.values(item), tables.held_out(item), *_remarks(item)]
+        blocks += [Section(item.tracker, tuple(inner))] if len(tunings) > 1 else inner
+    return _document(tunings, blocks)
+
+
+def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
+    objective = tunings[0].objective
     return Document(
-        "tuning", f"Tuning of {joined([item.tracker for item in found])}", tuple(blocks), _lead(found), _facts(found)
+        "tuning",
+        f"Tuning of {joined([item.tracker for item in tunings])}",
+        tuple(blocks),
+        f"For the {objective.meaning}, in {joined(tunings[0].scenarios)}.",
+        (counted(sum(len(item.trials) for item in tunings), "trial"), f"objective {objective.name}"),
     )
 
 
-def _lead(found: Sequence[Tuning]) -> str:
-    return f"For the {found[0].objective.meaning}, in {joined(found[0].scenarios)}."
-
-
-def _facts(found: Sequence[Tuning]) -> tuple[str, ...]:
-    return (counted(sum(len(item.trials) for item in found), "trial"), f"objective {found[0].objective.name}")
-
-
-def _status(item: Tuning) -> Block:
-    text, tone = headline(item)
-    return Status(text, tone)
+def _remarks(item: Tuning) -> list[Block]:
+    items = tuple(Item(text) for text in remarks(item))
+    return [Items(items)] if items else []
 
 
 def _tracker(item: Tuning, name: str) -> Iterator[Block]:
-    yield _status(item)
-    said = tuple(Item(text) for text in remarks(item))
-    if said:
-        yield Items(said)
+    yield Status(*headline(item))
+    yield from _remarks(item)
     yield tables.values(item, name)
     yield Section(
         "On measurements that it was not tuned on" if any(item.apart) else "Start and tuned",
@@ -239,8 +221,8 @@ def _tracker(item: Tuning, name: str) -> Iterator[Block]:
 
 def _pairs(item: Tuning, name: str) -> Iterator[Block]:
     """The trials over each pair of options, and which pairs make up for each other."""
-    found = correlations(item.parameters, item.trials, item.best)
-    strong = [f"{a} and {b} ({value:+.2f})" for (a, b), value in found.items() if abs(value) > STRONG]
+    pairs = correlations(item.parameters, item.trials, item.best)
+    strong = [f"{a} and {b} ({value:+.2f})" for (a, b), value in pairs.items() if abs(value) > STRONG]
     if strong:
         yield Paragraph(
             f"Hard to tell apart: {joined(strong)}. A change of one is made up for by the other; fix one of them, or "
@@ -251,7 +233,7 @@ def _pairs(item: Tuning, name: str) -> Iterator[Block]:
         yield Row(tuple(figures))
 
 
-def _split(item: Tuning) -> Iterator[Block]:
+def _split(item: Tuning) -> Block:
     """On what it was tuned, and on what it was tried."""
     rows = []
     for number, scenario in enumerate(item.scenarios):
@@ -260,4 +242,4 @@ def _split(item: Tuning) -> Iterator[Block]:
         apart = item.apart[number]
         text = f"tuned on {trained}, tried on {tried}: {apart}" if apart else f"tuned and tried on {trained}"
         rows.append(Item(text, scenario))
-    yield Items(tuple(rows))
+    return Items(tuple(rows))
