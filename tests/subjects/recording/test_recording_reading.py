@@ -208,7 +208,7 @@ def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_
     shutil.copytree(folder, copy)
     (copy / "recording.rrd").unlink()
     found = inspect(copy, at=1.0, count=1)
-    assert found.contents.recorded.note == "there is no recording in this folder"
+    assert found.recorded.note == "there is no recording in this folder"
     assert found.at == inspect(folder, at=1.0).at
 
 

@@ -231,19 +231,9 @@ class MatrixTracker(FilterPyTracker):
         super().__init__(options, kind, found)
         self._f = self._matrix("transition", options.transition)
 
-    def transition(self, x: Array, dt: float) -> Array:
-        """``(n,)`` the state after ``dt``."""
-        for interval in self._intervals(dt):
-            x = self._moved(self._shaped(x), interval).reshape(-1)
-        return x
-
     def transition_jacobian(self, x: Array, dt: float) -> Array:
         """``(n, n)`` what the filter takes for the derivative of the transition."""
-        slope = np.eye(len(x))
-        for interval in self._intervals(dt):
-            slope = self._transition_matrix(self._shaped(x), interval) @ slope
-            x = self._moved(self._shaped(x), interval).reshape(-1)
-        return slope
+        return self._product_of_slopes(x, dt)
 
     def measurement_jacobian(self, x: Array, scan: Scan) -> Array:
         """``(m, n)`` what the filter takes for the derivative of the measurement."""
@@ -253,11 +243,11 @@ class MatrixTracker(FilterPyTracker):
     def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         """The matrix H at a state."""
 
-    def _transition_matrix(self, x: Array, dt: float) -> Array:
-        return np.asarray(self._filter.F, dtype=float) if self._f is None else self._f(x, dt)
+    def _slope(self, x: Array, dt: float) -> Array:
+        return np.asarray(self._filter.F, dtype=float) if self._f is None else self._f(self._shaped(x), dt)
 
     def _moved(self, x: Array, dt: float) -> Array:
-        return self._transition_matrix(x, dt) @ x
+        return np.reshape(self._slope(x, dt) @ self._shaped(x), -1)
 
     def _move(self, running: Any, dt: float) -> None:
         if self._f is not None:
@@ -298,7 +288,9 @@ class ExtendedTracker(MatrixTracker):
         self._fx = None if options.fx is None else function("fx", options.fx)
 
     def _moved(self, x: Array, dt: float) -> Array:
-        return super()._moved(x, dt) if self._fx is None else np.asarray(self._fx(x, dt), dtype=float)
+        if self._fx is None:
+            return super()._moved(x, dt)
+        return np.asarray(self._fx(self._shaped(x), dt), dtype=float).reshape(-1)
 
     def _move(self, running: Any, dt: float) -> None:
         moved = None if self._fx is None else self._fx(running.x.copy(), dt)
@@ -324,11 +316,8 @@ class ExtendedTracker(MatrixTracker):
 class UnscentedTracker(FilterPyTracker):
     """Runs an ``UnscentedKalmanFilter``."""
 
-    def transition(self, x: Array, dt: float) -> Array:
-        """``(n,)`` the state after ``dt``."""
-        for interval in self._intervals(dt):
-            x = np.reshape(self._filter.fx(x, interval), -1)
-        return x
+    def _moved(self, x: Array, dt: float) -> Array:
+        return np.reshape(self._filter.fx(x, dt), -1)
 
     def _own(self, time: float) -> Any:
         return _with_points(super()._own(time))

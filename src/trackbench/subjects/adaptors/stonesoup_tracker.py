@@ -209,23 +209,9 @@ class StoneSoupTracker(AdaptedTracker):
         self._predictor, self._updater, self._first = predictor, updater, first
         self._models = {name: self._found(name, sensor) for name, sensor in (options.sensors or {}).items()}
 
-    def transition(self, x: Array, dt: float) -> Array:
-        """``(n,)`` the state after ``dt``."""
-        for interval in self._intervals(dt):
-            elapsed = timedelta(seconds=interval)
-            x = np.array(self._predictor.transition_model.function(state(x), time_interval=elapsed), dtype=float)
-            x = x.reshape(-1)
-        return x
-
     def transition_jacobian(self, x: Array, dt: float) -> Array:
         """``(n, n)`` what the transition model takes for its derivative."""
-        slope = np.eye(len(x))
-        for interval in self._intervals(dt):
-            elapsed = timedelta(seconds=interval)
-            model = self._predictor.transition_model
-            slope = np.asarray(model.jacobian(state(x), time_interval=elapsed), dtype=float) @ slope
-            x = self.transition(x, interval)
-        return slope
+        return self._product_of_slopes(x, dt)
 
     def measurement(self, x: Array, scan: Scan) -> Array:
         """``(m,)`` what the measurement model expects of a state ``(n,)``."""
@@ -234,6 +220,14 @@ class StoneSoupTracker(AdaptedTracker):
     def measurement_jacobian(self, x: Array, scan: Scan) -> Array:
         """``(m, n)`` what the measurement model takes for its derivative."""
         return np.asarray(self._model(scan)[0].jacobian(state(x)), dtype=float)
+
+    def _moved(self, x: Array, dt: float) -> Array:
+        moved = self._predictor.transition_model.function(state(x), time_interval=timedelta(seconds=dt))
+        return np.array(moved, dtype=float).reshape(-1)
+
+    def _slope(self, x: Array, dt: float) -> Array:
+        slope = self._predictor.transition_model.jacobian(state(x), time_interval=timedelta(seconds=dt))
+        return np.asarray(slope, dtype=float)
 
     def _own(self, time: float) -> Any:
         return _kept(self._first, _date(time))

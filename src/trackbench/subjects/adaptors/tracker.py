@@ -59,7 +59,9 @@ class AdaptedTracker(ABC):
         """
         track = state or Track(-math.inf, None, None)
         if scan.asked or scan.time < track.time:
-            return track, None if track.belief is None else self._asked(track, max(scan.time, track.time))
+            if track.belief is None:
+                return track, None
+            return track, self._estimate(self._predict(track.belief, max(scan.time, track.time) - track.time))
         if track.belief is None and (self._initial is not None or not scan.valid):
             return self._wait(track, scan)
         belief = self._own(scan.time) if track.belief is None else self._predict(track.belief, scan.time - track.time)
@@ -69,8 +71,27 @@ class AdaptedTracker(ABC):
             innovation=updated.innovation, innovation_covariance=updated.innovation_covariance
         )
 
-    def _asked(self, track: Track, time: float) -> Estimate:
-        return self._estimate(self._predict(track.belief, time - track.time))
+    def transition(self, x: Array, dt: float) -> Array:
+        """``(n,)`` the state after ``dt``."""
+        for interval in self._intervals(dt):
+            x = self._moved(x, interval)
+        return x
+
+    def _product_of_slopes(self, x: Array, dt: float) -> Array:
+        """``(n, n)`` derivative of the transition, out of those of its intervals."""
+        slope = np.eye(len(x))
+        for interval in self._intervals(dt):
+            slope = self._slope(x, interval) @ slope
+            x = self._moved(x, interval)
+        return slope
+
+    @abstractmethod
+    def _moved(self, x: Array, dt: float) -> Array:
+        """``(n,)`` the state after one interval."""
+
+    def _slope(self, x: Array, dt: float) -> Array:
+        """``(n, n)`` derivative of ``_moved``, where the filter has one."""
+        raise NotImplementedError
 
     @abstractmethod
     def _own(self, time: float) -> Any:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.base.types import Array, Estimate, Scan
 from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_together
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
@@ -34,54 +34,6 @@ class SensorContents:
     instants: int
     measurements: int
     """Detections of all objects at these instants."""
-
-
-@dataclass(frozen=True)
-class RecordedContents:
-    """What every recording has: which run it is of, and how much."""
-
-    recorded: Recorded
-    rows: dict[str, int]
-    """Of each table."""
-    sensors: dict[str, SensorContents]
-
-    @classmethod
-    def of(cls, recorded: Recorded) -> RecordedContents:
-        """What is in it."""
-        tables = recorded.result.tables
-        measured = split(tables.measurements, "sensor").items()
-        return cls(
-            recorded=recorded,
-            rows={name: table.num_rows for name, table in sorted(tables.items())},
-            sensors={name: _sensor(rows) for (name,), rows in measured},
-        )
-
-    @property
-    def summary(self) -> Summary:
-        """That of the run."""
-        return self.recorded.result.summary
-
-    def json(self) -> dict[str, Any]:
-        """All of it as JSON values."""
-        summary = self.summary
-        return {
-            "file": str(self.recorded.file),
-            "rerun": self.recorded.rerun,
-            "note": self.recorded.note,
-            "scenario": summary.scenario.name,
-            "description": summary.scenario.description,
-            "command": summary.command,
-            "seed": summary.seed,
-            "runs": summary.runs,
-            "recorded_run": summary.recorded_run,
-            "objects": summary.truth.objects,
-            "duration_s": summary.truth.duration_s,
-            "fingerprint": summary.fingerprint,
-            "versions": summary.versions,
-            "engine": summary.engine,
-            "rows": self.rows,
-            "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
-        }
 
 
 @dataclass(frozen=True)
@@ -130,7 +82,7 @@ class TracksMoment:
 class Inspection:
     """Everything about a recording or the folder of a run that can be read without a viewer."""
 
-    contents: RecordedContents
+    recorded: Recorded
     scored: list[TrackerResult]
     """The trackers that did not fail: with the scores of the recorded run alone, or, of hidden identities, of all."""
     checked: ScoreCheck | None = None
@@ -141,14 +93,43 @@ class Inspection:
     modes: Modes = field(default_factory=dict)
     """The probability of each mode at the time that was asked for, or its mean over the run."""
 
+    @property
+    def summary(self) -> Summary:
+        """That of the run."""
+        return self.recorded.result.summary
+
+    @cached_property
+    def sensors(self) -> dict[str, SensorContents]:
+        """What is recorded of each sensor, by its name."""
+        return {
+            name: SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
+            for (name,), rows in split(self.recorded.result.tables.measurements, "sensor").items()
+        }
+
     def json(self) -> dict[str, Any]:
         """Everything as JSON values; moments that were not asked for are left out."""
-        values = self.contents.json()
-        summary = self.contents.summary
+        summary, tables = self.summary, self.recorded.result.tables
+        values: dict[str, Any] = {
+            "file": str(self.recorded.file),
+            "rerun": self.recorded.rerun,
+            "note": self.recorded.note,
+            "scenario": summary.scenario.name,
+            "description": summary.scenario.description,
+            "command": summary.command,
+            "seed": summary.seed,
+            "runs": summary.runs,
+            "recorded_run": summary.recorded_run,
+            "objects": summary.truth.objects,
+            "duration_s": summary.truth.duration_s,
+            "fingerprint": summary.fingerprint,
+            "versions": summary.versions,
+            "engine": summary.engine,
+            "rows": {name: table.num_rows for name, table in sorted(tables.items())},
+            "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
+        }
         if summary.identities == "known":
             scored = {tracker.name: tracker for tracker in self.scored}
-            trackers = [scored.get(tracker.name, tracker) for tracker in summary.trackers]
-            values["trackers"] = [_tracker_json(tracker) for tracker in trackers]
+            values["trackers"] = [_tracker_json(scored.get(tracker.name, tracker)) for tracker in summary.trackers]
             values |= {"checked": self.checked and asdict(self.checked), "modes": self.modes}
         else:
             values["trackers"] = [tracker.model_dump(mode="json") for tracker in summary.trackers]
@@ -182,7 +163,7 @@ def inspect(
         InputError: it cannot be read, or has no such time, tracker or vehicle.
     """
     recorded = path if isinstance(path, Recorded) else read(path)
-    contents, result = RecordedContents.of(recorded), recorded.result
+    result = recorded.result
     if result.summary.identities == "hidden":
         if vehicle is not None:
             require_name(vehicle, result.summary.truth.objects, "vehicle")
@@ -191,14 +172,14 @@ def inspect(
             every = events_of(result, tracker, result.summary.recorded_run, vehicle)
             events = [event for event in every if event.cost_m2 > 0][:count]
         moment = None if at is None else _tracks_at(result, at, tracker)
-        return Inspection(contents, list(result.scored), at=moment, worst=events)
+        return Inspection(recorded, list(result.scored), at=moment, worst=events)
     run = recorded_run(result)
     scored = rescored(result, run)
     trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
     if vehicle is not None:
         require_name(vehicle, run.objects, "vehicle")
     return Inspection(
-        contents,
+        recorded,
         scored,
         _checked(recorded, scored),
         None if at is None else scene_at(result, run, at),
@@ -228,11 +209,6 @@ def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
     if tracker.failed is None:
         included = {**dict.fromkeys(included, True), "metrics": True, "health": {"diverged_runs"}}
     return tracker.model_dump(mode="json", include=included)
-
-
-def _sensor(rows: Columns) -> SensorContents:
-    """Of the rows of a sensor."""
-    return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 
 
 def _checked(recorded: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
@@ -273,15 +249,13 @@ def _tracks_at(result: Result, time: float, only: str | None) -> TracksMoment:
             status = ("absent", "optional", "due")[int(due[name]["status"][step])]
             x, y, speed = (float(rows[key][row]) for key in ("px_m", "py_m", "speed_mps"))
             vehicles.append(ObjectMoment(name, x, y, speed, status, states.get(name, {})))
-    tracks = _tracks(result.tables.tracks, now)
+    table = result.tables.tracks
+    near = table.filter(pc.less(pc.abs(pc.subtract(table["time_s"], now)), 1e-9)) if table.num_rows else table
+    tracks = [
+        TrackMoment(row["tracker"], int(row["track"]), row["px_m"], row["py_m"], row["existence"])
+        for row in near.to_pylist()
+    ]
     return TracksMoment(now, vehicles, [item for item in tracks if only in (None, item.tracker)])
-
-
-def _tracks(table: pa.Table, now: float) -> list[TrackMoment]:
-    if not table.num_rows:
-        return []
-    rows = table.filter(pc.less(pc.abs(pc.subtract(table["time_s"], now)), 1e-9)).to_pylist()
-    return [TrackMoment(r["tracker"], int(r["track"]), r["px_m"], r["py_m"], r["existence"]) for r in rows]
 
 
 #: Metrics that a recording cannot give: the reference needs the sensors' models, whiteness the innovations themselves,
@@ -344,8 +318,9 @@ def _take(
     estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
     for sensor, items in innovations.items():
         if instant in items:
-            white = items[instant]
-            scan = _scan(float(recorded.time[instant]), sensor, np.isfinite(white[0]))
+            white, nothing, time = items[instant], np.empty(0), float(recorded.time[instant])
+            # As much of a scan as scoring looks at.
+            scan = Scan(time, sensor, "", nothing, np.isfinite(white[0]), nothing, nothing, nothing, time)
             scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
     scorer.estimate(estimate)
 
@@ -371,9 +346,3 @@ def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> d
             white = found.setdefault(int(instant), np.zeros((dof, len(recorded.objects))))
             white[0, recorded.objects.index(name)] = np.sqrt(value)
     return found
-
-
-def _scan(time: float, sensor: str, valid: Mask) -> Scan:
-    """As much of a scan as scoring looks at."""
-    nothing = np.empty(0)
-    return Scan(time, sensor, "", nothing, valid, nothing, nothing, nothing, time)

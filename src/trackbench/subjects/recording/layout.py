@@ -146,7 +146,7 @@ def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Foc
 
 def live_plots() -> rrb.Container:
     """The errors and the NEES of the recorded run as they come."""
-    empty = recorded_run(NOTHING, NOTHING, NOTHING, {})
+    empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     return rrb.Horizontal(*(plot(chart.title, origin(chart)) for chart in (*empty.errors, empty.nees)))
 
 

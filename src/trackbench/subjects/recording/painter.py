@@ -7,7 +7,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import groupby
 from queue import Queue
 from typing import Any
@@ -67,29 +68,29 @@ class Painter:
 class _Run:
     """One run on the viewer."""
 
-    def __init__(self, url: str, about: LiveRun) -> None:
-        self._about = about
-        self._motion = truth_table(about.truth, 0)
+    def __init__(self, url: str, live: LiveRun) -> None:
+        self._live = live
+        self._motion = truth_table(live.truth, 0)
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
-        self.recording = rr.RecordingStream(application(about.name))
+        self.recording = rr.RecordingStream(application(live.name))
         self.recording.connect_grpc(url)
-        self._wide, vehicles = views.wide_window(self._motion), list(about.truth.ids)
-        self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, about.sensors, dict(about.colours)))
-        self.recording.send_recording_name(about.name)
+        self._wide, vehicles = views.wide_window(self._motion), list(live.truth.ids)
+        self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, live.sensors, dict(live.colours)))
+        self.recording.send_recording_name(live.name)
         self._stream = Stream(self.recording)
-        scene.send_roads(self._stream, roads_table(about.truth))
+        scene.send_roads(self._stream, roads_table(live.truth))
         views.send_scales(self._stream, self._wide, vehicles)
-        layout.send_legend(self._stream, layout.entries(about.colours, about.sensors))
+        layout.send_legend(self._stream, layout.entries(live.colours, live.sensors))
 
     def complete(self, result: Result) -> None:
         """The whole recording."""
-        send(self.recording, result, self._about.colours)
+        send(self.recording, result, self._live.colours)
 
     def sense(self, scans: list[Scan]) -> None:
         """The measurements, which are drawn as far as the trackers have come."""
-        truth = self._about.truth
+        truth = self._live.truth
         self._measurements = measurements_table(scans, truth.ids)
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
@@ -97,19 +98,19 @@ class _Run:
         """The estimates of all trackers at some instants; one that has failed has none."""
         if not len(self._steps):
             return
-        truth, nothing = self._about.truth, pa.table({})
+        truth, nothing = self._live.truth, pa.table({})
         none = Gaussian(np.full((4, len(truth.ids)), np.nan), np.full((4, 4, len(truth.ids)), np.nan))
         steps = self._steps[[item.number for item in instants]]
         self._advance(float(truth.time[steps[-1]]))
         recorded = {}
-        for tracker in self._about.colours:
-            found = [item.estimates.get(tracker, none) for item in instants]
-            mean = np.stack([estimate.mean for estimate in found], axis=1)
-            covariance = np.stack([estimate.covariance for estimate in found], axis=2)
+        for tracker in self._live.colours:
+            beliefs = [item.estimates.get(tracker, none) for item in instants]
+            mean = np.stack([belief.mean for belief in beliefs], axis=1)
+            covariance = np.stack([belief.covariance for belief in beliefs], axis=2)
             recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
         estimates = estimates_table(recorded, truth, steps, 0)
-        scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
-        for chart in series.recorded_run(estimates, nothing, nothing, self._about.colours).all:
+        scene.send_estimates(self._stream, estimates, self._motion, self._live.colours)
+        for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
             send_chart(self._stream, chart)
 
     def _advance(self, time: float) -> None:
@@ -121,7 +122,7 @@ class _Run:
             for table in (self._motion, self._measurements)
         )
         scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
-        scene.send_measurements(self._stream, measurements, sensor_colours(self._about.sensors))
+        scene.send_measurements(self._stream, measurements, sensor_colours(self._live.sensors))
         self._drawn = time
 
 
@@ -145,19 +146,19 @@ def main(url: str) -> None:
         time.sleep(0.1)
     painter = Painter(url)
     while (batch := batches.get()) is not None:
-        with _Limit():
+        with _limit():
             painter.take(batch)
-    with _Limit():
+    with _limit():
         painter.finish()
 
 
-class _Limit:
+@contextmanager
+def _limit() -> Iterator[None]:
     """The system ends this process if what is within takes too long: Rerun's calls cannot be interrupted otherwise."""
-
-    def __enter__(self) -> None:
-        signal.alarm(STALLED)
-
-    def __exit__(self, *_: object) -> None:
+    signal.alarm(STALLED)
+    try:
+        yield
+    finally:
         signal.alarm(0)
 
 

@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.metrics.moments import EstimateMoment, SceneMoment
+from trackbench.metrics.moments import SceneMoment
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.report.console import track_values
 from trackbench.report.numbers import decimals, fixed
 from trackbench.results import Summary
-from trackbench.subjects.recording.inspection import Inspection, RecordedContents, TracksMoment
+from trackbench.subjects.recording.inspection import Inspection, TracksMoment
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9
 #: Scores that are computed afresh, with their headings.
 ERRORS = {"position_rmse": "position m", "velocity_rmse": "vel. m/s", "course_rmse": "course deg"}
+#: A column: its heading, an attribute or a function of an item, and decimals; None for a text, which is flush left.
+Column = tuple[str, str | Callable[[Any], str], int | None]
+MOTION: tuple[Column, ...] = (
+    ("vehicle", "name", None),
+    ("x m", "px_m", 2),
+    ("y m", "py_m", 2),
+    ("speed m/s", "speed_mps", 2),
+)
+ESTIMATE_ERRORS: tuple[Column, ...] = (
+    ("error m", "position_error_m", 2),
+    ("error m/s", "velocity_error_mps", 2),
+    ("NEES", "nees", 2),
+)
 
 
 def print_inspection(inspection: Inspection, console: Console) -> None:
@@ -30,65 +45,67 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         inspection: of a recording.
         console: without markup and highlighting.
     """
-    contents, summary = inspection.contents, inspection.contents.summary
+    summary = inspection.summary
     hidden = summary.identities == "hidden"
-    _head(summary, console)
+    what = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}, "
+    line = f": {what}{fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
+    console.print(Text.assemble((summary.scenario.name, "bold"), line))
     if isinstance(inspection.at, TracksMoment):
         _tracks(inspection.at, console)
     elif inspection.at is not None:
         _scene(inspection.at, console)
         _modes(inspection, console)
     if isinstance(inspection.worst, dict):
-        _worst(inspection.worst, console)
-        _command(contents, list(inspection.worst)[:1], console)
+        console.print("\nThe largest position errors that count, a second apart at least")
+        moments = [
+            replace(m, tracker="") if i else m for items in inspection.worst.values() for i, m in enumerate(items)
+        ]
+        names: tuple[Column, ...] = (("tracker", "tracker", None), ("time s", "time_s", 2), ("vehicle", "object", None))
+        console.print(_table(moments, *names, *ESTIMATE_ERRORS))
+        _command(inspection, list(inspection.worst)[:1], console)
     elif inspection.worst is not None:
         _events(inspection.worst, summary.truth.known, console)
-        _command(contents, [event.tracker for event in inspection.worst[:1]], console)
+        _command(inspection, [event.tracker for event in inspection.worst[:1]], console)
     if inspection.at is None and inspection.worst is None:
-        _contents(contents, console)
+        _contents(inspection, console)
         (_all_runs if hidden else _scores)(inspection, console)
         _modes(inspection, console)
     if hidden:
         _failed(summary, console)
 
 
-def _head(summary: Summary, console: Console) -> None:
-    what = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}, "
-    line = f": {what}{fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
-    console.print(Text.assemble((summary.scenario.name, "bold"), line))
-
-
-def _command(contents: RecordedContents, trackers: list[str], console: Console) -> None:
+def _command(inspection: Inspection, trackers: list[str], console: Console) -> None:
     """What shows the worst moment of the first of the trackers."""
     for tracker in trackers:
-        command = f"trackbench view {contents.recorded.file} --worst --tracker {tracker}"
+        command = f"trackbench view {inspection.recorded.file} --worst --tracker {tracker}"
         console.print(f"\n{command}", style="dim", soft_wrap=True)
 
 
-def _contents(contents: RecordedContents, console: Console) -> None:
+def _contents(inspection: Inspection, console: Console) -> None:
     """Where it comes from, and how much was measured."""
-    summary, recorded = contents.summary, contents.recorded
+    summary, recorded = inspection.summary, inspection.recorded
     if summary.scenario.description:
         console.print(summary.scenario.description)
     written = f"written by Rerun {recorded.rerun}" if recorded.rerun else "tables and summary of the run"
-    console.print(f"{recorded.file}: {written}", style="dim", soft_wrap=True)
-    console.print(summary.made_with, style="dim", soft_wrap=True)
-    console.print(f"measurements: {summary.fingerprint}", style="dim", soft_wrap=True)
-    for name, sensor in contents.sensors.items():
-        measured = f"{counted(sensor.measurements, 'measurement')} at {sensor.instants} instants"
-        console.print(f"{name}: {sensor.kind}, {measured}", style="dim", soft_wrap=True)
-    console.print(f"made by: {summary.command}", style="dim", soft_wrap=True)
+    sensors = [
+        f"{name}: {sensor.kind}, {counted(sensor.measurements, 'measurement')} at {sensor.instants} instants"
+        for name, sensor in inspection.sensors.items()
+    ]
+    measurements = f"measurements: {summary.fingerprint}"
+    made_by = f"made by: {summary.command}"
+    for line in (f"{recorded.file}: {written}", summary.made_with, measurements, *sensors, made_by):
+        console.print(line, style="dim", soft_wrap=True)
 
 
 def _all_runs(inspection: Inspection, console: Console) -> None:
     console.print("\nAll runs")
-    columns = track_values(inspection.contents.recorded.result)
+    columns = track_values(inspection.recorded.result)
     rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(inspection.scored)]
-    console.print(_table(["tracker", *(heading for heading, _ in columns)], rows))
+    console.print(_rows(["tracker", *(heading for heading, _ in columns)], rows))
 
 
 def _scores(inspection: Inspection, console: Console) -> None:
-    summary, sensors = inspection.contents.summary, inspection.contents.sensors
+    summary, sensors = inspection.summary, inspection.sensors
     console.print(f"\nRun {summary.recorded_run} alone, scored afresh from what was recorded")
     places = {name: decimals([tracker.metrics[name].value for tracker in inspection.scored]) for name in ERRORS}
     rows = []
@@ -97,7 +114,7 @@ def _scores(inspection: Inspection, console: Console) -> None:
         nis = tracker.of_sensors("nis")
         by_sensor = [fixed(nis[sensor].value if sensor in nis else None, 2) for sensor in sensors]
         rows.append([tracker.name, *errors, fixed(tracker.nees.value, 2), *by_sensor])
-    console.print(_table(["tracker", *ERRORS.values(), "NEES", *(f"NIS {name}" for name in sensors)], rows))
+    console.print(_rows(["tracker", *ERRORS.values(), "NEES", *(f"NIS {name}" for name in sensors)], rows))
     _failed(summary, console)
     if inspection.checked is not None:
         difference = inspection.checked.largest_relative_difference
@@ -114,7 +131,7 @@ def _modes(inspection: Inspection, console: Console) -> None:
         for tracker, vehicles in inspection.modes.items()
         for name, modes in vehicles.items()
     ]
-    console.print(_table(["tracker", "vehicle", "modes"], rows, texts=(0, 1, 2)))
+    console.print(_rows(["tracker", "vehicle", "modes"], rows, texts=(0, 1, 2)))
 
 
 def _failed(summary: Summary, console: Console) -> None:
@@ -125,90 +142,65 @@ def _failed(summary: Summary, console: Console) -> None:
 
 
 def _scene(scene: SceneMoment, console: Console) -> None:
+    def detected_by(vehicle: Any) -> str:
+        return ", ".join(item.sensor for item in scene.measurements if item.object == vehicle.name)
+
+    course: Column = ("course deg", lambda vehicle: fixed(math.degrees(vehicle.course_rad), 1), 1)
     console.print(f"\nAt {fixed(scene.time_s, 3)} s")
-    vehicles = [
-        [
-            vehicle.name,
-            fixed(vehicle.px_m, 2),
-            fixed(vehicle.py_m, 2),
-            fixed(vehicle.speed_mps, 2),
-            fixed(math.degrees(vehicle.course_rad), 1),
-            ", ".join(item.sensor for item in scene.measurements if item.object == vehicle.name),
-        ]
-        for vehicle in scene.vehicles
-    ]
-    console.print(_table(["vehicle", "x m", "y m", "speed m/s", "course deg", "detected by"], vehicles, texts=(0, 5)))
+    console.print(_table(scene.vehicles, *MOTION, course, ("detected by", detected_by, None)))
     console.print()
-    estimates = [
-        [item.object, item.tracker, fixed(item.px_m, 2), fixed(item.py_m, 2), *_errors(item)]
-        for item in sorted(scene.estimates, key=lambda item: item.object)
-    ]
-    console.print(_table(["vehicle", "tracker", "x m", "y m", "error m", "error m/s", "NEES"], estimates, texts=(0, 1)))
+    place: tuple[Column, ...] = (("x m", "px_m", 2), ("y m", "py_m", 2))
+    names: tuple[Column, ...] = (("vehicle", "object", None), ("tracker", "tracker", None))
+    estimates = sorted(scene.estimates, key=lambda item: item.object)
+    console.print(_table(estimates, *names, *place, *ESTIMATE_ERRORS))
 
 
 def _tracks(moment: TracksMoment, console: Console) -> None:
+    def not_tracked_by(vehicle: Any) -> str:
+        return ", ".join(name for name, state in vehicle.states.items() if state in ("waiting", "lost"))
+
     console.print(f"\nAt {fixed(moment.time_s, 3)} s")
-    rows = [
-        [
-            vehicle.name,
-            fixed(vehicle.px_m, 2),
-            fixed(vehicle.py_m, 2),
-            fixed(vehicle.speed_mps, 2),
-            vehicle.status,
-            ", ".join(name for name, state in vehicle.states.items() if state in ("waiting", "lost")),
-        ]
-        for vehicle in moment.vehicles
-    ]
-    console.print(_table(["vehicle", "x m", "y m", "speed m/s", "status", "not tracked by"], rows, texts=(0, 4, 5)))
+    states: tuple[Column, ...] = (("status", "status", None), ("not tracked by", not_tracked_by, None))
+    console.print(_table(moment.vehicles, *MOTION, *states))
     console.print()
-    tracks = [
-        [item.tracker, str(item.track), fixed(item.px_m, 2), fixed(item.py_m, 2), fixed(item.existence, 2)]
-        for item in moment.tracks
-    ]
-    console.print(_table(["tracker", "track", "x m", "y m", "existence"], tracks))
-
-
-def _worst(worst: Mapping[str, list[EstimateMoment]], console: Console) -> None:
-    console.print("\nThe largest position errors that count, a second apart at least")
-    rows = [
-        [tracker if i == 0 else "", fixed(item.time_s, 2), item.object, *_errors(item)]
-        for tracker, items in worst.items()
-        for i, item in enumerate(items)
-    ]
-    console.print(_table(["tracker", "time s", "vehicle", "error m", "error m/s", "NEES"], rows, texts=(0, 2)))
+    track: tuple[Column, ...] = (("tracker", "tracker", None), ("track", lambda item: str(item.track), 0))
+    place: tuple[Column, ...] = (("x m", "px_m", 2), ("y m", "py_m", 2), ("existence", "existence", 2))
+    console.print(_table(moment.tracks, *track, *place))
 
 
 def _events(events: list[TrackEvent], known: bool, console: Console) -> None:
     """The events that cost most; ``known``: whether there is a truth."""
-    if not known or not events:
-        reason = (
-            "No event of the recorded run cost anything." if known else "There is no truth, so no event has a cost."
+    if not known:
+        console.print("\nThere is no truth, so no event has a cost.")
+    elif not events:
+        console.print("\nNo event of the recorded run cost anything.")
+    else:
+        console.print("\nThe events of the recorded run that cost most")
+        columns: tuple[Column, ...] = (
+            ("tracker", "tracker", None),
+            ("time s", "time_s", 2),
+            ("event", "kind", None),
+            ("vehicle", lambda event: event.object or "-", None),
+            ("track", lambda event: "-" if event.track is None else str(event.track), 0),
+            ("cost m²", "cost_m2", 1),
+            ("why", "reason", None),
         )
-        console.print(f"\n{reason}")
-        return
-    console.print("\nThe events of the recorded run that cost most")
-    rows = [
-        [
-            event.tracker,
-            fixed(event.time_s, 2),
-            event.kind,
-            event.object or "-",
-            "-" if event.track is None else str(event.track),
-            fixed(event.cost_m2, 1),
-            event.reason,
-        ]
-        for event in events
-    ]
-    console.print(
-        _table(["tracker", "time s", "event", "vehicle", "track", "cost m²", "why"], rows, texts=(0, 2, 3, 6))
-    )
+        console.print(_table(events, *columns))
 
 
-def _errors(item: EstimateMoment) -> list[str]:
-    return [fixed(value, 2) for value in (item.position_error_m, item.velocity_error_mps, item.nees)]
+def _table(items: Iterable[Any], *columns: Column) -> Table:
+    def cell(item: Any, value: str | Callable[[Any], str], places: int | None) -> str:
+        if callable(value):
+            return value(item)
+        content = getattr(item, value)
+        return str(content) if places is None else fixed(content, places)
+
+    rows = [[cell(item, value, places) for _, value, places in columns] for item in items]
+    texts = [i for i, (*_, places) in enumerate(columns) if places is None]
+    return _rows([heading for heading, *_ in columns], rows, texts)
 
 
-def _table(heads: Iterable[str], rows: Iterable[list[str]], texts: tuple[int, ...] = (0,)) -> Table:
+def _rows(heads: Iterable[str], rows: Iterable[list[str]], texts: Iterable[int] = (0,)) -> Table:
     """A table of texts; the columns ``texts`` are flush left."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
     for i, head in enumerate(heads):

@@ -39,6 +39,8 @@ SINGLE_WIDTH = 1.0
 #: Lines that differ by less than this share are one line.
 SAME = 1e-6
 
+#: What the errors are of, with the unit and what it is called in the name of a column.
+QUANTITIES = (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
 NOTHING = pa.table({})
 #: Lines are broken where there is no value for longer than this, s.
 GAP_S = 1.0
@@ -73,56 +75,54 @@ class AllCharts(NamedTuple):
 def charts_of(contents: Contents) -> AllCharts:
     """Every chart of a recording."""
     tables, colours = contents.tables, contents.colours
-    estimates, nis = (_by_object(table) for table in (tables.estimates, tables.recorded_nis))
     recorded_modes = tables.if_there("recorded_modes")
-    modes = _by_object(recorded_modes)
-    runs = all_runs(tables.steps, tables.nis, colours, contents.reference)
-    recorded = recorded_run(tables.estimates, tables.recorded_nis, tables.nis, colours)
-    vehicles = {
-        name: recorded_run(estimates.get(name, NOTHING), nis.get(name, NOTHING), tables.nis, colours, name)
-        for name in contents.vehicles
-    }
-    return AllCharts(
-        runs._replace(modes=mode_charts((ALL_RUNS,), tables.if_there("modes"), colours)),
-        recorded._replace(modes=mode_charts((RECORDED_RUN,), recorded_modes, colours)),
-        {
-            name: of._replace(modes=mode_charts((VEHICLES, name), modes.get(name, NOTHING), colours))
-            for name, of in vehicles.items()
-        },
-    )
+    recorded = recorded_run(tables.estimates, tables.recorded_nis, recorded_modes, tables.nis, colours)
+    estimates, nis, modes = map(_by_object, (tables.estimates, tables.recorded_nis, recorded_modes))
+    vehicles = {}
+    for name in contents.vehicles:
+        estimate, own_nis, own_modes = (of.get(name, NOTHING) for of in (estimates, nis, modes))
+        vehicles[name] = recorded_run(estimate, own_nis, own_modes, tables.nis, colours, name)
+    return AllCharts(_all_runs(contents), recorded, vehicles)
 
 
-def all_runs(steps: pa.Table, nis: pa.Table, colours: Mapping[str, str], reference: str) -> Charts:
-    """RMSE with that of the reference, which has the given name, and mean NEES and NIS with their 95 % bounds."""
-    rows = _by_tracker(steps)
+def _all_runs(contents: Contents) -> Charts:
+    """RMSE with that of the reference, and mean NEES and NIS with their 95 % bounds."""
+    tables, colours = contents.tables, contents.colours
+    rows = _by_tracker(tables.steps)
     errors = tuple(
         Chart(
             (ALL_RUNS, f"{quantity.lower()}_rmse"),
             f"{quantity} RMSE",
             unit,
             _lines(rows, f"{quantity.lower()}_rmse_{suffix}", colours),
-            _bounds(reference, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
+            _bounds(contents.reference, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
         )
-        for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
+        for quantity, unit, suffix in QUANTITIES
     )
     bounds = _bounds(BOUNDS, rows, ("nees_low", "nees_high"), colours)
     nees = Chart((ALL_RUNS, "nees"), "NEES", "", _lines(rows, "nees_mean", colours), bounds)
-    dof = _degrees_of_freedom(nis)
+    dof = _degrees_of_freedom(tables.nis)
     sensors = tuple(
-        _nis((ALL_RUNS,), sensor, rows, ("nis_mean", "nis_low", "nis_high"), dof, colours)
-        for sensor, rows in _by_sensor(nis).items()
+        _nis((ALL_RUNS,), sensor, of_sensor, ("nis_mean", "nis_low", "nis_high"), dof, colours)
+        for sensor, of_sensor in _by_sensor(tables.nis).items()
     )
-    return Charts(errors, nees, sensors)
+    return Charts(errors, nees, sensors, _mode_charts((ALL_RUNS,), tables.if_there("modes"), colours))
 
 
 def recorded_run(
-    estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: Mapping[str, str], vehicle: str | None = None
+    estimates: pa.Table,
+    recorded_nis: pa.Table,
+    modes: pa.Table,
+    nis: pa.Table,
+    colours: Mapping[str, str],
+    vehicle: str | None = None,
 ) -> Charts:
     """The recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one of them.
 
     Args:
-        estimates: of these vehicles in the recorded run.
-        recorded_nis: of these vehicles in the recorded run.
+        estimates: of these vehicles in the recorded run, as are ``recorded_nis`` and ``modes``.
+        recorded_nis: the NIS of each measurement.
+        modes: the probabilities of the motion models.
         nis: over all runs; a tracker may take less of a measurement than its sensor gives, so the degrees of freedom
             are its own.
         colours: by tracker.
@@ -137,28 +137,18 @@ def recorded_run(
             unit,
             _lines(_rms(rows, f"{quantity.lower()}_error_{suffix}"), "value", colours, SINGLE_WIDTH),
         )
-        for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
+        for quantity, unit, suffix in QUANTITIES
     )
     dof = _degrees_of_freedom(nis)
     means = {name: _mean_with_bounds(of, "nees", len(COMMON_STATE)) for name, of in rows.items()}
     bounds = _bounds(BOUNDS, means, ("low", "high"), colours)
     nees = Chart((*place, "nees"), "NEES", "", _lines(means, "value", colours, SINGLE_WIDTH), bounds)
-    sensors = tuple(
-        _nis(
-            place,
-            sensor,
-            {
-                name: _mean_with_bounds(of, "nis", dof[name, sensor])
-                for name, of in by_tracker.items()
-                if (name, sensor) in dof
-            },
-            ("value", "low", "high"),
-            dof,
-            colours,
-        )
-        for sensor, by_tracker in _by_sensor(recorded_nis).items()
-    )
-    return Charts(errors, nees, sensors)
+    sensors = []
+    for sensor, by_tracker in _by_sensor(recorded_nis).items():
+        own = {name: of for name, of in by_tracker.items() if (name, sensor) in dof}
+        of_sensor = {name: _mean_with_bounds(of, "nis", dof[name, sensor]) for name, of in own.items()}
+        sensors.append(_nis(place, sensor, of_sensor, ("value", "low", "high"), dof, colours))
+    return Charts(errors, nees, tuple(sensors), _mode_charts(place, modes, colours))
 
 
 def _nis(
@@ -172,7 +162,9 @@ def _nis(
     """With the bounds of its mean, or the line of a single innovation where none is a mean of several."""
     value, *limits = columns
     if rows and max(float(np.nanmax(of["count"], initial=0.0)) for of in rows.values()) <= 1:
-        lined = {name: _with_line(of, dof[name, sensor]) for name, of in rows.items()}
+        lined: ByTracker = {
+            name: {**of, "line": np.full(len(of["time_s"]), point95(dof[name, sensor]))} for name, of in rows.items()
+        }
         bounds = _bounds(SINGLE, lined, ("line",), colours)
     else:
         bounds = _bounds(BOUNDS, rows, tuple(limits), colours)
@@ -210,10 +202,6 @@ def _mean_with_bounds(rows: Columns, name: str, dof: int) -> Columns:
     return {"time_s": instants, "value": mean, "low": low, "high": high, "count": count}
 
 
-def _with_line(rows: Columns, dof: int) -> Columns:
-    return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
-
-
 def _lines(
     rows: ByTracker, value: str, colours: Mapping[str, str], width: float = 1.5, gap: float = GAP_S
 ) -> tuple[ChartLine, ...]:
@@ -233,7 +221,7 @@ def _broken(rows: Columns, value: str, gap: float = GAP_S) -> tuple[Array, Array
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
     """One line for all trackers that share it, in its tracker's colour where only some do and it is of one."""
-    found = []
+    lines = []
     for field in fields:
         shared: list[list[str]] = []
         for tracker, tracker_rows in rows.items():
@@ -248,8 +236,8 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
             alone = len(shared) > 1 and len(group) == 1
             colour = colours[group[0]] if alone else BOUND_COLOUR
             label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
-            found.append(ChartLine(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
-    return tuple(found)
+            lines.append(ChartLine(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
+    return tuple(lines)
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
@@ -260,14 +248,8 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
     return bool(both.any() and np.isclose(first[both], second[both], rtol=SAME).mean() > 0.9)
 
 
-def mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
-    """A chart for each tracker that has modes, with a line for each: the mean over the vehicles of the table.
-
-    Args:
-        place: the entity of the charts, below that of all series.
-        modes: over all runs or of the recorded one.
-        trackers: those that are drawn.
-    """
+def _mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]) -> tuple[Chart, ...]:
+    """A chart for each tracker that has modes, with a line for each: the mean over the vehicles of the table."""
     of = split(modes, "tracker", "mode")
     colours = mode_colours(mode for _, mode in of)
     lines: dict[str, list[ChartLine]] = {}
@@ -283,26 +265,21 @@ def mode_charts(place: tuple[str, ...], modes: pa.Table, trackers: Iterable[str]
 
 def charts_of_tracks(contents: Contents) -> list[Chart]:
     """GOSPA and its parts over all runs, and how many tracks and due objects there are in the recorded one."""
-    steps = _by_tracker(contents.tables.steps)
+    tables, colours = contents.tables, contents.colours
+    steps = _by_tracker(tables.steps)
     parts = [
-        Chart((ALL_RUNS, name), title, "m", _lines(steps, name, contents.colours, gap=np.inf))
-        for name, title in PARTS.items()
+        Chart((ALL_RUNS, name), title, "m", _lines(steps, name, colours, gap=np.inf)) for name, title in PARTS.items()
     ]
-    return [*parts, _track_count(contents)]
-
-
-def _track_count(contents: Contents) -> Chart:
-    """How many confirmed tracks each tracker has, and how many objects are due."""
-    time = instants(contents.tables)
-    tracks = {tracker: rows["time_s"] for tracker, rows in _by_tracker(contents.tables.tracks).items()}
+    time = instants(tables)
+    tracks = {tracker: rows["time_s"] for tracker, rows in _by_tracker(tables.tracks).items()}
     lines = tuple(
         ChartLine((tracker,), tracker, colour, time, _count(tracks.get(tracker, np.empty(0)), time))
-        for tracker, colour in contents.colours.items()
+        for tracker, colour in colours.items()
     )
-    due = contents.tables.due
+    due = tables.due
     when = due["time_s"].to_numpy()[due["status"].to_numpy() == DUE] if due.num_rows else np.empty(0)
     bound = ChartLine(("due",), "due objects", BOUND_COLOUR, time, _count(when, time), 2.0)
-    return Chart((RECORDED_RUN, "tracks"), "Tracks, and objects due", "", lines, (bound,))
+    return [*parts, Chart((RECORDED_RUN, "tracks"), "Tracks, and objects due", "", lines, (bound,))]
 
 
 def _count(when: Array, time: Array) -> Array:
