@@ -87,19 +87,14 @@ def send_estimates(
 ) -> None:
     """Each tracker's estimate and 95 % ellipse of every target.
 
-    Args:
-        stream: the recording.
-        estimates: table of all trackers.
-        truth: table of the recorded run.
-        colours: by tracker.
-        hold: how long an estimate stays in the picture when none follows, s; None while a run goes on, when nothing
-            is known of what follows the last one.
+    ``hold`` (s) is how long an estimate stays in the picture when none follows; None while a run goes on, when nothing
+    is known of what follows the last one.
     """
     vehicles = split(truth, "object")
-    for (tracker, name), found in split(estimates, "tracker", "object").items():
-        known = np.isfinite(found["px_m"]) & np.isfinite(found["py_m"])
-        rows = {key: values[known] for key, values in found.items()}
-        time, count = found["time_s"], known.astype(int)
+    for (tracker, name), every in split(estimates, "tracker", "object").items():
+        finite = np.isfinite(every["px_m"]) & np.isfinite(every["py_m"])
+        rows = {key: values[finite] for key, values in every.items()}
+        time, count = every["time_s"], finite.astype(int)
         if hold is not None:
             truth_rows = vehicles[name,]
             gone = truth_rows["time_s"][~truth_rows["alive"].astype(bool)]
@@ -119,9 +114,8 @@ def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float, above: boo
     names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
     shown = rr.Points2D.columns(positions=np.stack(points, axis=1)[alive], labels=[str(name) for name in names[alive]])
     time = next(iter(vehicles.values()))["time_s"]
-    stream.columns(path(*LABELS), time, shown.partition(alive.sum(axis=1)))
     style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
-    stream.static(path(*LABELS), style)
+    stream.draw(path(*LABELS), time, style, shown, count=alive.sum(axis=1))
 
 
 def _with_ends(time: Array, gone: Array, hold: float, last: float) -> tuple[Array, np.ndarray]:
@@ -147,15 +141,7 @@ def trails(trackers: Iterable[str]) -> list[str]:
 
 
 def send_trails(stream: Stream, truth: pa.Table, estimates: pa.Table, colours: Mapping[str, str], hold: float) -> None:
-    """At each instant the piece of line from the one before; a view puts them together.
-
-    Args:
-        stream: the recording.
-        truth: table of the recorded run.
-        estimates: table of all trackers.
-        colours: by tracker.
-        hold: the longest time between two estimates that are joined, s.
-    """
+    """At each instant the piece of line from the one before, at most ``hold`` (s) ago; a view puts them together."""
     send_true_trails(stream, truth, hold)
     by_tracker: dict[str, list[Columns]] = {}
     for (tracker, _), rows in split(estimates, "tracker", "object").items():
@@ -166,13 +152,11 @@ def send_trails(stream: Stream, truth: pa.Table, estimates: pa.Table, colours: M
 
 def send_true_trails(stream: Stream, truth: pa.Table, hold: float) -> None:
     """Those of the vehicles."""
-    vehicles = [_alive(rows) for rows in split(truth, "object").values()]
+    vehicles = []
+    for rows in split(truth, "object").values():
+        alive = rows["alive"].astype(bool)
+        vehicles.append({name: values[alive] for name, values in rows.items()})
     _send(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
-
-
-def _alive(rows: Columns) -> Columns:
-    alive = rows["alive"].astype(bool)
-    return {name: values[alive] for name, values in rows.items()}
 
 
 def _send(
@@ -187,9 +171,8 @@ def _send(
     every, strips = np.concatenate(times), np.concatenate(pieces)
     order_of_time = np.argsort(every, kind="stable")
     time, count = np.unique(every, return_counts=True)
-    lines = rr.LineStrips2D.columns(strips=strips[order_of_time])
-    stream.columns(entity, time, lines.partition(count))
-    stream.static(entity, rr.LineStrips2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order))
+    style = rr.LineStrips2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order)
+    stream.draw(entity, time, style, rr.LineStrips2D.columns(strips=strips[order_of_time]), count=count)
 
 
 #: Pixels that a name takes: a letter, the room around it, its height, and the gap between its point and its top.
@@ -216,7 +199,7 @@ def label_points(
     there = [rows["alive"].astype(bool) for rows in vehicles]
     reach = [float(np.nanmax(rows["length_m"], initial=1.0)) / 2 for rows in vehicles]
     placed: list[tuple[Array, Array]] = []
-    found = []
+    points = []
     for i, name in enumerate(names):
         half = np.array([LETTER * len(name) + AROUND, HEIGHT]) / 2 * metres_per_pixel
         beside = reach[i] + half[0]
@@ -236,8 +219,8 @@ def label_points(
                 cost += VEHICLE * np.where(there[k], _covered(middle, half, at[k], size), 0.0)
         best = middle[np.argmin(cost, axis=0), np.arange(len(at[i]))]
         placed.append((np.where(there[i][:, None], best, np.inf), half))
-        found.append(best + np.array([0.0, half[1] + GAP * metres_per_pixel]))
-    return found
+        points.append(best + np.array([0.0, half[1] + GAP * metres_per_pixel]))
+    return points
 
 
 def _covered(middle: Array, half: Array, other: Array, other_half: Array) -> Array:

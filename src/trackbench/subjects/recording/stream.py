@@ -15,6 +15,8 @@ from trackbench.metrics.consistency import point95
 
 #: The recording's one timeline, seconds of simulated time.
 TIMELINE = "sim_time"
+#: Rows at each time.
+Count = npt.NDArray[np.integer[Any]]
 
 
 def path(*parts: str) -> str:
@@ -50,13 +52,22 @@ class Stream:
             flat = [column for batch in batches for column in batch]
             self._recording.send_columns(entity, [index], flat, strict=True)
 
+    def draw(
+        self,
+        entity: str,
+        time: Array,
+        style: AsComponents,
+        *batches: rr.ComponentColumnList,
+        count: Count | None = None,
+    ) -> None:
+        """What changes over time in a style that does not: one row, or ``count`` rows, for each of ``time`` (s)."""
+        self.columns(entity, time, *(batches if count is None else [batch.partition(count) for batch in batches]))
+        self.static(entity, style)
+
     def markdown(self, entity: str, text: str) -> None:
         """A text."""
         self.static(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
-
-#: Rows at each time.
-Count = npt.NDArray[np.integer[Any]]
 
 #: Half axes of the 95 % ellipse over the standard deviations.
 ELLIPSE_95 = float(np.sqrt(point95(2)))
@@ -79,21 +90,12 @@ def send_points(
     order: float,
     count: Count | None = None,
 ) -> None:
-    """Dots.
+    """Dots of ``size`` pixels at the places ``at`` ``(2, dots)`` m and the times ``(times,)`` s.
 
-    Args:
-        stream: the recording.
-        entity: their path.
-        time: ``(times,)`` s.
-        at: ``(2, dots)`` m.
-        colour: "#RRGGBB".
-        size: radius in pixels.
-        order: of drawing; the highest is on top.
-        count: ``(times,)`` how many dots there are at each time; one unless given.
+    ``count`` ``(times,)`` is how many there are at each time, one unless given; the highest ``order`` is on top.
     """
-    dots = rr.Points2D.columns(positions=at.T)
-    stream.columns(entity, time, dots if count is None else dots.partition(count))
-    stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order))
+    style = rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order)
+    stream.draw(entity, time, style, rr.Points2D.columns(positions=at.T), count=count)
 
 
 def send_ellipses(
@@ -108,9 +110,9 @@ def send_ellipses(
 ) -> None:
     """The 95 % ellipses of positions with their covariances ``(2, 2, dots)`` m^2; the rest as :func:`send_points`."""
     half, rotation = ellipse(covariance[0, 0], covariance[0, 1], covariance[1, 1])
-    batches = pose(at[0], at[1], rotation), rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half))
-    stream.columns(entity, time, *(batch if count is None else batch.partition(count) for batch in batches))
-    stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=order))
+    ellipses = rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half))
+    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=order)
+    stream.draw(entity, time, style, pose(at[0], at[1], rotation), ellipses, count=count)
 
 
 def send_line(

@@ -52,53 +52,43 @@ def others() -> tuple[str, ...]:
 
 
 def send_tracks(stream: Stream, tracker: str, tracks: pa.Table, time: Array) -> None:
-    """One tracker's tracks at all instants, with their identities as names and their existence as opacity.
-
-    Args:
-        stream: the recording.
-        tracker: its name.
-        tracks: its rows.
-        time: ``(instants,)`` s, of the run.
-    """
+    """One tracker's tracks at all instants (s), with their identities as names and their existence as opacity."""
     rows = _sorted(tracks)
     at, colours = np.stack([rows["px_m"], rows["py_m"]], axis=1), _colours(rows)
     count = _counts(rows["time_s"], time)
     points = rr.Points2D.columns(positions=at, colors=colours, labels=[f"{int(track)}" for track in rows["track"]])
-    stream.columns(path(*TRACKS, tracker), time, points.partition(count))
-    stream.static(path(*TRACKS, tracker), rr.Points2D.from_fields(radii=pixels(3.0), draw_order=30.0, show_labels=True))
+    style = rr.Points2D.from_fields(radii=pixels(3.0), draw_order=30.0, show_labels=True)
+    stream.draw(path(*TRACKS, tracker), time, style, points, count=count)
     outlines = rr.LineStrips2D.columns(strips=_outlines(rows), colors=colours)
-    stream.columns(path(*COVARIANCES, tracker), time, outlines.partition(count))
-    stream.static(path(*COVARIANCES, tracker), rr.LineStrips2D.from_fields(radii=pixels(0.75), draw_order=25.0))
-    _trails(stream, path(*TRAILS, tracker), rows, colours, time)
+    thin = rr.LineStrips2D.from_fields(radii=pixels(0.75), draw_order=25.0)
+    stream.draw(path(*COVARIANCES, tracker), time, thin, outlines, count=count)
+    # At each instant the piece of each track's path from the instant before.
+    order = np.lexsort((rows["time_s"], rows["track"]))
+    track, when, at = rows["track"][order], rows["time_s"][order], at[order]
+    joined = (track[1:] == track[:-1]) & (np.diff(np.searchsorted(time, when - 1e-9)) == 1)
+    pieces, end, colour = np.stack([at[:-1], at[1:]], axis=1)[joined], when[1:][joined], colours[order][1:][joined]
+    by_time = np.argsort(end, kind="stable")
+    lines = rr.LineStrips2D.columns(strips=pieces[by_time], colors=colour[by_time])
+    trail = rr.LineStrips2D.from_fields(radii=pixels(1.2), draw_order=10.0)
+    stream.draw(path(*TRAILS, tracker), time, trail, lines, count=_counts(end[by_time], time))
 
 
 def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table, time: Array) -> None:
-    """A ring around each due object that has no track.
-
-    Args:
-        stream: the recording.
-        tracker: its name.
-        objects: its rows of what each object's time was spent on.
-        truth: of the recorded run.
-        time: ``(instants,)`` s, of the run.
-    """
+    """A ring around each due object without a track, at all instants (s), of its rows of objects' states."""
     vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
-    found: list[tuple[Array, Array]] = []
+    misses: list[tuple[Array, Array]] = [(np.empty(0), np.empty((0, 2)))]
     for (name, state), rows in split(objects, "object", "state").items():
         if state not in ("waiting", "lost"):
             continue
         start, until = rows["time_s"][:, None], rows["until_s"][:, None]
         missed = time[((time >= start - 1e-9) & (time < until - 1e-9)).any(axis=0)]
         step = np.searchsorted(vehicles[name]["time_s"], missed - 1e-9)
-        found.append((missed, np.stack([vehicles[name]["px_m"][step], vehicles[name]["py_m"][step]], axis=1)))
-    when = np.concatenate([each for each, _ in found]) if found else np.empty(0)
-    at = np.concatenate([each for _, each in found]) if found else np.empty((0, 2))
+        misses.append((missed, np.stack([vehicles[name]["px_m"][step], vehicles[name]["py_m"][step]], axis=1)))
+    when, at = (np.concatenate(parts) for parts in zip(*misses, strict=True))
     order = np.argsort(when, kind="stable")
-    radii = np.full((len(at), 2), 3.0)
-    rings = rr.Ellipses2D.columns(half_sizes=radii, centers=at[order]).partition(_counts(when[order], time))
-    stream.columns(path(*MISSES, tracker), time, rings)
+    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(at), 2), 3.0), centers=at[order])
     style = rr.Ellipses2D.from_fields(colors=rgba(MISSED), line_radii=pixels(1.5), draw_order=35.0)
-    stream.static(path(*MISSES, tracker), style)
+    stream.draw(path(*MISSES, tracker), time, style, rings, count=_counts(when[order], time))
 
 
 def send_marks(stream: Stream, tracker: str, events: list[TrackEvent], metres_per_pixel: float) -> None:
@@ -112,89 +102,60 @@ def send_marks(stream: Stream, tracker: str, events: list[TrackEvent], metres_pe
     time, count = np.unique([event.time_s for event in shown], return_counts=True)
     at = np.array([(event.x_m, event.y_m) for event in shown])
     colours = np.array([rgba(MARKED[event.kind]) for event in shown], dtype=np.uint32)
-    stream.columns(path(*MARKS, tracker), time, rr.Points2D.columns(positions=at, colors=colours).partition(count))
-    stream.static(path(*MARKS, tracker), rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0))
+    style = rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0)
+    points = rr.Points2D.columns(positions=at, colors=colours)
+    stream.draw(path(*MARKS, tracker), time, style, points, count=count)
     below = at - (0.0, HEIGHT * metres_per_pixel)
     texts = rr.Points2D.columns(positions=below, colors=colours, labels=[_label(event) for event in shown])
-    entity = path(*MARKS, tracker, "labels")
-    stream.columns(entity, time, texts.partition(count))
-    stream.static(entity, rr.Points2D.from_fields(radii=0.0, draw_order=38.0, show_labels=True))
+    style = rr.Points2D.from_fields(radii=0.0, draw_order=38.0, show_labels=True)
+    stream.draw(path(*MARKS, tracker, "labels"), time, style, texts, count=count)
 
 
 def send_associations(
     stream: Stream, tracker: str, taken: pa.Table, tracks: pa.Table, measurements: pa.Table, time: Array
 ) -> None:
-    """A line from each track to the detection that it took, which has a ring.
+    """A line from each track to the detection that it took, which has a ring, at all instants (s).
 
-    Args:
-        stream: the recording.
-        tracker: its name.
-        taken: its rows.
-        tracks: its rows.
-        measurements: all detections of the recorded run.
-        time: ``(instants,)`` s, of the run.
+    ``taken`` and ``tracks`` are rows of the tracker; ``measurements`` are all detections of the recorded run.
     """
     if not taken.num_rows:
         return
     detections = _by(measurements, "scan", "detection")
     positions = _by(tracks, "time_s", "track")
     rows = _sorted(taken)
-    found = [
+    lines = [
         (when, positions[when, track], detections[scan, detection])
         for when, scan, track, detection in zip(
             *(rows[name].tolist() for name in ("time_s", "scan", "track", "detection")), strict=True
         )
         if (when, track) in positions
     ]
-    strips = np.array([[a, b] for _, a, b in found], dtype=float).reshape(-1, 2, 2)
-    count = _counts(np.array([when for when, *_ in found]), time)
+    strips = np.array([[a, b] for _, a, b in lines], dtype=float).reshape(-1, 2, 2)
+    count = _counts(np.array([when for when, *_ in lines]), time)
     entity = path(*ASSOCIATIONS, tracker)
-    stream.columns(entity, time, rr.LineStrips2D.columns(strips=strips).partition(count))
     style = rr.LineStrips2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(1.0), draw_order=33.0)
-    stream.static(entity, style)
-    used = path(*ASSOCIATIONS, tracker, "detections")
-    stream.columns(used, time, rr.Points2D.columns(positions=strips[:, 1]).partition(count))
+    stream.draw(entity, time, style, rr.LineStrips2D.columns(strips=strips), count=count)
     # Behind the dot of the detection, as a ring around it.
     ring = rr.Points2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(3.0), draw_order=19.0)
-    stream.static(used, ring)
+    used = path(*ASSOCIATIONS, tracker, "detections")
+    stream.draw(used, time, ring, rr.Points2D.columns(positions=strips[:, 1]), count=count)
 
 
 def send_gates(stream: Stream, tracker: str, gates: pa.Table, time: Array) -> None:
-    """The outline of the gate of each track before the scans of an instant, in the track's colour.
-
-    Args:
-        stream: the recording.
-        tracker: its name.
-        gates: its rows.
-        time: ``(instants,)`` s, of the run.
-    """
+    """The outline of the gate of each track before the scans of each instant (s), in the track's colour."""
     rows = _sorted(gates)
     corner = np.flatnonzero((np.diff(rows["scan"], prepend=-1) != 0) | (np.diff(rows["track"], prepend=-1) != 0))
     strips = np.split(np.stack([rows["x_m"], rows["y_m"]], axis=1).astype(np.float32), corner[1:])
     colours = np.array([rgba(identity_colour(int(track))) for track in rows["track"][corner]], dtype=np.uint32)
     lines = rr.LineStrips2D.columns(strips=strips, colors=colours)
-    entity = path(*ASSOCIATIONS, tracker, "gates")
-    stream.columns(entity, time, lines.partition(_counts(rows["time_s"][corner], time)))
-    stream.static(entity, rr.LineStrips2D.from_fields(radii=pixels(0.5), draw_order=24.0))
+    style = rr.LineStrips2D.from_fields(radii=pixels(0.5), draw_order=24.0)
+    count = _counts(rows["time_s"][corner], time)
+    stream.draw(path(*ASSOCIATIONS, tracker, "gates"), time, style, lines, count=count)
 
 
 def identity_colour(track: int) -> str:
     """The colour of an identity."""
     return IDENTITY_COLOURS[track % len(IDENTITY_COLOURS)]
-
-
-def _trails(stream: Stream, entity: str, rows: Columns, colours: Indices, time: Array) -> None:
-    """At each instant the piece of each track's path from the instant before."""
-    order = np.lexsort((rows["time_s"], rows["track"]))
-    track, when = rows["track"][order], rows["time_s"][order]
-    at = np.stack([rows["px_m"], rows["py_m"]], axis=1)[order]
-    number = np.searchsorted(time, when - 1e-9)
-    joined = (track[1:] == track[:-1]) & (np.diff(number) == 1)
-    pieces, end, colour = np.stack([at[:-1], at[1:]], axis=1)[joined], when[1:][joined], colours[order][1:][joined]
-    by_time = np.argsort(end, kind="stable")
-    lines = rr.LineStrips2D.columns(strips=pieces[by_time], colors=colour[by_time])
-    stream.columns(entity, time, lines.partition(_counts(end[by_time], time)))
-    stream.static(entity, rr.LineStrips2D.from_fields(radii=pixels(1.2), draw_order=10.0))
 
 
 def _outlines(rows: Columns) -> npt.NDArray[np.float32]:
@@ -223,9 +184,8 @@ def _label(event: TrackEvent) -> str:
 
 
 def _sorted(table: pa.Table) -> Columns:
-    found = {name: table[name].to_numpy() for name in table.column_names if name != "tracker"}
-    order = np.argsort(found["time_s"], kind="stable")
-    return {name: values[order] for name, values in found.items()}
+    order = np.argsort(table["time_s"].to_numpy(), kind="stable")
+    return {name: table[name].to_numpy()[order] for name in table.column_names if name != "tracker"}
 
 
 def _counts(when: Array, time: Array) -> Indices:
