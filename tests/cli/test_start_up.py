@@ -41,7 +41,7 @@ def test_pyarrow_knows_pandas_once_it_is_imported() -> None:
     code = """
 import sys
 import pyarrow as pa
-from trackbench.cli.pandas_import import defer_pandas
+from trackbench.cli.commands import defer_pandas
 defer_pandas()
 pa.table({"a": [1.0]})
 assert "pandas" not in sys.modules
@@ -55,7 +55,7 @@ print(pa.array(pd.Series([1.0, float("nan")])).null_count, pa.table({"a": [1.0]}
 def test_a_table_is_given_to_pandas_without_an_import_before() -> None:
     code = """
 import pyarrow as pa
-from trackbench.cli.pandas_import import defer_pandas
+from trackbench.cli.commands import defer_pandas
 defer_pandas()
 print(pa.table({"a": [1.0]}).to_pandas().shape)
 """

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from concurrent.futures import Executor
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from trackbench import results
-from trackbench.api.plan import Listener, Plan, Prepared
+from trackbench.api.plan import Listener, Plan, Prepared, command_of
 from trackbench.base.errors import InputError
+from trackbench.base.execution import InProcess, Task
+from trackbench.base.subjects import offered, resolve
+from trackbench.base.types import Progress
+from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import PendingTruths
+
+if TYPE_CHECKING:
+    from trackbench.runner.run import PendingRun
 
 
 def prepare(scenarios: Sequence[Scenario], plan: Plan, executor: Executor, listener: Listener) -> list[Prepared]:
@@ -41,20 +51,19 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
     Raises:
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
-    # The runner and the reports take their time to import, which a mistake in a scenario need not wait for.
-    from trackbench.api.batch import Batch, save_comparison
-
-    batch = Batch(prepared, plan, executor, listener)
+    batch = _Batch(prepared, plan, executor, listener)
     found = batch.run()
-    if plan.out is not None and _comparable(found):
-        listener.compared(save_comparison(found, plan.out, batch.colours), plan.out / "comparison.md")
+    ranked = [result.summary.headline for result in found if result.summary.truth.known]
+    # Comparable are results whose trackers the same metric ranks.
+    if plan.out is not None and len(set(ranked)) < len(ranked):
+        from trackbench.compare import compare, results_in
+        from trackbench.report.comparison.document import batch_files
+
+        comparison = compare([results_in(plan.out, found)])
+        for file, content in batch_files(comparison, plan.out, batch.colours):
+            results.write_bytes(file, content)
+        listener.compared(comparison, plan.out / "comparison.md")
     return found
-
-
-def _comparable(found: Sequence[Result]) -> bool:
-    """Whether the same metric ranks the trackers of several results."""
-    ranked = [item.summary.headline for item in found if item.summary.truth.known]
-    return len(set(ranked)) < len(ranked)
 
 
 def _checked(scenario: Scenario, plan: Plan) -> Scenario:
@@ -96,3 +105,163 @@ def _require_distinct(scenarios: Sequence[Scenario]) -> None:
             problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
             raise InputError(problem, file=scenario.path, key="name")
         by_name[name] = scenario.path
+
+
+_Writer = Callable[[Path], None]
+
+
+def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
+    """The report of a run, by the name of the file.
+
+    Args:
+        result: of the run.
+        colours: of its trackers.
+    """
+    from trackbench.document.html import to_html
+    from trackbench.document.markdown import to_markdown
+    from trackbench.report.result import result_document
+
+    document = result_document(result, colours)
+    return {"report.html": to_html(document), "report.md": to_markdown(document)}
+
+
+def _save(
+    result: Result,
+    folder: Path,
+    pages: Mapping[str, str],
+    progress: Progress,
+    colours: Mapping[str, str],
+    *,
+    recording: bool = True,
+) -> Result:
+    """Write the folder of a run with everything that is in it.
+
+    Args:
+        result: of the run.
+        folder: its name; an earlier result under it is replaced.
+        pages: the report, by the name of the file.
+        progress: called with the number of files written and of all.
+        colours: of its trackers.
+        recording: whether the Rerun recording is among them.
+
+    Returns:
+        The result, which names the files.
+
+    Raises:
+        TrackbenchError: the folder cannot be written; nothing is left under its name.
+    """
+    artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
+    if recording:
+        artifacts |= {file: partial(resolve(write), result, colours=colours) for file, write in offered("artifacts")}
+    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
+    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
+    result.save(folder, _counted(artifacts, progress))
+    return result
+
+
+def _counted(artifacts: Mapping[str, _Writer], progress: Progress) -> dict[str, _Writer]:
+    """The same writers, each of which says which of them it is."""
+
+    def write(number: int, writer: _Writer, path: Path) -> None:
+        progress(number, len(artifacts))
+        writer(path)
+
+    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
+
+
+#: On a cluster, whatever its size: of so many scenarios the runs are asked for beside the one that is waited for.
+AHEAD = 32
+
+
+class _Computed(NamedTuple):
+    """A result, and the pages of its folder, which are being made."""
+
+    place: str
+    result: Result
+    pages: Future[dict[str, str]] | None
+
+
+class _Batch:
+    """The runs of several scenarios.
+
+    Args:
+        prepared: the scenarios.
+        plan: how they are run.
+        executor: what does the work.
+        listener: is told of it.
+    """
+
+    def __init__(self, prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: Listener) -> None:
+        self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
+        self.colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
+        self._alone = len(prepared) == 1
+        # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
+        one_by_one = isinstance(executor, InProcess) or listener.observes
+        self._ahead = 0 if one_by_one else plan.workers if plan.cluster is None else AHEAD
+
+    def run(self) -> list[Result]:
+        """The results in the scenarios' order, each saved where the plan says so."""
+        found: list[Result] = []
+        begun: deque[PendingRun | None] = deque()
+        unsaved: deque[_Computed] = deque()
+        for number, item in enumerate(self._prepared):
+            last = number + self._ahead + 1
+            begun.extend(self._begun(later) for later in self._prepared[number + len(begun) : last])
+            unsaved.append(self._computed(_place(number + 1, self._prepared), item, begun.popleft()))
+            while len(unsaved) > self._ahead:
+                found.append(self._ended(unsaved.popleft()))
+        return [*found, *map(self._ended, unsaved)]
+
+    def _begun(self, item: Prepared) -> PendingRun | None:
+        """Its runs; None where their number is not known yet."""
+        if self._plan.precision is not None:
+            return None
+        # The runner takes its time to import, which a mistake in a scenario need not wait for.
+        from trackbench.runner.run import PendingRun
+
+        return PendingRun(
+            item.scenario,
+            item.truths,
+            self._executor,
+            isolation=self._plan.isolation,
+            engine=self._plan.engine,
+            observed=self._listener.observes,
+            alone=self._alone,
+        )
+
+    def _computed(self, place: str, item: Prepared, pending: PendingRun | None) -> _Computed:
+        scenario, observe = item.scenario, self._listener.begin(item)
+        with self._listener.progress(f"{place}{scenario.config.name}", "runs") as advance:
+            if pending is not None:
+                result = pending.collect(command_of(scenario, self._plan.engine), advance, observe)
+            else:
+                from trackbench.runner.until import run_until
+
+                assert self._plan.precision is not None
+                result = run_until(
+                    scenario,
+                    item.truths,
+                    *self._plan.precision,
+                    executor=self._executor,
+                    isolation=self._plan.isolation,
+                    engine=self._plan.engine,
+                    command=partial(command_of, engine=self._plan.engine),
+                    progress=advance,
+                    on_recorded_run=observe,
+                )
+            advance(result.summary.runs, result.summary.runs)
+        if self._plan.out is None:
+            return _Computed(place, result, None)
+        executor = InProcess() if self._alone else self._executor
+        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
+
+    def _ended(self, computed: _Computed) -> Result:
+        place, result, made = computed
+        folder = None
+        if self._plan.out is not None and made is not None:
+            name = result.summary.scenario.name
+            folder = self._plan.out / name
+            with self._listener.progress(f"{place}writing {name}", "files") as advance:
+                result = _save(result, folder, made.result(), advance, self.colours, recording=self._plan.recording)
+        self._listener.end(result, folder)
+        return result

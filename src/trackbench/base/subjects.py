@@ -41,7 +41,7 @@ class Subject:
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
     run_options: Mapping[str, str] = field(default_factory=dict)
-    """By any name: a :class:`trackbench.cli.run_options.RunOptions`, for ``trackbench run``."""
+    """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
 
 
 @cache

@@ -8,8 +8,12 @@ import signal
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
 from typing import Any, NoReturn
 
 import click
@@ -19,8 +23,106 @@ from trackbench.base.files import is_utf8
 from trackbench.base.process import INTERRUPTED
 from trackbench.base.subjects import Command, offered, resolve
 from trackbench.base.user_code import place_of
-from trackbench.cli import standard_streams
-from trackbench.cli.pandas_import import defer_pandas
+
+
+def defer_pandas() -> None:
+    """Let pyarrow, where it is imported, look for pandas now and not find it; tell pyarrow when pandas is imported."""
+    if "pyarrow" not in sys.modules or "pandas" in sys.modules:
+        return
+    import pyarrow as pa
+
+    finder = _PandasFinder()
+    sys.meta_path.insert(0, finder)
+    pa.array([])
+    finder.hidden = False
+
+
+class _PandasFinder(MetaPathFinder):
+    """Hides pandas at first; then finds it once, and pyarrow knows its types from the end of the import on."""
+
+    hidden = True
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != "pandas":
+            return None
+        if self.hidden:
+            raise ModuleNotFoundError(name=fullname)
+        sys.meta_path.remove(self)
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
+
+            def exec_module(module: ModuleType) -> None:
+                execute(module)
+                from pyarrow.lib import _pandas_api
+
+                # To read this attribute, pyarrow imports pandas again.
+                assert _pandas_api.pd is module
+
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
+        return spec
+
+
+#: Characters of the tables.
+_PRINTED = "±²µ°é"
+
+
+def _open_missing_streams() -> None:
+    """Keep the numbers of closed streams, so that no file that is opened gets one; messages go nowhere."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The lowest free number is this one.
+            os.open(os.devnull, os.O_RDWR)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
+
+
+def _require_stdout() -> None:
+    """Make sure, before any work, that its result can be printed.
+
+    Raises:
+        OutputError: standard output is closed.
+        InputError: it has an encoding that lacks characters of a table.
+    """
+    if sys.stdout is None:
+        raise OutputError("standard output is closed; to print nothing, send it to /dev/null")
+    try:
+        _PRINTED.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        problem = f"standard output is written as {sys.stdout.encoding}, which lacks characters of the tables"
+        raise InputError(f"{problem}; set PYTHONIOENCODING=utf-8") from None
+
+
+def _flush_stdout() -> None:
+    """Write what is still held back.
+
+    Raises:
+        OSError: standard output takes no more.
+    """
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _say(text: str) -> None:
+    """A message on stderr, if that can be written."""
+    with suppress(OSError, ValueError):
+        print(text, file=sys.stderr, flush=True)
+
+
+def _abandon_streams() -> None:
+    """Let what cannot be written go nowhere, so that the interpreter does not try it again as it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError, AttributeError):
+            with suppress(OSError, ValueError, AttributeError):
+                os.dup2(nowhere, stream.fileno())
+
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -33,13 +135,13 @@ UNREAD = 141
 COMMANDS = {
     "run": Command("trackbench.cli.run:run_command", "Score every tracker; write a result, a report and a recording."),
     "compare": Command(
-        "trackbench.cli.compare:compare_command", "Compare the trackers of finished runs, or versions of them."
+        "trackbench.cli.report:compare_command", "Compare the trackers of finished runs, or versions of them."
     ),
     "report": Command("trackbench.cli.report:report_command", "Write the report of a saved result in any format."),
     "list": Command("trackbench.cli.listing:list_command", "Show what a scenario or an option can name."),
-    "check": Command("trackbench.cli.validate:check_command", "Validate scenario files without running them."),
+    "check": Command("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
     "schema": Command(
-        "trackbench.cli.validate:schema_command", "Print the JSON Schema of a scenario file, for editors."
+        "trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."
     ),
     "completion": Command(
         "trackbench.cli.options:completion_command", "Print the script that lets a shell complete trackbench."
@@ -96,16 +198,16 @@ def main() -> None:
     """The console script. Exit status: see the README."""
     # A run that is told to end tidies up as one that is interrupted.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    standard_streams.open_missing()
+    _open_missing_streams()
     try:
         with _kept_running():
             status = _run()
-        standard_streams.flush()
+        _flush_stdout()
     except OSError as error:
         status = UNREAD if isinstance(error, BrokenPipeError) else _said(_os_error(error), CANNOT_WRITE)
     except KeyboardInterrupt:
         status = _interrupted()
-    standard_streams.abandon()
+    _abandon_streams()
     sys.exit(status)
 
 
@@ -116,7 +218,7 @@ def _run() -> int:
         OSError: standard output cannot be written.
     """
     try:
-        standard_streams.require_stdout()
+        _require_stdout()
         _require_place()
         _require_text(sys.argv[1:])
         status = cli.main(prog_name="trackbench", standalone_mode=False)
@@ -168,7 +270,7 @@ def _kept_running() -> Iterator[None]:
 
 
 def _said(text: str, status: int) -> int:
-    standard_streams.say(text)
+    _say(text)
     return status
 
 

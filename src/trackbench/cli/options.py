@@ -1,20 +1,28 @@
-"""Options and arguments that several commands share, and what a shell completes."""
+"""Options and arguments that several commands share, those that subjects add, and what a shell completes."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from trackbench.base.errors import InputError
+from trackbench.base.subjects import offered, resolve
 from trackbench.engine.choice import ENGINE_NAMES
-from trackbench.scenario import load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import PATTERN, at_hand
+
+if TYPE_CHECKING:
+    from trackbench.api.plan import Listener
+
+#: Exit status where an expectation or a limit was not met.
+FAILED_EXPECTATION = 1
 
 
 class NearestChoice(click.Choice[str]):
@@ -127,3 +135,52 @@ def _trackers(named: Path | str) -> Iterable[str]:
     except InputError:
         return ()
     return (*loaded.sweeps, *loaded.config.trackers)
+
+
+#: Of the options of all subjects, by parameter.
+OptionValues = Mapping[str, Any]
+
+
+class RunOptions(NamedTuple):
+    """The options of a subject."""
+
+    add: Callable[[Callable[..., Any]], Callable[..., Any]]
+    """Decorates the command with Click options."""
+    check: Callable[[Sequence[Scenario], OptionValues], None]
+    """Raises an InputError for scenarios that the options do not fit."""
+    follow: Callable[[OptionValues], AbstractContextManager[Listener | None]]
+    """What follows the run, None without such an option; an InputError where the options contradict each other."""
+
+
+def subject_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of all subjects to a command."""
+    for options in _registered():
+        command = options.add(command)
+    return command
+
+
+def check_options(scenarios: Sequence[Scenario], values: OptionValues) -> None:
+    """Make sure that the options of all subjects fit the scenarios.
+
+    Raises:
+        InputError: they do not.
+    """
+    for options in _registered():
+        options.check(scenarios, values)
+
+
+@contextmanager
+def followers(values: OptionValues) -> Iterator[list[Listener]]:
+    """What follows the run.
+
+    Raises:
+        InputError: options contradict each other.
+    """
+    with ExitStack() as stack:
+        every = [stack.enter_context(options.follow(values)) for options in _registered()]
+        yield [listener for listener in every if listener is not None]
+
+
+def _registered() -> Iterator[RunOptions]:
+    for _, target in offered("run_options"):
+        yield resolve(target)

@@ -16,8 +16,16 @@ from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.cli.options import engine_option, isolation_options, scenarios_argument, trackers_of_scenarios
-from trackbench.cli.run_options import check_options, followers, subject_options
+from trackbench.cli.options import (
+    FAILED_EXPECTATION,
+    check_options,
+    engine_option,
+    followers,
+    isolation_options,
+    scenarios_argument,
+    subject_options,
+    trackers_of_scenarios,
+)
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -26,7 +34,6 @@ from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
 from trackbench.truth import MAX_SCENES
 
-FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
 
 

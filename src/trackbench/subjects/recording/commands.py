@@ -13,7 +13,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.cli.run_options import OptionValues, RunOptions
+from trackbench.cli.options import OptionValues, RunOptions
 from trackbench.results import to_json
 
 if TYPE_CHECKING:
