@@ -19,7 +19,7 @@ from trackbench.trackers.multi import build_multi
 from trackbench.trackers.multi.fused_tracks import MOST_SLOTS, FusedTrackFilter
 from trackbench.trackers.multi.gate import side_by_side
 from trackbench.trackers.multi.mixture import ENUMERATION, MOST_TERMS
-from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
+from trackbench.trackers.multi.table import PredictedTracks, TrackFilter
 
 pytestmark = pytest.mark.usefixtures("kernels")
 #: Half of the circle, so that some of the tracks are out of view.

@@ -16,8 +16,7 @@ from tests.support.late_scans import swapped
 from tests.support.scenes import tracker
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
 pytestmark = pytest.mark.usefixtures("kernels")
 #: Of what is not as well conditioned as a step: a fit to a few measurements, a course that nothing is known of, the

@@ -13,7 +13,7 @@ from trackbench.results.columns import split
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.inspection import inspect
 from trackbench.subjects.recording.writer import write
-from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.config import ImmConfig
 
 MINE = '''
 import numpy as np

@@ -16,7 +16,7 @@ from trackbench.runner.work import LARGEST_SMOOTHED, work_of
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.doctor.subject import subject
 from trackbench.subjects.serve.session import served
-from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.trackers.filtered import SmoothedTracker
 
 IMM = {"imm": [{"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}], "stay_s": [3, 2]}
 KEYS = {

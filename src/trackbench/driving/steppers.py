@@ -16,10 +16,9 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 from trackbench.trackers.in_order import TrackState
 from trackbench.trackers.published import create
-from trackbench.trackers.smoothed import SmoothedTracker
 
 
 class Stepper(Protocol):

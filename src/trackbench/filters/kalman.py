@@ -25,23 +25,6 @@ from trackbench.models.motion import MotionModel, process_noise
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
 
-def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief:
-    """Time update with the transition's Jacobian: ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
-    x, p = belief.mean, belief.covariance
-    if motion.linear and not motion.batched and isinstance(dt, float):
-        f, q = _constant(motion, dt)
-    else:
-        f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
-    mean = wrap_components(motion.transition(x, dt), motion.angular)
-    return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
-
-
-def linearised_cross(motion: MotionModel, belief: Belief, dt: float) -> Array:
-    """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
-    f = motion.jacobian(belief.mean, dt)
-    return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
-
-
 @lru_cache(maxsize=256)
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
     """Transition and process noise of a linear model, which are the same for every state."""
@@ -50,17 +33,39 @@ def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class KalmanFilter(SingleModelFilter):
+class LinearisedFilter(SingleModelFilter):
+    """What the filters share that linearise by Jacobians."""
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """Time update: ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
+        motion, x, p = self.motion, belief.mean, belief.covariance
+        if motion.linear and not motion.batched and isinstance(dt, float):
+            f, q = _constant(motion, dt)
+        else:
+            f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
+        mean = wrap_components(motion.transition(x, dt), motion.angular)
+        return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
+        f = self.motion.jacobian(belief.mean, dt)
+        return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
+
+    def measured(self, scan: Scan) -> Measured:
+        return as_measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        expected, h = observe(self.motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
+        cross = linalg.matmul(h, belief.covariance)
+        return PredictedMeasurement(expected, linalg.matmul_transposed(cross, h), cross)
+
+
+@dataclass(frozen=True)
+class KalmanFilter(LinearisedFilter):
     """The Kalman filter: a linear motion model, and measurements converted to a position with its covariance.
 
     Source: Kalman (1960). The range rate of a radar is not linear in the state and is left out.
     """
-
-    def predict(self, belief: Belief, dt: float) -> Belief:
-        return predict_linearised(self.motion, belief, dt)
-
-    def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         position = SENSOR_MODELS[scan.kind].position(scan)
@@ -79,23 +84,11 @@ class KalmanFilter(SingleModelFilter):
 
 
 @dataclass(frozen=True)
-class ExtendedKalmanFilter(SingleModelFilter):
+class ExtendedKalmanFilter(LinearisedFilter):
     """The extended Kalman filter of first order.
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
-
-    def predict(self, belief: Belief, dt: float) -> Belief:
-        return predict_linearised(self.motion, belief, dt)
-
-    def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        return linearised_cross(self.motion, belief, dt)
-
-    def measured(self, scan: Scan) -> Measured:
-        return as_measured(scan)
-
-    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
-        return linearised_measurement(self.motion, belief, scan)
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         predicted = predicted or self.predict_measurement(belief, scan)
@@ -104,25 +97,13 @@ class ExtendedKalmanFilter(SingleModelFilter):
 
 
 @dataclass(frozen=True)
-class IteratedExtendedKalmanFilter(SingleModelFilter):
+class IteratedExtendedKalmanFilter(LinearisedFilter):
     """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
 
     Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
     """
 
     iterations: int = 5
-
-    def predict(self, belief: Belief, dt: float) -> Belief:
-        return predict_linearised(self.motion, belief, dt)
-
-    def cross_covariance(self, belief: Belief, dt: float) -> Array:
-        return linearised_cross(self.motion, belief, dt)
-
-    def measured(self, scan: Scan) -> Measured:
-        return as_measured(scan)
-
-    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
-        return linearised_measurement(self.motion, belief, scan)
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         sensor = SENSOR_MODELS[scan.kind]
@@ -146,13 +127,6 @@ class IteratedExtendedKalmanFilter(SingleModelFilter):
 def as_measured(scan: Scan) -> Measured:
     """The measurements of a scan as the sensor gives them."""
     return Measured(scan.measurement, scan.noise_covariance, SENSOR_MODELS[scan.kind].angular)
-
-
-def linearised_measurement(motion: MotionModel, belief: Belief, scan: Scan) -> PredictedMeasurement:
-    """The expected measurement, by the measurement's derivative at the mean."""
-    expected, h = observe(motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
-    cross = linalg.matmul(h, belief.covariance)
-    return PredictedMeasurement(expected, linalg.matmul_transposed(cross, h), cross)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:

@@ -12,8 +12,7 @@ from trackbench.base.types import Array
 from trackbench.runner.block import Block
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.labelled_run import LabelledOutcome
-from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 
 AnyConfig = FilterConfig | PluginConfig
 

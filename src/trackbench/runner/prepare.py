@@ -16,8 +16,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
 
 
 def stepper_of(

@@ -67,7 +67,7 @@ def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
         if not _whole(steps):
             near = " or ".join(f"{rate:g}" for rate in _nearest_rates(truth_rate, steps))
             message = f"{sensor.rate_hz:g} Hz does not divide truth.rate_hz, which is {truth_rate}; use {near}"
-            if sensor.preset is not None and sensor.rate_hz == _preset_rate(sensor.preset):
+            if sensor.preset is not None and sensor.rate_hz == presets()[sensor.preset].values.get("rate_hz"):
                 message += f" (the rate is that of preset {sensor.preset})"
             yield Problem(("sensors", name, "rate_hz"), message)
         elif sensor.phase_s * sensor.rate_hz >= 1:
@@ -253,10 +253,6 @@ def _limit(
 def _whole(value: float) -> bool:
     """Whether ``value`` is a whole number but for rounding."""
     return abs(value - round(value)) < 1e-6
-
-
-def _preset_rate(preset: str) -> float | None:
-    return presets()[preset].values.get("rate_hz")
 
 
 REASONS = {

@@ -209,8 +209,9 @@ def well_in_view(truth: Truth, steps: Indices, config: Sensor) -> Mask:
     motion = sensor_motion(truth.observer, config.mount)
     motion = SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
     seen = polar(truth, steps, motion)
-    found = in_view(truth, steps, config, motion, seen) & (to_rim(config, seen) >= np.hypot(*_half(truth))[:, None])
-    return np.asarray(found & ~silent(config, truth.time[steps])[:, None, None])
+    half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
+    well_inside = in_view(truth, steps, config, motion, seen) & (to_rim(config, seen) >= half_diagonal)
+    return np.asarray(well_inside & ~silent(config, truth.time[steps])[:, None, None])
 
 
 def to_rim(config: Sensor, seen: Array) -> Array:
@@ -223,7 +224,3 @@ def to_rim(config: Sensor, seen: Array) -> Array:
     beside = field.half_angle - np.abs(seen[1])
     side = seen[0] * np.where(beside < np.pi / 2, np.sin(beside), 1.0)
     return np.asarray(np.minimum(outer, side))
-
-
-def _half(truth: Truth) -> tuple[Array, Array]:
-    return truth.length / 2, truth.width / 2

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.base.units import difference
 from trackbench.models.motion import InitialSigmas, MotionModel
-from trackbench.models.motion.registry import MOTION_MODELS
+from trackbench.models.motion.base import MOTION_MODELS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
 #: Half the distance over which a central difference is taken, and how far a derivative may be from it.

@@ -1,14 +1,39 @@
-"""What the check-ups of trackers share."""
+"""What the check-ups of trackers share: synthetic noise, batches, and whether a tracker is of one object or several."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.trackers.answers import unpack
+
+Identities = Literal["known", "hidden"]
+#: So many scans show it.
+TRIED = 20
+OF_OTHER_KIND: Mapping[Identities, str] = {
+    "known": 'it follows several objects: say identities="hidden"',
+    "hidden": 'it follows one object: leave identities="hidden" out',
+}
+
+
+def require_known(identities: str) -> None:
+    """Refuse what is neither of the two."""
+    if identities not in OF_OTHER_KIND:
+        raise InputError(f"{identities!r} is not known; {nearest(identities, OF_OTHER_KIND)}", key="identities")
+
+
+def answers(found: Callable[[], Iterable[bool]]) -> bool:
+    """Whether a tracker bears some scans and says something, given whether it does after each of them."""
+    try:
+        return any(list(islice(found(), TRIED)))
+    except (Exception, SystemExit):
+        return False
+
 
 Answer = TypeVar("Answer", Estimate | None, Tracks)
 

@@ -15,8 +15,17 @@ from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
-from trackbench.testing.kinds import OF_OTHER_KIND, Identities, answers, require_known
-from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
+from trackbench.testing.rules import (
+    LOST,
+    NOISE,
+    OF_OTHER_KIND,
+    Identities,
+    TrackerCheckError,
+    answers,
+    require_known,
+    require_state_kept,
+    side_by_side,
+)
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked
 from trackbench.trackers.published import create
 
@@ -177,23 +186,15 @@ def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
     return test
 
 
-def _bears_misses(make: Callable[[], Tracker]) -> None:
-    list(_answers(make, _usual(missed=[1, 5, 6, 30, *range(60, 90)])))
+def _bears(scans: Callable[[], list[Scan]]) -> Callable[[Callable[[], Tracker]], None]:
+    def test(make: Callable[[], Tracker]) -> None:
+        list(_answers(make, scans()))
 
-
-def _bears_simultaneous(make: Callable[[], Tracker]) -> None:
-    list(_answers(make, drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])))
-
-
-def _bears_uneven_times(make: Callable[[], Tracker]) -> None:
-    list(_answers(make, drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])))
+    return test
 
 
 def _one_sensor(kind: str) -> Callable[[Callable[[], Tracker]], None]:
-    def test(make: Callable[[], Tracker]) -> None:
-        list(_answers(make, drive([kind] * 60, [0.05 * i for i in range(60)])))
-
-    return test
+    return _bears(lambda: drive([kind] * 60, [0.05 * i for i in range(60)]))
 
 
 def _is_deterministic(make: Callable[[], Tracker]) -> None:
@@ -234,9 +235,11 @@ RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
     "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
     "follows a target in plain sight": _follows(),
     "follows it from a sensor that moves": _follows(velocity=(-10.0, -8.0)),
-    "goes on through missed measurements": _bears_misses,
-    "takes two sensors at the same instant": _bears_simultaneous,
-    "takes uneven time steps": _bears_uneven_times,
+    "goes on through missed measurements": _bears(lambda: _usual(missed=[1, 5, 6, 30, *range(60, 90)])),
+    "takes two sensors at the same instant": _bears(
+        lambda: drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])
+    ),
+    "takes uneven time steps": _bears(lambda: drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])),
     "works with lidar alone": _one_sensor("lidar"),
     "works with radar alone": _one_sensor("radar"),
     "gives the same estimates every time": _is_deterministic,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import Any, Literal, get_args
 
 from pydantic import create_model
 
@@ -19,9 +20,8 @@ from trackbench.filters import (
     scaled,
 )
 from trackbench.models.motion import MotionModel
-from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.config import FilterConfig, FilterName, ImmConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.imm import ImmConfig
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
 FILTERS = {
@@ -35,47 +35,23 @@ FILTERS = {
 
 def build(config: FilterConfig) -> FilterTracker:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(
-        filter_of(config),
-        config.initial,
-        assumed=config.assumed,
-        sensors=config.sensors,
-        advance_at=config.advance_at,
-        late=config.late,
-        lag_s=config.lag_s,
-    )
+    return FilterTracker(filter_of(config), config.initial, **config.scan_options)
 
 
-def kf(**options: Any) -> FilterTracker:
-    """A Kalman filter on positions."""
-    return build(FilterConfig(filter="kf", **options))
+def _factory(name: FilterName) -> Callable[..., FilterTracker]:
+    """The tracker of one filter by options, which are the keys of a scenario's ``filter:`` entry without the filter."""
+
+    def factory(**options: Any) -> FilterTracker:
+        return build(FilterConfig(filter=name, **options))
+
+    factory.__name__ = factory.__qualname__ = name
+    factory.__doc__ = f"{FILTERS[name][0].upper()}{FILTERS[name][1:]}."
+    fields: dict[str, Any] = {"filter": (Literal[name], name), "smoother": (None, None)}
+    factory.Options = create_model(name, __base__=FilterConfig, **fields)  # type: ignore[attr-defined]
+    return factory
 
 
-def ekf(**options: Any) -> FilterTracker:
-    """An extended Kalman filter."""
-    return build(FilterConfig(filter="ekf", **options))
-
-
-def iekf(**options: Any) -> FilterTracker:
-    """An iterated extended Kalman filter."""
-    return build(FilterConfig(filter="iekf", **options))
-
-
-def ukf(**options: Any) -> FilterTracker:
-    """An unscented Kalman filter."""
-    return build(FilterConfig(filter="ukf", **options))
-
-
-def ckf(**options: Any) -> FilterTracker:
-    """A cubature Kalman filter."""
-    return build(FilterConfig(filter="ckf", **options))
-
-
-for _factory in (kf, ekf, iekf, ukf, ckf):
-    _name = _factory.__name__
-    # Its options are the keys of a scenario's ``filter:`` entry, the filter itself given.
-    _options: dict[str, Any] = {"filter": (Literal[_name], _name), "smoother": (None, None)}
-    _factory.Options = create_model(_name, __base__=FilterConfig, **_options)  # type: ignore[attr-defined]
+kf, ekf, iekf, ukf, ckf = map(_factory, get_args(FilterName))
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:

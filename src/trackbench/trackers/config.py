@@ -1,4 +1,4 @@
-"""Trackers as a scenario names them: a built-in filter with a motion model, or a class of the user's own."""
+"""Trackers as a scenario names them: a built-in filter with motion models, or a class of the user."""
 
 from __future__ import annotations
 
@@ -8,16 +8,84 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
+from trackbench.base.config import (
+    PROBLEM,
+    Config,
+    NonNegative,
+    OptionsBeside,
+    Plugin,
+    PluginName,
+    Positive,
+    Probability,
+    Problem,
+)
 from trackbench.base.config.key_units import in_words
 from trackbench.base.types import Scan
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.late import LateMethod
+
+Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
+#: How far the sum of probabilities that a file states may be from one.
+ROUNDING = 1e-6
+
+
+class ImmConfig(Config):
+    """Several motion models between which the motion switches: the interacting multiple model estimator (IMM)."""
+
+    imm: list[Motion] = Field(
+        min_length=2,
+        description="The motion models, each with its options in a mapping: {model: cv, ...}. A model may come twice, "
+        "with other options.",
+    )
+    stay_s: list[Positive] = Field(
+        description="For each model the mean time for which the motion stays with it, s. It then goes over to any of "
+        "the others alike, at any time, whatever the rate of the scans."
+    )
+    initial_probabilities: list[Probability] | None = Field(
+        None,
+        description="Probability of each model at a track's start. Unless given, in proportion to stay_s, as it is "
+        "when nothing is known.",
+    )
+
+    @property
+    def first_probabilities(self) -> tuple[float, ...]:
+        """Probability of each model at a track's start, with the sum one."""
+        weights = self.initial_probabilities or self.stay_s
+        return tuple(value / sum(weights) for value in weights)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the modes: that of the model, with a number where a model comes several times."""
+        models = [MOTION_MODELS.name_of(type(model)) for model in self.imm]
+        return [
+            name if models.count(name) == 1 else f"{name} {models[: i + 1].count(name)}"
+            for i, name in enumerate(models)
+        ]
+
+    def problems(self) -> Iterator[Problem]:
+        for key in ("stay_s", "initial_probabilities"):
+            values = getattr(self, key)
+            if values is not None and len(values) != len(self.imm):
+                yield Problem((key,), f"one number for each of the {len(self.imm)} models is needed, not {len(values)}")
+        if self.initial_probabilities is not None and abs(sum(self.initial_probabilities) - 1.0) > ROUNDING:
+            total = sum(self.initial_probabilities)
+            yield Problem(("initial_probabilities",), f"the sum must be 1, not {total:g}")
+
+
+def _form(value: Any) -> str:
+    return "<imm>" if isinstance(value, ImmConfig) or (isinstance(value, dict) and "imm" in value) else "<model>"
+
+
+#: The value of ``motion:``.
+OneOrSeveralMotions = Annotated[
+    Annotated[Motion, Tag("<model>")] | Annotated[ImmConfig, Tag("<imm>")],
+    Discriminator(_form),
+]
+
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
@@ -145,9 +213,10 @@ class FilterConfig(OptionsBeside):
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
     @property
-    def assumed(self) -> AssumedSensors:
-        """What it assumes of its sensors."""
-        return AssumedSensors(self.sensor_models, self.measurement_noise)
+    def scan_options(self) -> dict[str, Any]:
+        """What a tracker of one object or of several takes of the options on scans."""
+        assumed = AssumedSensors(self.sensor_models, self.measurement_noise)
+        return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at", "late", "lag_s")}}
 
     @property
     def models(self) -> tuple[MotionModel, ...]:
@@ -177,8 +246,8 @@ class FilterConfig(OptionsBeside):
         stated, models = self.model_fields_set, self.models
         for motion in models:
             yield from self._unfit(motion, _name(motion))
-        if isinstance(self.motion, ImmConfig):
-            yield from self._not_for_several()
+        if isinstance(self.motion, ImmConfig) and self.process_noise_diag is not None:
+            yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
         for name, keys in FILTER_KEYS.items():
             for key in keys:
                 if key in stated and self.filter != name:
@@ -216,11 +285,6 @@ class FilterConfig(OptionsBeside):
             if diagonal is not None and len(diagonal) != len(components):
                 needed = f"motion {name} needs {len(components)} variances ({', '.join(components)})"
                 yield Problem(at, f"{needed}, not {len(diagonal)}")
-
-    def _not_for_several(self) -> Iterator[Problem]:
-        """What a tracker with one motion model has and one with several has not."""
-        if self.process_noise_diag is not None:
-            yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
 
     def _not_associated(self) -> Iterator[Problem]:
         """What a tracker of one object has and one of several has not."""

@@ -1,11 +1,11 @@
-"""A tracker that runs one of the built-in filters; late scans by replay or by retrodiction."""
+"""A tracker that runs one of the built-in filters, with late scans, and its smoother."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -15,14 +15,13 @@ from trackbench.base.types import Array, Estimate, Gaussian, Scan
 from trackbench.base.units import difference
 from trackbench.engine.choice import Engine, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Belief, Filter, SingleModelFilter, Update, choose
+from trackbench.filters import Belief, Filter, SingleModelFilter, Update, bare, choose
 from trackbench.filters.base import correct, guarded
 from trackbench.models.motion import Kinematics, MotionModel, process_noise
 from trackbench.trackers import initial
 from trackbench.trackers.cartesian_fallback import FallbackFilter, has_yaw
 from trackbench.trackers.config import AdvanceAt, AssumedSensors
-from trackbench.trackers.estimates import total_log_likelihood, with_innovation
-from trackbench.trackers.in_order import InOrder, TrackState
+from trackbench.trackers.in_order import InOrder, TrackState, total_log_likelihood, with_innovation
 from trackbench.trackers.initial import InitialConfig, Prior
 from trackbench.trackers.late import LateMethod, ProcessedScan, appended, inserted, position, replayed, up_to_date
 
@@ -247,3 +246,50 @@ def _inverse(p: Array) -> Array:
     """The inverse of a covariance ``(n, n, ...)``."""
     identity = np.broadcast_to(linalg.expand(np.eye(len(p)), p), p.shape)
     return linalg.gram(linalg.ensure_definite(p).factor.whiten(identity))
+
+
+class _Instant(NamedTuple):
+    state: TrackState
+    own: bool
+    """Whether it was a scan that the filter reads; at others there is a prediction."""
+
+
+@dataclass(frozen=True)
+class SmoothedTracker:
+    """The estimates of a tracker, each given the measurements after it too. Tracks start where the tracker starts them.
+
+    Between two scans that it reads, what is predicted from the earlier is smoothed by the later.
+    """
+
+    tracker: FilterTracker
+
+    def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
+        """The estimate at each scan, whatever their order: offline none comes late."""
+        instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
+        smoothed: dict[float, Estimate] = {}
+        later: TrackState | None = None
+        while instants:
+            state, own = instants.pop()
+            if later is not None:
+                state = self.tracker.smoothed(state, later)
+            # The filter's own state, of which nothing is scored, would take as much memory again.
+            smoothed[state.time] = self.tracker.estimate(state)._replace(state=None, state_covariance=None)
+            if own:
+                later = state
+        return [smoothed[scan.time] for scan in scans]
+
+    def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
+        # Where a track loses its course, there is no way back from position and velocity.
+        when = self.tracker.cartesian_fallback
+        tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when, lag_s=0.0)
+        state: TrackState | None = None
+        instants = []
+        for time, group in groupby(scans, key=lambda scan: scan.time):
+            own = False
+            for scan in group:
+                state, _ = tracker.step(state, scan)
+                own = own or tracker.advances(scan.sensor)
+            assert state is not None
+            seen = state if own else tracker.predicted(state, time)
+            instants.append(_Instant(seen._replace(time=time, belief=bare(seen.belief)), own))
+        return instants

@@ -298,15 +298,11 @@ def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
 
 def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return _stated(motion.from_cartesian(belief, sigmas(config)), config)
-
-
-def _stated(belief: Gaussian, config: InitialConfig) -> Gaussian:
-    """The belief with the covariance that the scenario states, if it states one."""
+        state = motion.from_cartesian(belief, sigmas(config))
     if config.covariance_diag is None:
-        return belief
-    covariance = linalg.expand(np.diag(config.covariance_diag), belief.mean[None])
-    return Gaussian(belief.mean, np.broadcast_to(covariance, belief.covariance.shape))
+        return state
+    covariance = linalg.expand(np.diag(config.covariance_diag), state.mean[None])
+    return Gaussian(state.mean, np.broadcast_to(covariance, state.covariance.shape))
 
 
 def _none_yet(scan: Scan) -> TentativeTrack:

@@ -20,7 +20,6 @@ from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit, by_euler
 from trackbench.truth.config import FixedObserver, HighwayOptions
-from trackbench.truth.environment import Recorder, at_instants, complete
 from trackbench.truth.frames import Frames, held, lane_edges, target_bodies, truth_bodies, with_sizes
 from trackbench.truth.jumps import summarised
 
@@ -37,7 +36,7 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.controller import ControlledVehicle
     from highway_env.vehicle.kinematics import Vehicle
 
-    from trackbench.truth.environment import limit_steering
+    from trackbench.truth.environment import Recorder, at_instants, complete, limit_steering
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}

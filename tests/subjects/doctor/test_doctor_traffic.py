@@ -20,7 +20,7 @@ from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, faults_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 from trackbench.subjects.templates.plug_in import new
-from trackbench.testing.kinds import Identities
+from trackbench.testing.rules import Identities
 
 FAULTS = set(faults_of(TRAFFIC_CHECKS))
 

@@ -18,7 +18,7 @@ from trackbench.trackers.multi import build_multi
 from trackbench.trackers.multi.association import AssociationInput, weighed
 from trackbench.trackers.multi.gate import GatedPairs, side_by_side, under_modes
 from trackbench.trackers.multi.intensity import Intensity
-from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
+from trackbench.trackers.multi.table import PredictedTracks, TrackFilter
 
 CV, CTRV = ({"model": name, **NOISE[name]} for name in ("cv", "ctrv"))
 METHODS = ("gnn", "jpda", "jipda", "pmb")

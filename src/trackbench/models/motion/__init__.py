@@ -1,12 +1,18 @@
 """Motion models. Those that a scenario can name are published under the entry points of ``MOTION_MODELS``."""
 
-from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, process_noise
+from trackbench.models.motion.base import (
+    MOTION_MODELS,
+    InitialSigmas,
+    Kinematics,
+    MotionModel,
+    process_noise,
+    with_component,
+)
 from trackbench.models.motion.ca import ConstantAcceleration
 from trackbench.models.motion.constant_noise import ConstantProcessNoise
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
-from trackbench.models.motion.registry import MOTION_MODELS, with_component
 
 __all__ = [
     "MOTION_MODELS",

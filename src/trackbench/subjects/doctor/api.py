@@ -31,7 +31,7 @@ from trackbench.subjects.doctor.report import examination_document, text
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import ExaminedTracker, subject
 from trackbench.subjects.doctor.traffic import Follower, TrafficDoctor
-from trackbench.testing.kinds import Identities, answers
+from trackbench.testing.rules import Identities, answers
 from trackbench.testing.tracker import drive
 from trackbench.testing.tracks import hidden_drive
 

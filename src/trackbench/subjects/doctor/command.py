@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.tracker_name import require_tracker
 
 if TYPE_CHECKING:
     from trackbench.driving.isolation import Isolation
-    from trackbench.testing.kinds import Identities
+    from trackbench.testing.rules import Identities
 
 FOUND = 1
 CANNOT_RUN = 3

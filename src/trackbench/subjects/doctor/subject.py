@@ -17,7 +17,7 @@ from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.scenario.truth import truth_of
 from trackbench.subjects.doctor.site import RATES, Carrier, carrier_of, rate_of
-from trackbench.testing.kinds import Identities
+from trackbench.testing.rules import Identities
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig

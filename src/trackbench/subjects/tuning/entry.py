@@ -18,8 +18,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
-from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
-from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.config import AnyTracker, FilterConfig, ImmConfig, PluginConfig
 
 
 def stated_default(use: str, option: str, folder: Path) -> Any:

@@ -30,7 +30,7 @@ from trackbench.subjects.tuning.report import headline, remarks, tuning_document
 from trackbench.subjects.tuning.response import NEGLIGIBLE, Response
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
-from trackbench.truth.recorded.rows import find
+from trackbench.truth.recorded.table import find
 
 SCHEMA_VERSION = 1
 

@@ -14,8 +14,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse
 from trackbench.subjects.tuning.entry import STAYS, Values, current, problem_with
 from trackbench.trackers.associate import COUNTING
-from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS, built_in
 
 Scale = Literal["log", "linear", "odds", "integer", "choice"]

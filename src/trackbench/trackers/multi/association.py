@@ -18,8 +18,7 @@ from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.trackers.multi.gate import GatedPairs, RunDetections, gated, under_modes
 from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.mixture import marginals
-from trackbench.trackers.multi.table import NONE, TrackTable
-from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
+from trackbench.trackers.multi.table import NONE, PredictedTracks, TrackFilter, TrackTable
 
 
 class AssociationInput(NamedTuple):

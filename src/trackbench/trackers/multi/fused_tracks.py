@@ -35,8 +35,15 @@ from trackbench.filters import (
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi.gate import RunDetections
 from trackbench.trackers.multi.mixture import of_slots
-from trackbench.trackers.multi.table import NONE, rank_in_run
-from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter, begun, detections_of, expected
+from trackbench.trackers.multi.table import (
+    NONE,
+    PredictedTracks,
+    TrackFilter,
+    begun,
+    detections_of,
+    expected,
+    rank_in_run,
+)
 
 #: By how much the box about a gate is larger in variance, so that rounding leaves out no pair.
 MARGIN = 1e-6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,35 +25,6 @@ class Judged(NamedTuple):
     """``(L,)`` logarithm of the likelihood that there is an object, over that of false alarms alone."""
     existence: Array | None
     """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
-
-
-class TrackLogic(Protocol):
-    """A rule on the evidence ``(k, L)`` of tracks."""
-
-    size: ClassVar[int]
-    """How many numbers speak for a track."""
-
-    def __hash__(self) -> int: ...
-
-    def begun(self, count: int, existence: Array | None) -> Array:
-        """``(k, count)`` of tracks that begin with a detection; ``existence`` ``(count,)`` where it is known."""
-        ...
-
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        """``(k, L)`` after so many seconds."""
-        ...
-
-    def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        """``(k, L)`` after a scan."""
-        ...
-
-    def confirms(self, evidence: Array) -> Mask:
-        """``(L,)`` which tracks deserve to be reported."""
-        ...
-
-    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        """``(L,)`` which tracks end."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -164,6 +135,12 @@ class ExistenceLogic:
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         ends: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
         return ends
+
+
+#: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
+#: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks are to be reported, and
+#: ``deletes`` which end, each ``(L,)``.
+TrackLogic = CountLogic | ScoreLogic | ExistenceLogic
 
 
 def track_logic(config: AssociateConfig) -> TrackLogic:

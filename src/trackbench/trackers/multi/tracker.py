@@ -22,8 +22,17 @@ from trackbench.trackers.multi.association import CLAIMED, Association, Associat
 from trackbench.trackers.multi.gate import RunDetections, side_by_side
 from trackbench.trackers.multi.intensity import Undetected, intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
-from trackbench.trackers.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
-from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter, detections_of
+from trackbench.trackers.multi.table import (
+    NONE,
+    PredictedTracks,
+    TrackFilter,
+    TrackTable,
+    detections_of,
+    empty,
+    numbered,
+    reported,
+    succeeded,
+)
 
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -120,8 +129,8 @@ class MultiObjectTracker:
                 return None, self._tracks(state.table, scan.valid.shape[1])
         if self.late == "as_new" and not scan.asked:
             scan = scan._replace(time=scan.arrival_time)
-        reads = not scan.asked and self._reads(scan.sensor)
-        if not reads:
+        own = self.sensors is None or scan.sensor in self.sensors or scan.sensor in (self.initial.sensors or ())
+        if scan.asked or not own:
             ahead, answer = self._asked(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
         number = position(state.history, scan)
@@ -265,19 +274,14 @@ class MultiObjectTracker:
         return self.associate.detection_probability.get(scan.sensor, stated)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
-        return reported(table, self._filter, self._existence(table), runs)
+        existence = None if self.associate.method in COUNTING else table.evidence[0]
+        return reported(table, self._filter, existence, runs)
 
     def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
         """The states in which tracks are compared, and which components are angles: that of the only motion model."""
         if isinstance(belief, Belief):
             return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
         return self._filter.cartesian(belief), ()
-
-    def _existence(self, table: TrackTable) -> Array | None:
-        return None if self.associate.method in COUNTING else table.evidence[0]
-
-    def _reads(self, sensor: str) -> bool:
-        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
 
     @cached_property
     def _logic(self) -> TrackLogic:
@@ -301,13 +305,4 @@ def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
 def build_multi(config: FilterConfig) -> MultiObjectTracker:
     """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
     assert config.associate is not None
-    return MultiObjectTracker(
-        filter_of(config),
-        config.associate,
-        config.initial,
-        assumed=config.assumed,
-        sensors=config.sensors,
-        advance_at=config.advance_at,
-        late=config.late,
-        lag_s=config.lag_s,
-    )
+    return MultiObjectTracker(filter_of(config), config.associate, config.initial, **config.scan_options)

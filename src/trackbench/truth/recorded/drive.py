@@ -236,15 +236,22 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     times = np.unique(
         np.concatenate([m.time for m in drive.motions.values()] + [found.instants for found in looked.values()])
     )
-    if drive.observer is None:
-        return times
-    first, last = float(drive.observer.time[0]), float(drive.observer.time[-1])
-    known = times[(times >= first) & (times <= last)]
-    if not len(known):
+    return times if drive.observer is None else within(times, drive.observer, "truth", "truth.columns.observer")
+
+
+def within(times: Array, observer: Motion, what: str, key: str) -> Array:
+    """Those of the times, of ``what``, at which the observer is known.
+
+    Raises:
+        InputError: it is known at none of them.
+    """
+    first, last = float(observer.time[0]), float(observer.time[-1])
+    inside = times[(times >= first) & (times <= last)]
+    if not len(inside):
         span = f"from {times[0]:g} to {times[-1]:g} s"
-        message = f"it is known from {first:g} to {last:g} s, and the truth {span}: check the units of time"
-        raise InputError(message, key="truth.columns.observer")
-    return np.asarray(known)
+        message = f"it is known from {first:g} to {last:g} s, and the {what} {span}: check the units of time"
+        raise InputError(message, key=key)
+    return np.asarray(inside)
 
 
 def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, objects: int) -> RecordedMeasurements:

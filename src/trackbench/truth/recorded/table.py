@@ -1,14 +1,20 @@
-"""A drive from tables whose columns and units the scenario names."""
+"""A drive from tables whose columns and units the scenario names: their rows, and what they say."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.base.files import read_bytes
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -21,9 +27,203 @@ from trackbench.truth.config.recording import (
     TruthColumns,
     Units,
 )
-from trackbench.truth.recorded import rows
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
-from trackbench.truth.recorded.rows import Rows
+
+_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
+
+
+def find(path: str, folder: Path, key: str) -> Path:
+    """The file that a scenario names.
+
+    Args:
+        path: as the scenario gives it; environment variables are filled in.
+        folder: the scenario's, where a relative path starts; then the working directory.
+        key: the scenario's key, for error messages.
+
+    Raises:
+        InputError: a variable is not set, or there is no such file.
+    """
+    expanded = Path(os.path.expandvars(path)).expanduser()
+    unset = _VARIABLE.search(str(expanded))
+    if unset is not None:
+        name = unset.group(1).strip("{}")
+        raise InputError(f"the environment variable {name} is not set; {_meaning(name)}", key=key)
+    for place in (folder / expanded, expanded):
+        if place.is_file():
+            return place
+    place = folder / expanded
+    if place.is_dir():
+        raise InputError(f"{expanded} is a folder; name a file in it", key=key)
+    names = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
+    hint = f"; {nearest(place.name, names)}" if names else ""
+    raise InputError(f"there is no file {expanded}{hint}", key=key)
+
+
+def read_text(file: Path) -> str:
+    """The text of a file in UTF-8.
+
+    Raises:
+        InputError: it cannot be read, is empty or is not UTF-8.
+    """
+    raw = read_bytes(file)
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x})", file=file, line=line) from None
+    if not text.strip():
+        raise InputError("the file is empty", file=file)
+    return text
+
+
+def _meaning(name: str) -> str:
+    if name == "TRACKBENCH_DATA":
+        return "it is the folder that holds recordings, such as udacity/obj_pose-laser-radar-synthetic-input.txt"
+    return "set it, or write the path without it"
+
+
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+#: Of times: nanoseconds since 1970 are 2e18.
+LARGEST = 1e30
+
+
+class Rows(NamedTuple):
+    """The columns of a table, as the file holds them."""
+
+    file: Path
+    columns: Mapping[str, Sequence[Any]]
+    lines: Sequence[int] | None
+    """The line of each row; None where the file has no lines."""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def error(self, row: int, message: str) -> InputError:
+        """What is wrong with a row (from 0)."""
+        if self.lines is None:
+            return InputError(f"row {row + 1}: {message}", file=self.file)
+        return InputError(message, file=self.file, line=self.lines[row])
+
+    def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
+        """A column of finite numbers in SI units and radians; NaN where it is empty or says so, if it may be.
+
+        Args:
+            column: its name.
+            factor: from its unit.
+            quantity: a key of ``jumps.LARGEST``.
+            optional: whether it may be empty.
+        """
+        values = np.empty(len(self))
+        for row, value in enumerate(self.columns[column]):
+            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value) * factor
+            problem = jumps.why_too_large(values[row], quantity)
+            if problem is not None:
+                raise self.error(row, f"{column} is {str(value)[:20]!r}: {problem}")
+        return values
+
+    def times(self, column: str) -> list[Decimal]:
+        """A column of times, exactly as written."""
+        times = []
+        for row, value in enumerate(self.columns[column]):
+            if abs(self._number(row, column, value)) > LARGEST:
+                raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
+            times.append(Decimal(value.strip() if isinstance(value, str) else value))
+        return times
+
+    def names(self, column: str) -> list[str]:
+        """A column of names, none of them empty."""
+        names = []
+        for row, value in enumerate(self.columns[column]):
+            if _empty(value):
+                raise self.error(row, f"{column} is empty, where the name of an object is expected")
+            names.append(str(value).strip())
+            problem = jumps.why_no_name(names[-1])
+            if problem is not None:
+                raise self.error(row, f"{column}: {problem}")
+        return names
+
+    def _number(self, row: int, column: str, value: Any) -> float:
+        if _empty(value):
+            raise self.error(row, f"{column} is empty, where a number is expected")
+        if isinstance(value, str):
+            number = float(value) if _NUMBER.fullmatch(value.strip()) else math.nan
+        else:
+            number = float(value) if isinstance(value, int | float | Decimal) else math.nan
+        if not math.isfinite(number):
+            raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
+        return number
+
+
+def read(file: Path, form: str, wanted: Iterable[str]) -> Rows:
+    """The columns of a file of the format "csv" or "parquet" that are wanted.
+
+    Raises:
+        InputError: the file cannot be read or has no such column, or no row.
+    """
+    names = list(dict.fromkeys(wanted))
+    rows = _csv(file, names) if form == "csv" else _parquet(file, names)
+    if not len(rows):
+        raise InputError("the file has no row of data", file=file)
+    return rows
+
+
+def _csv(file: Path, names: list[str]) -> Rows:
+    reader = csv.reader(read_text(file).splitlines(keepends=True), strict=True)
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    header: list[str] = []
+    try:
+        for row in reader:
+            if not any(cell.strip() for cell in row):
+                continue
+            if not header:
+                header = [name.strip() for name in row]
+                _require(names, header, file, reader.line_num)
+                continue
+            if len(row) != len(header):
+                message = f"{len(row)} columns, where the header has {len(header)}"
+                raise InputError(message, file=file, line=reader.line_num)
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise InputError(f"not valid CSV: {error}", file=file, line=reader.line_num) from None
+    columns = {name: [row[header.index(name)] for row in rows] for name in names}
+    return Rows(file, columns, lines)
+
+
+def _parquet(file: Path, names: list[str]) -> Rows:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        header = pq.read_schema(file).names
+        _require(names, header, file, None)
+        table = pq.read_table(file, columns=names)
+        columns = {name: table[name].to_pylist() for name in names}
+    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
+    return Rows(file, columns, None)
+
+
+def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
+    for name in names:
+        if name not in header:
+            raise InputError(f"there is no column {name!r}; {nearest(name, header)}", file=file, line=line)
+        if header.count(name) > 1:
+            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)
+
+
+def _empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value.strip())
+
+
+def _unknown(value: Any) -> bool:
+    """Empty, or "not a number": as programs write what they do not know."""
+    if isinstance(value, str):
+        return value.strip().lower() in ("", "nan")
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -38,12 +238,11 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    file = rows.find(config.path, folder, "truth.path")
     observer = columns.observer
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.given.values(), *(c for e in inside for c in _own(e, columns))]
     wanted += list(observer.given.values()) if observer is not None and observer.path is None else []
-    table = rows.read(file, config.format, [name for name in wanted if name is not None])
+    table = read(find(config.path, folder, "truth.path"), config.format, [name for name in wanted if name is not None])
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
@@ -53,9 +252,9 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     motions, order = _motions(table, columns, seconds, units)
     carrier = None
     if observer is not None and observer.path is not None:
-        other = rows.find(observer.path, folder, "truth.columns.observer.path")
         time = observer.time or columns.time
-        source = rows.read(other, config.format, [time, *observer.given.values()])
+        own_rows = find(observer.path, folder, "truth.columns.observer.path")
+        source = read(own_rows, config.format, [time, *observer.given.values()])
         times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
         carrier = observer_motion(source, observer, times, units)
     elif observer is not None:
@@ -65,15 +264,15 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     for name, entry in config.measurements.items():
         source, own_file = table, entry.path is not None
         if entry.path is not None:
-            other = rows.find(entry.path, folder, f"truth.readings.{name}.path")
-            source = rows.read(other, config.format, _own(entry, columns))
+            file = find(entry.path, folder, f"truth.readings.{name}.path")
+            source = read(file, config.format, _own(entry, columns))
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
         # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
         logs[name] = log._replace(scans=np.unique(times)) if own_file else log
-    return Drive(motions, order, carrier, logs, {"file": file.name, "rows": len(table)})
+    return Drive(motions, order, carrier, logs, {"file": table.file.name, "rows": len(table)})
 
 
 def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str]:

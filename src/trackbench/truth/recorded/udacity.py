@@ -15,7 +15,7 @@ from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.rows import find, read_text
+from trackbench.truth.recorded.table import find, read_text
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, counted
+from trackbench.base.errors import counted
 from trackbench.base.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
@@ -17,10 +16,8 @@ from trackbench.truth import jumps
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.recording import POLAR, MeasurementColumns
-from trackbench.truth.recorded import rows
-from trackbench.truth.recorded.drive import Motion, carrier, cycles, fixed, row_order
-from trackbench.truth.recorded.rows import Rows
-from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
+from trackbench.truth.recorded.drive import carrier, cycles, fixed, row_order, within
+from trackbench.truth.recorded.table import Rows, find, measured, observer_motion, read, seconds_from, time_stamps
 
 #: A slot that was empty for longer has another object afterwards, s.
 EMPTY_SLOT = 1.0
@@ -55,7 +52,7 @@ def load(
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
     tables = {
-        name: rows.read(rows.find(entry.path or "", folder, f"truth.readings.{name}.path"), config.format, _own(entry))
+        name: read(find(entry.path or "", folder, f"truth.readings.{name}.path"), config.format, _own(entry))
         for name, entry in config.measurements.items()
     }
     stamps = {
@@ -71,23 +68,17 @@ def load(
             raise tables[name].error(row, f"{entry.time}: {jumps.why_too_long(at[row])}")
         found[name] = _scans(tables[name], entry, at + entry.time_offset_s, config, kinds[name])
     times = np.unique(np.concatenate([of.time for of in found.values()]))
-    motion = None if config.ego is None else _ego(config, folder, start)
     observer = fixed(config.observer, len(times))
-    if motion is not None:
-        times = times[_known(times, motion)]
+    if config.ego is not None:
+        columns, units = config.ego, config.units
+        file = find(columns.path or "", folder, "truth.ego.path")
+        table = read(file, config.format, [columns.time or "", *columns.given.values()])
+        own_stamps = time_stamps(table, columns.time or "", units.factor("time", columns.units.get("time")))
+        motion = observer_motion(table, columns, seconds_from(start, own_stamps), units)
+        times = within(times, motion, "measurements", "truth.ego")
         observer = carrier(motion, times)
     detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in found.items()}
     return _no_objects(config, times, observer), detections, tuple(_notes(found, times))
-
-
-def _ego(config: RecordingOptions, folder: Path, start: Decimal) -> Motion:
-    """The motion of what carries the sensors."""
-    columns = config.ego
-    assert columns is not None
-    file = rows.find(columns.path or "", folder, "truth.ego.path")
-    table = rows.read(file, config.format, [columns.time or "", *columns.given.values()])
-    stamps = time_stamps(table, columns.time or "", config.units.factor("time", columns.units.get("time")))
-    return observer_motion(table, columns, seconds_from(start, stamps), config.units)
 
 
 def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
@@ -186,21 +177,6 @@ def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float)
         own_track=of.own_track[kept],
         copies=int((~kept).sum()),
     )
-
-
-def _known(times: Array, motion: Motion) -> Mask:
-    """Which of the times lie within those at which the observer is known.
-
-    Raises:
-        InputError: none.
-    """
-    first, last = float(motion.time[0]), float(motion.time[-1])
-    known = (times >= first) & (times <= last)
-    if not known.any():
-        span = f"from {times[0]:g} to {times[-1]:g} s"
-        message = f"it is known from {first:g} to {last:g} s, and the measurements {span}: check the units of time"
-        raise InputError(message, key="truth.ego")
-    return np.asarray(known)
 
 
 def _notes(found: Mapping[str, _Scans], times: Array) -> Iterator[str]:
