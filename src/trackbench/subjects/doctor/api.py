@@ -30,7 +30,7 @@ from trackbench.subjects.doctor.replay import examination_replay
 from trackbench.subjects.doctor.report import examination_document, text
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import ExaminedTracker, subject
-from trackbench.subjects.doctor.traffic import Follower, TrafficDoctor
+from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
 from trackbench.testing.rules import Identities, answers
 from trackbench.testing.tracker import drive
 from trackbench.testing.tracks import hidden_drive
@@ -52,8 +52,8 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
         return (session.step(scan) is not None for scan in scans)
 
     def of_several() -> Iterator[bool]:
-        follower = Follower(subject(target, options, None, isolation, "hidden").make)
-        return (len(follower.step(scan).ids) > 0 for scan in hidden_drive())
+        session = MultiObjectSession(subject(target, options, None, isolation, "hidden").make)
+        return (len(session.step(scan).ids) > 0 for scan in hidden_drive())
 
     if hidden:
         return f"{target} follows one object: choose known" if answers(of_one) else ""

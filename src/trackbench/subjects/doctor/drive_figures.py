@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -213,8 +213,8 @@ def _largest(distance: Array, run: EvidenceRun) -> str:
 
 
 def _share(within: Mask, values: Array) -> str:
-    known = np.isfinite(values)
-    return percent(float(np.mean(within[known]))) if known.any() else "unknown"
+    finite = np.isfinite(values)
+    return percent(float(np.mean(within[finite]))) if finite.any() else "unknown"
 
 
 def _identity(name: str) -> str:
@@ -261,16 +261,23 @@ def over_time_figure(name: str, exhibit: OverTime) -> Figure:
     if exhibit.marked is not None:
         tooltips["marked"] = f"{exhibit.marked[0]:g} to {exhibit.marked[1]:g} s"
         entries.append(LegendEntry(tooltips["marked"], TRACKER, "band"))
-    return Figure(
-        name,
-        exhibit.title,
-        caption,
-        f"{exhibit.title}. {caption}",
-        paint,
-        max(_LEAST, _COURSE * len(exhibit.courses)),
-        legend=tuple(entries),
-        tooltips=tooltips,
-    )
+    height = max(_LEAST, _COURSE * len(exhibit.courses))
+    return captioned_figure(name, exhibit.title, caption, paint, height, tuple(entries), tooltips)
+
+
+def captioned_figure(
+    name: str,
+    title: str,
+    caption: str,
+    paint: Callable[[Canvas], None],
+    height: float,
+    legend: tuple[LegendEntry, ...] = (),
+    tooltips: Mapping[str, str] | None = None,
+    note: str = "",
+) -> Figure:
+    """The figure of an exhibit; ``note`` is the end of its caption that its alternative text does not have."""
+    alternative = f"{title}. {caption}"
+    return Figure(name, title, caption + note, alternative, paint, height, legend=legend, tooltips=tooltips or {})
 
 
 def _span(exhibit: OverTime) -> tuple[float, float]:
@@ -314,5 +321,5 @@ def _course_text(exhibit: OverTime, course: Course) -> str:
 
 
 def _mean(values: Array) -> str:
-    known = values[np.isfinite(values)]
-    return f"{known.mean():.3g}" if known.size else "nan"
+    finite = values[np.isfinite(values)]
+    return f"{finite.mean():.3g}" if finite.size else "nan"

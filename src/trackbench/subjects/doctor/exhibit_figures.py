@@ -17,7 +17,7 @@ from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import DASHED, INK, MARKERS, MUTED, WIDTH
 from trackbench.document.margins import text_width
 from trackbench.metrics.consistency import point95
-from trackbench.subjects.doctor.drive_figures import REFERENCE, TRACKER, over_time_figure
+from trackbench.subjects.doctor.drive_figures import REFERENCE, TRACKER, captioned_figure, over_time_figure
 from trackbench.subjects.doctor.exhibits import (
     STATE,
     Covariances,
@@ -101,16 +101,10 @@ def _beliefs_figure(
             _fit_equal(axes, draw(axes, drawn, plane))
 
     caption = " ".join(text(drawn, part) for part in parts)
-    return Figure(
-        name,
-        exhibit.title,
-        f"{caption} Ellipses: 95 %.",
-        f"{exhibit.title}. {caption}",
-        paint,
-        _ONE if len(parts) == 1 else _TWO,
-        legend=tuple(LegendEntry(belief.name, _COLOURS[role], marks[role]) for role, belief in drawn.items()),
-        tooltips={f"shown-{role}": belief.name for role, belief in drawn.items()},
-    )
+    legend = tuple(LegendEntry(belief.name, _COLOURS[role], marks[role]) for role, belief in drawn.items())
+    tooltips = {f"shown-{role}": belief.name for role, belief in drawn.items()}
+    height = _ONE if len(parts) == 1 else _TWO
+    return captioned_figure(name, exhibit.title, caption, paint, height, legend, tooltips, note=" Ellipses: 95 %.")
 
 
 def _covariances_figure(name: str, exhibit: Covariances) -> Figure:
@@ -212,16 +206,8 @@ def _points_figure(name: str, exhibit: Points) -> Figure:
     if mine is not None:
         entries.append(LegendEntry(mine.name, TRACKER, "dash"))
     caption = _points_text(exhibit)
-    return Figure(
-        name,
-        exhibit.title,
-        caption,
-        f"{exhibit.title}. {caption}",
-        paint,
-        _POINTS,
-        legend=tuple(entries),
-        tooltips={"shown-tracker": exhibit.name, "shown-right": exhibit.right_name},
-    )
+    tooltips = {"shown-tracker": exhibit.name, "shown-right": exhibit.right_name}
+    return captioned_figure(name, exhibit.title, caption, paint, _POINTS, tuple(entries), tooltips)
 
 
 def _points_text(exhibit: Points) -> str:
@@ -261,12 +247,9 @@ class _Placed(NamedTuple):
     panel: Panel
     texts: list[list[str]]
     """Of the entries, by row."""
-    left: float
     top: float
     edges: list[float]
     """Of the columns, from left to right."""
-    named: bool
-    """Whether the names of the rows stand to its left."""
 
 
 def _matrices_figure(name: str, exhibit: Matrices) -> Figure:
@@ -279,7 +262,7 @@ def _matrices_figure(name: str, exhibit: Matrices) -> Figure:
         axes = canvas.add_axes((0, 1 - height / whole, 1, height / whole), xlim=(0, width), ylim=(height, 0))
         axes.axis("off")
         for k, matrix in enumerate(placed):
-            _draw_matrix(axes, exhibit, matrix, k)
+            _draw_matrix(axes, exhibit, matrix, k, rows_named=matrix.edges[0] == placed[0].edges[0])
 
     entries = "; ".join(_entry(exhibit, i, j, exhibit.panels) for i, j in exhibit.marked[:_SAID])
     more = "; ..." if len(exhibit.marked) > _SAID else ""
@@ -289,7 +272,7 @@ def _matrices_figure(name: str, exhibit: Matrices) -> Figure:
         for k, panel in enumerate(exhibit.panels)
         for i, j in exhibit.marked
     }
-    return Figure(name, exhibit.title, caption, f"{exhibit.title}. {caption}", paint, height, tooltips=tooltips)
+    return captioned_figure(name, exhibit.title, caption, paint, height, tooltips=tooltips)
 
 
 def _places(exhibit: Matrices) -> Iterator[_Placed]:
@@ -306,7 +289,7 @@ def _places(exhibit: Matrices) -> Iterator[_Placed]:
         if left > begin and left + sum(widths) > WIDTH:
             left, top = begin, top + (len(exhibit.rows) + 2) * _ROW + 0.5 * _GAP
         edges = [float(edge) for edge in left + np.cumsum([0.0, *widths])]
-        yield _Placed(panel, texts, left, top, edges, left == begin)
+        yield _Placed(panel, texts, top, edges)
         left = edges[-1] + _GAP
 
 
@@ -321,17 +304,15 @@ def _texts(values: np.ndarray, digits: int) -> list[list[str]]:
     return [[number(float(value)) for value in row] for row in values]
 
 
-def _draw_matrix(axes: Axes, exhibit: Matrices, matrix: _Placed, k: int) -> None:
+def _draw_matrix(axes: Axes, exhibit: Matrices, matrix: _Placed, k: int, *, rows_named: bool) -> None:
     colour, edges = _COLOURS[matrix.panel.role], matrix.edges
     first, last = matrix.top + 2 * _ROW, matrix.top + (2 + len(exhibit.rows)) * _ROW
-    axes.text(
-        matrix.left, matrix.top + 0.5 * _ROW, matrix.panel.title, color=colour, size=_SIZE, va="center", weight="bold"
-    )
+    axes.text(edges[0], first - 1.5 * _ROW, matrix.panel.title, color=colour, size=_SIZE, va="center", weight="bold")
     for column, right in zip(exhibit.columns, edges[1:], strict=True):
-        axes.text(right - 4, matrix.top + 1.5 * _ROW, column, color=MUTED, size=_SIZE, ha="right", va="center")
+        axes.text(right - 4, first - 0.5 * _ROW, column, color=MUTED, size=_SIZE, ha="right", va="center")
     for i, (row, texts) in enumerate(zip(exhibit.rows, matrix.texts, strict=True)):
         middle = first + (i + 0.5) * _ROW
-        if matrix.named:
+        if rows_named:
             axes.text(2, middle, row, color=MUTED, size=_SIZE, va="center")
         for j, text in enumerate(texts):
             if (i, j) in exhibit.marked:

@@ -162,9 +162,9 @@ def _verdict(examination: Examination) -> Iterator[Block]:
 
 
 def _findings(examination: Examination) -> Iterator[Block]:
-    known = known_faults()
+    faults = known_faults()
     for number, finding in enumerate(_roots(examination), 1):
-        fault = known[finding.fault]
+        fault = faults[finding.fault]
         advice: Block = Items(
             (Item(finding.evidence, "Evidence"), Item(fault.where, "Where to look"), Item(fault.fix, "Fix"))
         )
@@ -172,7 +172,7 @@ def _findings(examination: Examination) -> Iterator[Block]:
             advice = Row((exhibit_figure(f"finding-{number}", finding.exhibit), advice))
         yield Section(f"{number}. {fault.title}", (Paragraph(_facts(finding)), advice))
     caused = [
-        Item(f"{finding.evidence} (of {finding.consequence_of})", known[finding.fault].title)
+        Item(f"{finding.evidence} (of {finding.consequence_of})", faults[finding.fault].title)
         for finding in _consequences(examination)
     ]
     if caused:
@@ -180,9 +180,9 @@ def _findings(examination: Examination) -> Iterator[Block]:
 
 
 def _drive(run: EvidenceRun) -> Iterator[Block]:
-    known = known_faults()
+    faults = known_faults()
     if run.findings:
-        yield Paragraph(f"It shows: {'; '.join(known[finding.fault].title for finding in run.findings)}.")
+        yield Paragraph(f"It shows: {'; '.join(faults[finding.fault].title for finding in run.findings)}.")
     yield Row(tuple(figures(run)))
 
 

@@ -91,7 +91,7 @@ class Site:
         return self.ideal(mean), covariance, gain
 
 
-class Follower:
+class MultiObjectSession:
     """A tracker on its way through scans."""
 
     def __init__(self, make: Make) -> None:
@@ -189,8 +189,8 @@ class TrafficDoctor:
 
 def _begins(make: Make, site: Site) -> bool:
     """Whether detections of one object make a track at all."""
-    follower = Follower(make)
-    return any(len(follower.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
+    session = MultiObjectSession(make)
+    return any(len(session.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
 
 
 def _played(scene: str, play: Callable[..., Any], make: Make, sites: Site | list[Site]) -> Any:

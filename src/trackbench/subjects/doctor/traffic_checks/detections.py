@@ -15,8 +15,8 @@ from trackbench.subjects.doctor.traffic import (
     NEAR,
     OBJECTS,
     RATE,
-    Follower,
     Make,
+    MultiObjectSession,
     Site,
     distances,
     moved,
@@ -73,9 +73,9 @@ def _steps(make: Make, site: Site, objects: Array, distance: float, alone: bool 
 
 def _step(make: Make, site: Site, target: Array, component: int, distance: float) -> tuple[float, int]:
     """The longest step of the tracks on an object, and how many there are."""
-    follower, left = Follower(make), round(SETTLED * RATE)
+    session, left = MultiObjectSession(make), round(SETTLED * RATE)
     for scan in site.exact(target[:, None], AWAITED):
-        tracks = follower.step(scan)
+        tracks = session.step(scan)
         column = nearest(tracks, moved(target, scan.time))
         left -= column is not None
         if left == 0:
@@ -85,7 +85,7 @@ def _step(make: Make, site: Site, target: Array, component: int, distance: float
     expected, covariance, gain = site.expected(tracks, column)
     away = linalg.cholesky(covariance).lower()[:, component] * np.sqrt(distance)
     detection = (expected + away)[:, None]
-    after = follower.step(scan._replace(measurement=detection, valid=np.ones(1, dtype=bool)))
+    after = session.step(scan._replace(measurement=detection, valid=np.ones(1, dtype=bool)))
     _, before, behind = np.intersect1d(tracks.ids, after.ids, return_indices=True)
     steps = np.hypot(*(after.mean[:2, behind] - tracks.mean[:2, before]))
     count = int((distances(tracks, moved(target, scan.time)[:, None]) < NEAR).sum())
@@ -158,9 +158,9 @@ class _Track:
     @classmethod
     def of_one_object(cls, make: Make, site: Site) -> _Track | None:
         """As late as its existence is not certain; None: there is none."""
-        scans, follower, track = site.exact(OBJECTS[:, :1], FOLLOWED), Follower(make), None
+        scans, session, track = site.exact(OBJECTS[:, :1], FOLLOWED), MultiObjectSession(make), None
         for count, scan in enumerate(scans, start=1):
-            tracks = follower.step(scan)
+            tracks = session.step(scan)
             column = nearest(tracks, moved(OBJECTS[:, 0], scan.time))
             if column is not None and tracks.existence is not None and CERTAIN < 1 - tracks.existence[column] < 1:
                 track = cls(make, site, scans[:count], tracks, column)
@@ -168,11 +168,7 @@ class _Track:
 
     def odds(self, scan: Scan | None = None) -> float | None:
         """After one more scan, if any; None: there is no track any more."""
-        tracks = self.tracks
-        if scan is not None:
-            follower = Follower(self.make)
-            follower.follow(self.scans)
-            tracks = follower.step(scan)
+        tracks = self.tracks if scan is None else MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
         column = nearest(tracks, self.tracks.mean[:2, self.column])
         if column is None or tracks.existence is None:
             return None

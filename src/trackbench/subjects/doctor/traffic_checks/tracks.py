@@ -8,7 +8,17 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask, Scan, Tracks
 from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
-from trackbench.subjects.doctor.traffic import NEAR, OBJECTS, RATE, Follower, Make, Site, distances, moved, note
+from trackbench.subjects.doctor.traffic import (
+    NEAR,
+    OBJECTS,
+    RATE,
+    Make,
+    MultiObjectSession,
+    Site,
+    distances,
+    moved,
+    note,
+)
 
 #: Longest time until a track is confirmed whose object every scan detects, and until one without detections ends, s.
 LATEST, LONGEST = 1.0, 3.0
@@ -25,7 +35,7 @@ EMPTY, COMING = 3, 8
 def following(make: Make, site: Site) -> PartResult:
     """Three objects far apart, each detected in every scan."""
     scans = site.scans(OBJECTS, 0.0, 3.0, np.random.default_rng(1))
-    count = _on_objects(Follower(make).follow(scans), scans)
+    count = _on_objects(MultiObjectSession(make).follow(scans), scans)
     first = np.array([np.argmax(own > 0) if own.any() else len(own) for own in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
     text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
@@ -38,18 +48,20 @@ def together(make: Make, sites: Sequence[Site]) -> PartResult:
     random, seconds = np.random.default_rng(2), 2.0
     parts = (site.scans(OBJECTS, k / RATE / len(sites), seconds, random) for k, site in enumerate(sites))
     scans = [scan for instant in zip(*parts, strict=True) for scan in instant]
-    return _single_tracks(PartResult(), "double_tracks.together", _on_objects(Follower(make).follow(scans), scans))
+    return _single_tracks(
+        PartResult(), "double_tracks.together", _on_objects(MultiObjectSession(make).follow(scans), scans)
+    )
 
 
 def false_alarms(make: Make, site: Site) -> PartResult:
     """Detections of nothing, one a scan, each at another place."""
     random = np.random.default_rng(3)
     count, angle = 120, 2.399963
-    follower, ids = Follower(make), set()
+    session, ids = MultiObjectSession(make), set()
     for k in range(count):
         r = 20 + 120 * ((0.618034 * k) % 1)
         place = np.array([[r * np.cos(angle * k)], [r * np.sin(angle * k)], [0.0], [0.0]])
-        ids |= set(follower.step(site.scan(k / RATE, site.detections(place, 0.0, random), random)).ids.tolist())
+        ids |= set(session.step(site.scan(k / RATE, site.detections(place, 0.0, random), random)).ids.tolist())
     text = f"{len(ids)} tracks of {count} false alarms, each at another place"
     return note(PartResult(), "false_alarms", len(ids) <= FALSE_TRACKS * count, text, "confirms_too_soon")
 
@@ -57,14 +69,14 @@ def false_alarms(make: Make, site: Site) -> PartResult:
 def leaving(make: Make, site: Site) -> PartResult:
     """An object goes and others stay; they go; twice others come elsewhere."""
     random, stay, away = np.random.default_rng(4), 2.0, LONGEST + 0.5
-    follower, result = Follower(make), PartResult()
-    before = follower.follow(site.scans(OBJECTS, 0.0, stay, random))[-1]
+    session, result = MultiObjectSession(make), PartResult()
+    before = session.follow(site.scans(OBJECTS, 0.0, stay, random))[-1]
     if not len(before.ids):
         return result
     others = _later(site.scans(moved(OBJECTS[:, 1:], stay), 0.0, away, random), stay)
-    fewer = follower.follow(others)
+    fewer = session.follow(others)
     stale = [(~_on(tracks, moved(OBJECTS[:, 1:], scan.time))).any() for tracks, scan in zip(fewer, others, strict=True)]
-    none = _until_none(follower, site.none(stay + away, away, random))
+    none = _until_none(session, site.none(stay + away, away, random))
     lasted = [sum(stale) / RATE, sum(len(tracks.ids) > 0 for tracks in none) / RATE]
     text = (
         f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected, "
@@ -76,8 +88,8 @@ def leaving(make: Make, site: Site) -> PartResult:
     for turn in (0.0, 0.4):
         angle = turn + 2 * np.pi * np.arange(COMING) / COMING
         ring = np.array([70 * np.cos(angle), 70 * np.sin(angle), 5 * np.cos(angle), 5 * np.sin(angle)])
-        wave = follower.follow(_later(site.scans(ring, 0.0, LATEST, random), time))
-        gone = _until_none(follower, site.none(time + LATEST, away, random))
+        wave = session.follow(_later(site.scans(ring, 0.0, LATEST, random), time))
+        gone = _until_none(session, site.none(time + LATEST, away, random))
         ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved(ring, LATEST / 2))].tolist()}
         again, count = again + len(ids & earlier), count + len(ids)
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
@@ -99,7 +111,7 @@ def order(make: Make, site: Site) -> PartResult:
         scans = site.scans(close, 0.0, 1.5, random)
         # Not only the other way round: a track that takes the detection in its own column would not tell.
         mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
-        changed = changed or _difference(Follower(make).follow(scans), Follower(make).follow(mixed))
+        changed = changed or _difference(MultiObjectSession(make).follow(scans), MultiObjectSession(make).follow(mixed))
     text = f"the same detections in another order give {changed or 'the same tracks'}"
     return note(PartResult(), "order", not changed, text, "order_dependent")
 
@@ -120,14 +132,14 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
 
 def empty_scan(make: Make, site: Site) -> PartResult:
     """A few empty scans after objects that every scan detected."""
-    follower = Follower(make)
+    session = MultiObjectSession(make)
     scans = site.exact(OBJECTS, 2.0)
-    last = follower.follow(scans)[-1]
+    last = session.follow(scans)[-1]
     if not len(last.ids):
         return PartResult()
     worst, text = -1.0, "at empty scans there are no tracks"
     for scan in site.none(scans[-1].time + 1 / RATE, EMPTY / RATE, np.random.default_rng(0)):
-        tracks, elapsed = follower.step(scan), scan.time - scans[-1].time
+        tracks, elapsed = session.step(scan), scan.time - scans[-1].time
         if not len(tracks.ids):
             continue
         # Of the tracks' own velocities: what they should have become is known without an error.
@@ -164,11 +176,11 @@ def _on(tracks: Tracks, objects: Array) -> Mask:
     return np.asarray((distances(tracks, objects) < NEAR).any(axis=1))
 
 
-def _until_none(follower: Follower, scans: Sequence[Scan]) -> list[Tracks]:
+def _until_none(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Tracks]:
     """The tracks after each scan, until there is none."""
     answers: list[Tracks] = []
     for scan in scans:
-        answers.append(follower.step(scan))
+        answers.append(session.step(scan))
         if not len(answers[-1].ids):
             break
     return answers
