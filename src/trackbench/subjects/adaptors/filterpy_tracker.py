@@ -47,16 +47,16 @@ KINDS: dict[type, Kind] = {
 }
 
 
-def kind_of(found: Any, options: FilterPyOptions) -> type:
+def kind_of(filter_: Any, options: FilterPyOptions) -> type:
     """The class of a filter, the options held against it.
 
     Raises:
         InputError: it is no filter that this adaptor knows, or an option does not go with it.
     """
-    kind = next((kind for kind in KINDS if isinstance(found, kind)), None)
+    kind = next((kind for kind in KINDS if isinstance(filter_, kind)), None)
     if kind is None:
-        known = ", ".join(kind.__name__ for kind in KINDS)
-        raise InputError(f"filter: {options.filter!r} gives a {type(found).__name__}, not one of {known}")
+        names = ", ".join(kind.__name__ for kind in KINDS)
+        raise InputError(f"filter: {options.filter!r} gives a {type(filter_).__name__}, not one of {names}")
     takes = KINDS[kind]
     _only(options.model_fields_set, (*COMMON, *takes.options), kind, "")
     for name, sensor in (options.sensors or {}).items():
@@ -79,8 +79,8 @@ def kind_of(found: Any, options: FilterPyOptions) -> type:
     return kind
 
 
-def _only(given: set[str], used: tuple[str, ...], kind: type, where: str) -> None:
-    for key in sorted(given - set(used)):
+def _only(keys: set[str], used: tuple[str, ...], kind: type, where: str) -> None:
+    for key in sorted(keys - set(used)):
         raise InputError(f"{where}{key}: not used with {kind.__name__}, which takes {', '.join(used)}")
 
 
@@ -107,7 +107,7 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
     # A linear filter can be given nothing but a position, unless the user says what its own H is of.
     usual = POSITION if kind is KalmanFilter else None
 
-    def found(name: str, sensor: FilterPySensor) -> SensorUse:
+    def use_of(name: str, sensor: FilterPySensor) -> SensorUse:
         def of(key: str) -> Callable[..., Array] | None:
             reference = getattr(sensor, key)
             return None if reference in (None, OWN) else function(f"sensors.{name}.{key}", reference)
@@ -125,7 +125,7 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
 
     if options.sensors is None:
         return SensorUse(Reader(layout, usual))
-    return {name: found(name, sensor) for name, sensor in options.sensors.items()}
+    return {name: use_of(name, sensor) for name, sensor in options.sensors.items()}
 
 
 #: The interval with which a user's function is tried, s.
@@ -135,9 +135,9 @@ TRIAL_DT = 0.1
 class FilterPyTracker(AdaptedTracker):
     """Runs a copy of the user's filter; every step works on a copy of the one before."""
 
-    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
+    def __init__(self, options: FilterPyOptions, kind: type, filter_: Any) -> None:
         super().__init__(options)
-        self._filter = found
+        self._filter = filter_
         self._sensing = sensing(options, kind, self.layout)
         self._noise = self._matrix("process_noise", options.process_noise)
 
@@ -207,28 +207,28 @@ class FilterPyTracker(AdaptedTracker):
         return lambda _, dt: np.asarray(call(dt), dtype=float)
 
 
-def tracker(given: Mapping[str, Any]) -> FilterPyTracker:
+def tracker(values: Mapping[str, Any]) -> FilterPyTracker:
     """The tracker that the options describe.
 
     Raises:
         InputError: they do not fit the filter; says how.
         ValidationError: they are not valid by themselves.
     """
-    options = FilterPyOptions.model_validate(given)
-    found = made("filter", options.filter, options.filter_options, lambda item: isinstance(item, tuple(KINDS)))
-    kind = kind_of(found, options)
-    size, named = np.size(found.x), len(options.state)
-    if size != named or np.shape(found.P) != (named, named):
-        sizes = f"x has {size} components and P the shape {np.shape(found.P)}"
+    options = FilterPyOptions.model_validate(values)
+    filter_ = made("filter", options.filter, options.filter_options, lambda item: isinstance(item, tuple(KINDS)))
+    kind = kind_of(filter_, options)
+    size, named = np.size(filter_.x), len(options.state)
+    if size != named or np.shape(filter_.P) != (named, named):
+        sizes = f"x has {size} components and P the shape {np.shape(filter_.P)}"
         raise InputError(f"state: names {named} components, but the filter's {sizes}")
-    return TRACKERS[kind](options, kind, copy.deepcopy(found))
+    return TRACKERS[kind](options, kind, copy.deepcopy(filter_))
 
 
 class MatrixTracker(FilterPyTracker):
     """Runs a filter that predicts with the matrix F."""
 
-    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
-        super().__init__(options, kind, found)
+    def __init__(self, options: FilterPyOptions, kind: type, filter_: Any) -> None:
+        super().__init__(options, kind, filter_)
         self._f = self._matrix("transition", options.transition)
 
     def transition_jacobian(self, x: Array, dt: float) -> Array:
@@ -258,9 +258,9 @@ class MatrixTracker(FilterPyTracker):
 class LinearTracker(MatrixTracker):
     """Runs a ``KalmanFilter``: its own H, or that of a position where it has none."""
 
-    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
-        super().__init__(options, kind, found)
-        self._own_h = np.array(found.H, dtype=float) if np.any(found.H) else None
+    def __init__(self, options: FilterPyOptions, kind: type, filter_: Any) -> None:
+        super().__init__(options, kind, filter_)
+        self._own_h = np.array(filter_.H, dtype=float) if np.any(filter_.H) else None
         for how in self._sensing.values() if isinstance(self._sensing, dict) else [self._sensing]:
             names = ("px", "py") if how.reader.take == POSITION else tuple(how.reader.take or ())
             if self._own_h is None and how.reader.take != POSITION:
@@ -283,8 +283,8 @@ class LinearTracker(MatrixTracker):
 class ExtendedTracker(MatrixTracker):
     """Runs an ``ExtendedKalmanFilter``."""
 
-    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
-        super().__init__(options, kind, found)
+    def __init__(self, options: FilterPyOptions, kind: type, filter_: Any) -> None:
+        super().__init__(options, kind, filter_)
         self._fx = None if options.fx is None else function("fx", options.fx)
 
     def _moved(self, x: Array, dt: float) -> Array:

@@ -147,10 +147,10 @@ def function(option: str, reference: str) -> Callable[..., Any]:
     Raises:
         InputError: it cannot be imported, or is not a function.
     """
-    found = named(option, reference)
-    if not callable(found):
+    call = named(option, reference)
+    if not callable(call):
         raise InputError(f"{option}: {reference!r} is not a function")
-    return found  # type: ignore[no-any-return]
+    return call  # type: ignore[no-any-return]
 
 
 def made(option: str, reference: str, arguments: Mapping[str, Any], kind: Callable[[Any], bool]) -> Any:
@@ -165,15 +165,15 @@ def made(option: str, reference: str, arguments: Mapping[str, Any], kind: Callab
     Raises:
         InputError: it cannot be imported or made.
     """
-    found = named(option, reference)
-    if kind(found):
+    value = named(option, reference)
+    if kind(value):
         if arguments:
             raise InputError(f"{option}_options: {reference!r} is an object, not a function that would take them")
-        return found
-    if not callable(found):
-        return found
+        return value
+    if not callable(value):
+        return value
     try:
-        return found(**arguments)
+        return value(**arguments)
     except (Exception, SystemExit) as error:
         raise InputError(f"{option}: {reference!r} raises {type(error).__name__}: {error}") from error
 

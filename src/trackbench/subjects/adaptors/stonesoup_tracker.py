@@ -125,19 +125,19 @@ def with_noise(model: Any, noise: Array) -> Any:
     return changed
 
 
-def require_pair(found: Any, options: StoneSoupOptions) -> tuple[Any, Any, Any]:
+def require_pair(pair: Any, options: StoneSoupOptions) -> tuple[Any, Any, Any]:
     """Predictor, updater and, where there is one, the first state.
 
     Raises:
         InputError: they are something else, or the options do not fit them.
     """
     kinds: tuple[Any, ...] = (KalmanPredictor, KalmanUpdater, (GaussianState, SqrtGaussianState))
-    sizes = isinstance(found, tuple | list) and len(found) in (2, 3)
-    if not sizes or not all(isinstance(item, kind) for item, kind in zip(found, kinds, strict=False)):
+    sizes = isinstance(pair, tuple | list) and len(pair) in (2, 3)
+    if not sizes or not all(isinstance(item, kind) for item, kind in zip(pair, kinds, strict=False)):
         what = "a KalmanPredictor, a KalmanUpdater and, where the track starts from it, a GaussianState"
-        shown = ", ".join(type(item).__name__ for item in found) if sizes else type(found).__name__
+        shown = ", ".join(type(item).__name__ for item in pair) if sizes else type(pair).__name__
         raise InputError(f"pair: {options.pair!r} gives {shown}, not {what}")
-    predictor, updater, first = (*found, None)[:3]
+    predictor, updater, first = (*pair, None)[:3]
     named = len(options.state)
     if predictor.transition_model.ndim_state != named:
         size = predictor.transition_model.ndim_state
@@ -159,18 +159,18 @@ def require_pair(found: Any, options: StoneSoupOptions) -> tuple[Any, Any, Any]:
     return predictor, updater, first
 
 
-def require_model(found: Any, option: str, reference: str, size: int) -> Any:
+def require_model(model: Any, option: str, reference: str, size: int) -> Any:
     """A measurement model, or a function of a scan that gives one.
 
     Raises:
         InputError: it is neither, or of another state.
     """
-    if isinstance(found, MeasurementModel):
-        if found.ndim_state != size:
-            raise InputError(f"{option}: {reference!r} is of a state of {found.ndim_state} components, not {size}")
-    elif isinstance(found, type) or not callable(found):
+    if isinstance(model, MeasurementModel):
+        if model.ndim_state != size:
+            raise InputError(f"{option}: {reference!r} is of a state of {model.ndim_state} components, not {size}")
+    elif isinstance(model, type) or not callable(model):
         raise InputError(f"{option}: {reference!r} is no MeasurementModel and no function of a scan that gives one")
-    return found
+    return model
 
 
 def _fixed(model: Any) -> bool:
@@ -185,20 +185,20 @@ EPOCH = datetime(2000, 1, 1)
 class Model(NamedTuple):
     """Where a sensor's measurement model comes from; None: trackbench's own."""
 
-    given: Any
+    source: Any
     options: StoneSoupSensor
 
 
-def tracker(given: Mapping[str, Any]) -> StoneSoupTracker:
+def tracker(values: Mapping[str, Any]) -> StoneSoupTracker:
     """The tracker that the options describe.
 
     Raises:
         InputError: they do not fit the pair; says how.
         ValidationError: they are not valid by themselves.
     """
-    options = StoneSoupOptions.model_validate(given)
-    found = made("pair", options.pair, options.pair_options, lambda item: isinstance(item, tuple | list))
-    return StoneSoupTracker(options, *copy.deepcopy(require_pair(found, options)))
+    options = StoneSoupOptions.model_validate(values)
+    pair = made("pair", options.pair, options.pair_options, lambda item: isinstance(item, tuple | list))
+    return StoneSoupTracker(options, *copy.deepcopy(require_pair(pair, options)))
 
 
 class StoneSoupTracker(AdaptedTracker):
@@ -207,7 +207,7 @@ class StoneSoupTracker(AdaptedTracker):
     def __init__(self, options: StoneSoupOptions, predictor: Any, updater: Any, first: Any) -> None:
         super().__init__(options)
         self._predictor, self._updater, self._first = predictor, updater, first
-        self._models = {name: self._found(name, sensor) for name, sensor in (options.sensors or {}).items()}
+        self._models = {name: self._model_of(name, sensor) for name, sensor in (options.sensors or {}).items()}
 
     def transition_jacobian(self, x: Array, dt: float) -> Array:
         """``(n, n)`` what the transition model takes for its derivative."""
@@ -259,35 +259,35 @@ class StoneSoupTracker(AdaptedTracker):
         innovation = np.array(measurement - expected.state_vector, dtype=float).reshape(-1)
         return Updated(_kept(posterior, belief.timestamp), innovation, np.array(expected.covar, dtype=float))
 
-    def _found(self, name: str, sensor: StoneSoupSensor) -> Model:
+    def _model_of(self, name: str, sensor: StoneSoupSensor) -> Model:
         reference, option = sensor.measurement_model, f"sensors.{name}.measurement_model"
         if reference is None:
             return Model(None, sensor)
-        given = self._updater.measurement_model if reference == OWN else named(option, reference)
-        found = require_model(given, option, reference, len(self.layout.names))
-        if isinstance(found, MeasurementModel):
+        source = self._updater.measurement_model if reference == OWN else named(option, reference)
+        model = require_model(source, option, reference, len(self.layout.names))
+        if isinstance(model, MeasurementModel):
             try:
-                taken = measured(found, sensor.measurement)
+                taken = measured(model, sensor.measurement)
             except TrackbenchError as error:
                 raise InputError(f"sensors.{name}.{error}") from None
-            if taken != POSITION and sensor.pose != OWN and not hasattr(found, "translation_offset"):
+            if taken != POSITION and sensor.pose != OWN and not hasattr(model, "translation_offset"):
                 what = f"{reference!r} cannot be put where the sensor is"
                 raise InputError(f"sensors.{name}.pose: {what}: use pose: own, or a function that is given the scan")
         elif sensor.pose is not None:
             raise InputError(f"sensors.{name}.pose: not used: {reference!r} is given the scan, and its pose; remove it")
-        return Model(found, sensor)
+        return Model(model, sensor)
 
     def _model(self, scan: Scan) -> tuple[Any, Reader]:
         """The measurement model at a scan, and the part of the measurement that it is of."""
-        given, options = of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
-        if given is None:
+        source, options = of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
+        if source is None:
             reader = Reader(self.layout, options.measurement)
             noise = reader.measurement(scan).covariance
             return SensorMeasurement(len(self.layout.names), (), noise, reader=reader, scan=scan), reader
-        if isinstance(given, MeasurementModel):
-            model = given if options.pose == OWN else placed(given, scan)
+        if isinstance(source, MeasurementModel):
+            model = source if options.pose == OWN else placed(source, scan)
         else:
-            model = given(scan)
+            model = source(scan)
         reader = Reader(self.layout, measured(model, options.measurement))
         return with_noise(model, reader.measurement(scan).covariance) if options.states_noise else model, reader
 
@@ -296,8 +296,8 @@ def _date(time: float) -> datetime:
     return EPOCH + timedelta(seconds=time)
 
 
-def _kept(found: Any, time: datetime) -> Any:
+def _kept(belief: Any, time: datetime) -> Any:
     """A state without what it came from, or a track would hold all of its past."""
-    if isinstance(found, SqrtGaussianState):
-        return SqrtGaussianState(found.state_vector, found.sqrt_covar, timestamp=time)
-    return GaussianState(found.state_vector, found.covar, timestamp=time)
+    if isinstance(belief, SqrtGaussianState):
+        return SqrtGaussianState(belief.state_vector, belief.sqrt_covar, timestamp=time)
+    return GaussianState(belief.state_vector, belief.covar, timestamp=time)

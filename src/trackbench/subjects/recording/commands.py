@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -45,36 +46,32 @@ def worst_option(help: str) -> Callable[[Any], Any]:
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``--at``, ``--worst``, ``--vehicle`` and ``--tracker`` of a command that shows a recording."""
+    """``--at``, ``--worst``, ``--vehicle`` and ``--tracker`` of a command that shows a recording; it gets ``where``."""
+
+    @wraps(command)
+    def with_opening(
+        *, at: float | None, worst: int | None, vehicle: str | None, tracker: str | None, **rest: Any
+    ) -> Any:
+        if at is not None and worst is not None:
+            raise click.UsageError("--at and --worst are two times: give one of them")
+        from trackbench.subjects.recording.focus import Opening
+
+        return command(**rest, where=Opening(at, worst, vehicle, tracker))
+
     for option in (
         TRACKER,
         click.option("--vehicle", metavar="NAME", help="Scene and plots of this vehicle; with --worst: its moments."),
         worst_option("Stop at the moment of the largest position error, or of the Nth largest, at its vehicle."),
         click.option("--at", type=float, metavar="T", help="Stop at this time, in seconds."),
     ):
-        command = option(command)
-    return command
-
-
-def opening(at: float | None, worst: int | None, vehicle: str | None, tracker: str | None) -> Opening:
-    """What the options say.
-
-    Raises:
-        click.UsageError: they contradict each other.
-    """
-    from trackbench.subjects.recording.focus import Opening
-
-    if at is not None and worst is not None:
-        raise click.UsageError("--at and --worst are two times: give one of them")
-    return Opening(at, worst, vehicle, tracker)
+        with_opening = option(with_opening)
+    return with_opening
 
 
 @click.command("view", cls=MomentCommand)
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN...")
 @opening_options
-def view_command(
-    runs: tuple[Path, ...], at: float | None, worst: int | None, vehicle: str | None, tracker: str | None
-) -> None:
+def view_command(runs: tuple[Path, ...], where: Opening) -> None:
     """Open runs in the Rerun viewer.
 
     RUN is a recording (.rrd) or the folder of a run; several of the same traffic are laid over each other.
@@ -85,7 +82,7 @@ def view_command(
       trackbench view results/highway --worst --tracker ekf_cv
       trackbench view before/highway after/highway --at 12.4 --vehicle v3
     """
-    open_viewer(runs, opening(at, worst, vehicle, tracker))
+    open_viewer(runs, where)
 
 
 def open_viewer(runs: tuple[Path, ...], where: Opening) -> None:
@@ -102,13 +99,7 @@ def open_viewer(runs: tuple[Path, ...], where: Opening) -> None:
 @click.command("snapshot", cls=MomentCommand)
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN... OUT.png")
 @opening_options
-def snapshot_command(
-    paths: tuple[Path, ...],
-    at: float | None,
-    worst: int | None,
-    vehicle: str | None,
-    tracker: str | None,
-) -> None:
+def snapshot_command(paths: tuple[Path, ...], where: Opening) -> None:
     """Save a picture of a run, at a time or at its worst moment.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run; several of the same
@@ -126,9 +117,8 @@ def snapshot_command(
         raise click.UsageError(f"the picture is a PNG: name it {out.stem}.png, not {out.name}")
     if not runs:
         raise click.UsageError(f"name the run before the picture: RUN {out}")
-    if at is None and worst is None:
+    if where.at_s is None and where.worst is None:
         raise click.UsageError("a picture needs a time: give --at or --worst")
-    where = opening(at, worst, vehicle, tracker)
     from trackbench.subjects.recording import viewer
     from trackbench.subjects.recording.viewer import playable
 

@@ -59,12 +59,7 @@ class Contents:
 
 
 def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Contents:
-    """The contents of a recording of one run.
-
-    Args:
-        result: of the run.
-        colours: see :func:`colours_of`.
-    """
+    """The contents of a recording of one run; ``colours`` as in :func:`colours_of`."""
     summary = result.summary
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
@@ -190,12 +185,13 @@ def _joined(tables: Mapping[str, pa.Table], column: str) -> pa.Table:
         if table.num_rows:
             names = pa.array([_named(str(name), label) for name in table.column(column).to_pylist()])
             plain = table.set_column(table.schema.get_field_index(column), column, names)
-            parts.append({name: _undictionaried(plain[name]) for name in sorted(plain.column_names)})
+            parts.append(
+                {
+                    name: plain[name].cast(pa.string()) if pa.types.is_dictionary(plain[name].type) else plain[name]
+                    for name in sorted(plain.column_names)
+                }
+            )
     return pa.concat_tables([pa.table(part) for part in parts]) if parts else pa.table({})
-
-
-def _undictionaried(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    return column.cast(pa.string()) if pa.types.is_dictionary(column.type) else column
 
 
 def _same(a: Mapping[Any, Any], b: Mapping[Any, Any], names: Sequence[str]) -> bool:
@@ -259,10 +255,10 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
 
 def _mixed(trackers: Iterable[TrackerResult]) -> Iterator[str]:
     """Under which conditions each mixed covariance is off."""
-    found = [tracker for tracker in trackers if tracker.nees.verdict == "mixed"]
-    if found:
-        yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {found[0].nees.dof} is right:", "")
-        yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in found)
+    mixed = [tracker for tracker in trackers if tracker.nees.verdict == "mixed"]
+    if mixed:
+        yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {mixed[0].nees.dof} is right:", "")
+        yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in mixed)
 
 
 def all_runs(runs: str) -> str:
@@ -288,9 +284,9 @@ def about(result: Result) -> str:
 
 def truth(summary: Summary) -> str:
     """Where the motion came from."""
-    found = summary.truth
-    source = " ".join(str(part) for part in (found.source, (found.model_extra or {}).get("env")) if part)
-    return f"- truth: {source}, {counted(len(found.objects), 'target')}, {found.duration_s:g} s"
+    motion = summary.truth
+    source = " ".join(str(part) for part in (motion.source, (motion.model_extra or {}).get("env")) if part)
+    return f"- truth: {source}, {counted(len(motion.objects), 'target')}, {motion.duration_s:g} s"
 
 
 def legend(
@@ -340,12 +336,12 @@ def sensor_line(name: str, sensor: SensorSummary) -> str:
     """A sensor in a line."""
     preset = f", {sensor.preset}" if sensor.preset else ""
     share = sensor.detection_rate
-    found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
+    detected = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
     rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
     sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.reach(sensor)}"
     sigmas = f"noise (1 sigma) {sensor_words.noise(sensor)}"
     mount = f"mount {sensor_words.mount(sensor)}"
-    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}; {sigmas}; {sees}; {mount}"
+    return f"- **{name}**: {sensor.kind}{preset}{rate}, {detected}; {sigmas}; {sees}; {mount}"
 
 
 def number(value: float | None) -> str:

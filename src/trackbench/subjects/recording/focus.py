@@ -90,10 +90,10 @@ def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | N
         InputError: there are fewer events that cost something.
     """
     every = events_of(result, tracker, result.summary.recorded_run, vehicle)
-    found = [event for event in every if event.cost_m2 > 0]
-    if len(found) < number:
-        raise InputError(f"only {len(found)} such events: no other costs anything", key="--worst")
-    return found[number - 1]
+    costly = [event for event in every if event.cost_m2 > 0]
+    if len(costly) < number:
+        raise InputError(f"only {len(costly)} such events: no other costs anything", key="--worst")
+    return costly[number - 1]
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
@@ -103,21 +103,21 @@ def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, fl
         step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))
         if rows["alive"][step]:
             away[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
-    found = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
-    return found, away[found]
+    vehicle = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
+    return vehicle, away[vehicle]
 
 
 def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> EstimateMoment:
-    known = list(dict.fromkeys(name for run in runs for name in run.tracks))
-    trackers = known if opening.tracker is None else [require_name(opening.tracker, known, "tracker")]
-    found = distinct(
+    names = list(dict.fromkeys(name for run in runs for name in run.tracks))
+    trackers = names if opening.tracker is None else [require_name(opening.tracker, names, "tracker")]
+    moments = distinct(
         moment
         for run in runs
         for moment in worst(run, [name for name in trackers if name in run.tracks], number, opening.vehicle)
     )
-    if len(found) < number:
-        raise InputError(f"only {len(found)} such moments: no other estimate counts", key="--worst")
-    return found[number - 1]
+    if len(moments) < number:
+        raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
+    return moments[number - 1]
 
 
 def _require_presence(result: Result, vehicle: str, time: float) -> None:

@@ -21,18 +21,35 @@ from trackbench.subjects.recording.track_scene import ASSOCIATION_COLOUR, ASSOCI
 from trackbench.subjects.recording.views import BACKGROUND, RECENT_S, Window, scene_view, scene_views
 
 LEGEND = "legend"
+#: The first identity's on the dark ground, at an existence probability of 0.4.
+FAINT_COLOUR = "#85863F"
 #: Pixels of the view, of a letter and of the room around a name.
 WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
-def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
-    """Trackers by their colours, measurements of each sensor, truth with the bounds, and the observer."""
+def entries(trackers: Mapping[str, str], sensors: list[str], hidden: bool = False) -> list[NamedColour]:
+    """What is in the scene and the plots: trackers by their colours, measurements of each sensor, truth, observer.
+
+    With ``hidden`` identities the colours of the trackers are those of the plots alone.
+    """
+    measurements = [NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()]
+    observer = NamedColour("observer", OBSERVER_COLOUR)
+    if not hidden:
+        lines = [NamedColour(name, colour) for name, colour in trackers.items()]
+        return [*lines, *measurements, NamedColour("truth, bounds", BOUND_COLOUR), observer]
     return [
-        *(NamedColour(name, colour) for name, colour in trackers.items()),
-        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
-        NamedColour("truth, bounds", BOUND_COLOUR),
-        NamedColour("observer", OBSERVER_COLOUR),
+        NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
+        NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
+        NamedColour("due, no track", MISSED, "ring"),
+        NamedColour("false track", MARKED["false"], "mark"),
+        NamedColour("lost, merged", MARKED["lost"], "mark"),
+        NamedColour("switch", MARKED["switched"], "mark"),
+        *measurements,
+        NamedColour("association", ASSOCIATION_COLOUR, "line"),
+        NamedColour("truth", BOUND_COLOUR),
+        observer,
+        *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
     ]
 
 
@@ -81,44 +98,13 @@ def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, floa
         yield entry, float((k + 0.5) * WIDTH / columns), float((i + 0.25) * ROW)
 
 
-#: The first identity's on the dark ground, at an existence probability of 0.4.
-FAINT_COLOUR = "#85863F"
-
-
-def track_entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
-    """What is in the scene, and the trackers, whose colours are those of the plots."""
-    return [
-        NamedColour("tracks", IDENTITY_COLOURS[0], "dot", IDENTITY_COLOURS[1:]),
-        NamedColour("faint: unsure", FAINT_COLOUR, "dot"),
-        NamedColour("due, no track", MISSED, "ring"),
-        NamedColour("false track", MARKED["false"], "mark"),
-        NamedColour("lost, merged", MARKED["lost"], "mark"),
-        NamedColour("switch", MARKED["switched"], "mark"),
-        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
-        NamedColour("association", ASSOCIATION_COLOUR, "line"),
-        NamedColour("truth", BOUND_COLOUR),
-        NamedColour("observer", OBSERVER_COLOUR),
-        *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
-    ]
-
-
 SERIES = "series"
 #: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
 LOG10 = "log10"
 
 
-def origin(chart: Chart) -> str:
-    """The entity of the values."""
-    return path(SERIES, *chart.place)
-
-
-def log_origin(chart: Chart) -> str:
-    """The entity of their decimal logarithms."""
-    return path(SERIES, LOG10, *chart.place)
-
-
 def send_chart(stream: Stream, chart: Chart) -> None:
-    """The values, and their logarithms where the range is large."""
+    """The values, and their decimal logarithms where the range is large."""
     for line in (*chart.lines, *chart.bounds):
         entity = path(SERIES, *chart.place, *line.entity)
         send_line(stream, entity, line.time, line.value, line.name, line.colour, line.width)
@@ -129,25 +115,12 @@ def send_chart(stream: Stream, chart: Chart) -> None:
 
 
 def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Focus) -> rrb.Container:
-    """A tab for all runs, one for the recorded run, and one for each vehicle in it.
-
-    Args:
-        contents: of the recording.
-        charts: of the recording.
-        vehicles: those that have a tab.
-        focus: the vehicle whose tab is open.
-    """
+    """A tab for all runs, one for the recorded run, and one for each of ``vehicles``; that in focus is open."""
     runs = _page(charts.all_runs, all_runs(contents.runs))
     recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
     own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     return rrb.Tabs(runs, recorded, *own, active_tab=tab)
-
-
-def live_plots() -> rrb.Container:
-    """The errors and the NEES of the recorded run as they come."""
-    empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
-    return rrb.Horizontal(*(plot(chart.title, origin(chart)) for chart in (*empty.errors, empty.nees)))
 
 
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
@@ -164,15 +137,17 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
     """Charts as tabs, and after them the logarithms of those whose range is large."""
     every = list(charts)
-    plain = [plot(chart.title, origin(chart), chart.span(shown), chart.share) for chart in every]
-    logarithms = [plot(chart.log_title, log_origin(chart)) for chart in every if chart.large]
+    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share) for chart in every]
+    logarithms = [plot(chart.log_title, (LOG10, *chart.place)) for chart in every if chart.large]
     return rrb.Tabs(*plain, *logarithms, active_tab=0)
 
 
-def plot(name: str, origin: str, span: tuple[float, float] | None = None, legend: bool = False) -> rrb.TimeSeriesView:
+def plot(
+    name: str, place: tuple[str, ...], span: tuple[float, float] | None = None, legend: bool = False
+) -> rrb.TimeSeriesView:
     """Its time axis is that of all other plots. Trackers are in the legend of the page; one here would cover curves."""
     return rrb.TimeSeriesView(
-        origin=origin,
+        origin=path(SERIES, *place),
         name=name,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
@@ -217,13 +192,13 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         ),
         active_tab=trackers.index(front) if front in trackers else 0,
     )
-    parts = [plot(chart.title, origin(chart), chart.span(chart.largest)) for chart in charts]
+    parts = [plot(chart.title, chart.place, chart.span(chart.largest)) for chart in charts]
     log = rrb.TextLogView(origin=EVENTS, name="Events")
     below = rrb.Horizontal(
         rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
     )
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
-    return opened(beside(main, track_entries(contents.colours, list(contents.sensors)), _texts()), focus)
+    return opened(beside(main, entries(contents.colours, list(contents.sensors), hidden=True), _texts()), focus)
 
 
 def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
@@ -243,20 +218,19 @@ def _texts() -> rrb.Container:
     )
 
 
-def opened(container: rrb.Container, focus: Focus) -> rrb.Blueprint:
-    """A layout that stops at the time in focus, or plays."""
-    return played(container) if focus.time_s is None else _blueprint(container, play_state="paused")
-
-
-def played(container: rrb.Container) -> rrb.Blueprint:
-    """A layout that plays from the start, again and again."""
-    return _blueprint(container, play_state="playing", loop_mode="all")
+def opened(container: rrb.Container, focus: Focus = WHOLE) -> rrb.Blueprint:
+    """A layout that stops at the time in focus, or plays from the start, again and again."""
+    if focus.time_s is None:
+        return _blueprint(container, play_state="playing", loop_mode="all")
+    return _blueprint(container, play_state="paused")
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
-    main = rrb.Vertical(scene, live_plots(), row_shares=[3, 2])
+    empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
+    plots = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
+    main = rrb.Vertical(scene, plots, row_shares=[3, 2])
     return _blueprint(beside(main, entries(colours, list(sensors))), play_state="following")
 
 

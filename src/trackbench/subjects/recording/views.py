@@ -101,15 +101,7 @@ def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
 def scene_views(
     wide: Window, vehicles: list[str], sensors: Iterable[str], trackers: Iterable[str], focus: Focus
 ) -> rrb.Container:
-    """The wide view beside tabs of the close-ups.
-
-    Args:
-        wide: the observer's.
-        vehicles: those that have a close-up.
-        sensors: all that measure.
-        trackers: all that estimate.
-        focus: the vehicle in the middle.
-    """
+    """The wide view beside tabs with a close-up of each of ``vehicles``; the one in focus is in the middle."""
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | dict.fromkeys(trails(trackers), TRAIL_S)
     name = "Seen from above"
     if focus.vehicle is not None:
@@ -121,8 +113,8 @@ def scene_views(
 
 def scene_view(window: Window, name: str, shown: Mapping[str, float], *without: str) -> rrb.Spatial2DView:
     frame = path(*FRAMES, window.frame)
-    scale = path(*FRAMES, window.frame, window.kind)
-    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}", f"+ {scale}", *without]
+    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}"]
+    contents += [f"+ {path(*FRAMES, window.frame, window.kind)}", *without]
     return from_above(frame, name, contents, (window.across, window.down), shown)
 
 
@@ -138,9 +130,9 @@ def from_above(
     Args:
         frame: entity whose frame is the view's own; y is down in it.
         name: above the view.
-        contents: what is in it, as Rerun's queries.
+        contents: Rerun's queries for what is in it.
         bounds: left and right, top and bottom in the frame, m.
-        shown: entities of which the last ones are shown, and not only the latest: for how long, s.
+        shown: entities that are shown for a while: for how long, s.
     """
     overrides: Any = {
         entity: rrb.VisibleTimeRanges(

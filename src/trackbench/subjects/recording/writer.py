@@ -13,14 +13,14 @@ from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
-from trackbench.document.replay import Chart, Replay, ReplayPath, ReplayScene
+from trackbench.document.replay import Chart, Replay, ReplayScene
 from trackbench.metrics.track_events import TrackEvent, events_of, instants
-from trackbench.results import Result, Summary, Tables, write_bytes
+from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.layout import beside, chart_tabs, played, send_chart, send_legend
+from trackbench.subjects.recording.layout import beside, chart_tabs, opened, send_chart, send_legend
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream, path, pixels, rgba, send_ellipses, send_points
 from trackbench.subjects.recording.track_scene import (
@@ -120,7 +120,17 @@ def send(
     """Everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result, colours)
     draw(recording, contents, focus, None if result.summary.identities == "known" else result)
-    recording.send_property("trackbench", _properties(result.summary))
+    summary = result.summary
+    properties = rr.AnyValues(
+        scenario=summary.scenario.name,
+        seed=summary.seed,
+        runs=str(summary.runs),
+        recorded_run=summary.recorded_run,
+        fingerprint=summary.fingerprint,
+        versions=[f"{name} {version}" for name, version in summary.versions.items()],
+        engine=summary.engine,
+    )
+    recording.send_property("trackbench", properties)
     send_data(Stream(recording), result)
 
 
@@ -137,8 +147,7 @@ def draw(
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    entries = layout.entries if hidden is None else layout.track_entries
-    layout.send_legend(stream, entries(colours, list(contents.sensors)))
+    layout.send_legend(stream, layout.entries(colours, list(contents.sensors), hidden is not None))
     scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden is not None)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     if hidden is None:
@@ -191,18 +200,6 @@ def _blueprint(contents: Contents, wide: views.Window, focus: Focus, hidden: boo
     return layout.blueprint(contents, charts, wide, focus), every
 
 
-def _properties(summary: Summary) -> rr.AnyValues:
-    return rr.AnyValues(
-        scenario=summary.scenario.name,
-        seed=summary.seed,
-        runs=str(summary.runs),
-        recorded_run=summary.recorded_run,
-        fingerprint=summary.fingerprint,
-        versions=[f"{name} {version}" for name, version in summary.versions.items()],
-        engine=summary.engine,
-    )
-
-
 def _event_parts(event: TrackEvent) -> Iterator[str]:
     yield event.kind
     if event.object:
@@ -216,6 +213,8 @@ def _event_parts(event: TrackEvent) -> Iterator[str]:
 
 #: How long a measurement is shown, s.
 RECENT_S = 0.5
+#: The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left.
+FRAME = "frame"
 
 
 def write_replay(replay: Replay, file: Path) -> None:
@@ -232,7 +231,7 @@ def write_replay(replay: Replay, file: Path) -> None:
     def send(recording: rr.RecordingStream) -> None:
         scenes = rrb.Tabs(*(_scene_tab(part) for part in replay.scenes), active_tab=0)
         text = rrb.TextDocumentView(origin=replay.title.lower(), name=replay.title)
-        recording.send_blueprint(played(beside(scenes, list(replay.legend), text)))
+        recording.send_blueprint(opened(beside(scenes, list(replay.legend), text)))
         recording.send_recording_name(replay.name)
         stream = Stream(recording)
         stream.markdown(replay.title.lower(), replay.text)
@@ -248,11 +247,11 @@ def write_replay(replay: Replay, file: Path) -> None:
 def _scene_tab(scene: ReplayScene) -> rrb.Container:
     (left, right), (low, high) = scene.x_range, scene.y_range
     view = from_above(
-        path(*_frame(scene)),
+        path(scene.name, "world", FRAME),
         "From above",
         [f"+ {path(scene.name, 'world')}/**"],
         ((left, right), (-high, -low)),
-        {path(*_measurements(scene, of.sensor)): RECENT_S for of in scene.measurements if len(of.time)},
+        {path(scene.name, "world", "measurements", of.sensor): RECENT_S for of in scene.measurements if len(of.time)},
     )
     charts = rrb.Vertical(*(chart_tabs([chart]) for chart in scene.beside))
     above = rrb.Horizontal(view, charts, column_shares=[3, 2])
@@ -261,28 +260,18 @@ def _scene_tab(scene: ReplayScene) -> rrb.Container:
 
 
 def _send_scene(stream: Stream, scene: ReplayScene) -> None:
-    stream.static(path(*_frame(scene)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
+    world = (scene.name, "world")
+    stream.static(path(*world, FRAME), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
     for track in scene.paths:
-        _send_path(stream, (scene.name, "world", track.name), track)
+        place = (*world, track.name)
+        send_points(stream, path(*place), track.time, track.position, track.colour, track.dot, 20.0)
+        line = rr.LineStrips2D(
+            [track.position.T], colors=rgba(track.colour), radii=pixels(track.width), draw_order=5.0 - track.width
+        )
+        stream.static(path(*place, "path"), line)
+        if track.covariance is not None:
+            entity = path(*place, "covariance")
+            send_ellipses(stream, entity, track.time, track.position, track.covariance, track.colour, 15.0)
     for of in scene.measurements:
-        send_points(stream, path(*_measurements(scene, of.sensor)), of.time, of.position, of.colour, 2.0, 10.0)
-
-
-def _send_path(stream: Stream, place: tuple[str, ...], track: ReplayPath) -> None:
-    send_points(stream, path(*place), track.time, track.position, track.colour, track.dot, 20.0)
-    line = rr.LineStrips2D(
-        [track.position.T], colors=rgba(track.colour), radii=pixels(track.width), draw_order=5.0 - track.width
-    )
-    stream.static(path(*place, "path"), line)
-    if track.covariance is not None:
-        entity = path(*place, "covariance")
-        send_ellipses(stream, entity, track.time, track.position, track.covariance, track.colour, 15.0)
-
-
-def _frame(scene: ReplayScene) -> tuple[str, ...]:
-    """The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left."""
-    return scene.name, "world", "frame"
-
-
-def _measurements(scene: ReplayScene, sensor: str) -> tuple[str, ...]:
-    return scene.name, "world", "measurements", sensor
+        entity = path(*world, "measurements", of.sensor)
+        send_points(stream, entity, of.time, of.position, of.colour, 2.0, 10.0)

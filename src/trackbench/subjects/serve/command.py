@@ -84,16 +84,16 @@ def udacity_command(
         allowed = [require_origin(origin) for origin in origins]
     except InputError as error:
         raise InputError(error.message, key="--allow-origin") from None
-    found = served(load_scenario(path), name, isolation)
+    tracker_served = served(load_scenario(path), name, isolation)
     _log(ctx, verbose)
-    for kind in {"lidar", "radar"} - set(found.sensors):
+    for kind in {"lidar", "radar"} - set(tracker_served.sensors):
         click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)
 
     def ready(address: str, actual: int) -> None:
         shown = f"[{address}]" if ":" in address else address
         click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
 
-    if asyncio.run(serve(found, host, port, ready, allowed)) == signal.SIGINT:
+    if asyncio.run(serve(tracker_served, host, port, ready, allowed)) == signal.SIGINT:
         raise click.exceptions.Exit(INTERRUPTED)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from trackbench.base.errors import InputError
 from trackbench.truth.recorded.udacity import Measurement, parse_line
@@ -101,10 +101,6 @@ def _event(text: str) -> Frame:
         return NoData()
     if name != "telemetry":
         raise InputError(f"the event {name[:40]!r} is not known, only telemetry is")
-    return _telemetry(data)
-
-
-def _telemetry(data: Any) -> Telemetry:
     line = data.get("sensor_measurement") if isinstance(data, dict) else None
     if not isinstance(line, str):
         raise InputError('telemetry is {"sensor_measurement":"L\\t..."}')

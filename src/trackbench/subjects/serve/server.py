@@ -60,7 +60,19 @@ async def serve(
     numbers = itertools.count(1)
 
     async def converse(connection: ServerConnection) -> None:
-        await _converse(connection, served, f"client {next(numbers)}")
+        name = f"client {next(numbers)}"
+        log.info("%s: connected from %s", name, (connection.remote_address or ("nowhere",))[0])
+        try:
+            await _answer(connection, await asyncio.to_thread(Client, served, name))
+        except TrackerFailed as failure:
+            text = f"tracker {served.name} failed {failure}"
+            log.error("%s: %s", name, text)
+            with suppress(ConnectionClosed):
+                await connection.send(MANUAL)
+            await connection.close(CloseCode.INTERNAL_ERROR, text.encode()[:REASON].decode(errors="ignore"))
+        except ConnectionClosed as closed:
+            log.warning("%s: %s", name, closed)
+        log.info("%s: left", name)
 
     def admit(connection: ServerConnection, request: Request) -> Response | None:
         cause = refusal(request.headers.get_all("Origin"), request.headers.get_all("Host"), host, origins)
@@ -92,21 +104,6 @@ async def serve(
             number = await stopped
             log.info("%s: the server ends", number.name)
     return number
-
-
-async def _converse(connection: ServerConnection, served: Served, name: str) -> None:
-    log.info("%s: connected from %s", name, (connection.remote_address or ("nowhere",))[0])
-    try:
-        await _answer(connection, await asyncio.to_thread(Client, served, name))
-    except TrackerFailed as failure:
-        text = f"tracker {served.name} failed {failure}"
-        log.error("%s: %s", name, text)
-        with suppress(ConnectionClosed):
-            await connection.send(MANUAL)
-        await connection.close(CloseCode.INTERNAL_ERROR, text.encode()[:REASON].decode(errors="ignore"))
-    except ConnectionClosed as closed:
-        log.warning("%s: %s", name, closed)
-    log.info("%s: left", name)
 
 
 async def _answer(connection: ServerConnection, client: Client) -> None:
@@ -178,11 +175,11 @@ class Client:
             TrackerFailed: the session is over.
         """
         try:
-            said = protocol.parse(frame)
+            message = protocol.parse(frame)
         except InputError as error:
             log.warning("%s: bad frame, %s: %s", self._name, error, _shown(frame))
             return protocol.MANUAL
-        match said:
+        match message:
             case Ping(answer):
                 return answer
             case Control():
@@ -191,7 +188,7 @@ class Client:
             case NoData():
                 return protocol.MANUAL
             case Telemetry():
-                return self._measured(said)
+                return self._measured(message)
 
     def close(self) -> None:
         """End the session, and log what it came to."""

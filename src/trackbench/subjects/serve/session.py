@@ -93,13 +93,13 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
             )
     if not sensors:
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
-    found = Served(name, tracker, folder, sensors, isolation)
+    checked = Served(name, tracker, folder, sensors, isolation)
     try:
-        found.stepper().close()
+        checked.stepper().close()
     except (InputError, TrackFault) as error:
         message = error.message if isinstance(error, InputError) else str(error)
         raise loaded.locate(InputError(message, key=f"trackers.{name}")) from error
-    return found
+    return checked
 
 
 class Session:
