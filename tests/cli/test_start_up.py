@@ -30,6 +30,13 @@ def test_help_and_version_wait_for_no_library(tmp_path: Path, option: str) -> No
     assert not loaded(tmp_path, option).intersection(SLOW)
 
 
+@pytest.mark.parametrize("command", ["view", "inspect"])
+def test_the_commands_of_a_finished_run_wait_for_no_scenario_and_no_filter(tmp_path: Path, command: str) -> None:
+    modules = loaded(tmp_path, command, "--help")
+    assert "trackbench.subjects.recording.commands" in modules
+    assert not modules & {"trackbench.scenario", "trackbench.filters"}
+
+
 def test_a_run_waits_for_neither_pandas_nor_the_packages_of_scipy(tiny: Path) -> None:
     modules = loaded(tiny.parent, "run", "tiny.yaml")
     modules = loaded(tiny.parent, "run", "tiny.yaml")

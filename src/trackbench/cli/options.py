@@ -15,11 +15,10 @@ from click.shell_completion import CompletionItem, get_completion_class
 from trackbench.base.errors import InputError
 from trackbench.base.subjects import offered, resolve
 from trackbench.engine.choice import ENGINE_NAMES
-from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.shipped import PATTERN, at_hand
 
 if TYPE_CHECKING:
     from trackbench.api.plan import Listener
+    from trackbench.scenario import Scenario
 
 #: Exit status where an expectation or a limit was not met.
 FAILED_EXPECTATION = 1
@@ -95,6 +94,8 @@ def completion_command(ctx: click.Context, shell: str) -> None:
 
 def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The scenarios by name, and the files of the working directory; any file where none begins like this."""
+    from trackbench.scenario.shipped import PATTERN, at_hand
+
     known = [*at_hand(), *sorted(map(str, Path().glob(PATTERN)))]
     begun = [CompletionItem(name) for name in known if name.startswith(incomplete)]
     return begun or [CompletionItem(incomplete, type="file")]
@@ -130,6 +131,8 @@ def served_trackers(ctx: click.Context, _parameter: click.Parameter, incomplete:
 
 
 def _trackers(named: Path | str) -> Iterable[str]:
+    from trackbench.scenario import load_scenario
+
     try:
         loaded = load_scenario(named)
     except InputError:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.engine.equations import Compute, EngineUsed, by_numpy
 from trackbench.engine.machine import unavailable
-from trackbench.filters import Filter
+
+if TYPE_CHECKING:
+    from trackbench.filters import Filter
 
 Engine = Literal["numpy", "fused"]
 EngineName = Literal["auto", "numpy", "fused"]

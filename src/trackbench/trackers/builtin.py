@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pydantic import create_model
 
@@ -51,7 +51,11 @@ def _factory(name: FilterName) -> Callable[..., FilterTracker]:
     return factory
 
 
-kf, ekf, iekf, ukf, ckf = map(_factory, get_args(FilterName))
+kf = _factory("kf")
+ekf = _factory("ekf")
+iekf = _factory("iekf")
+ukf = _factory("ukf")
+ckf = _factory("ckf")
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:

@@ -50,8 +50,7 @@ from trackbench.subjects.log_audit.sensor_log import (
 )
 from trackbench.truth.config.recording import COMPONENT_QUANTITIES
 from trackbench.truth.recorded import Drive, read
-from trackbench.truth.recorded import drive as assemble
-from trackbench.truth.recorded.drive import Cycles
+from trackbench.truth.recorded.drive import Cycles, require_measurements, scan_cycles
 from trackbench.truth.sources import RecordingTruth
 
 
@@ -276,7 +275,7 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
         fixed = _audited(scenario_of(corrected(loaded, units), loaded.path), progress)
         return replace(fixed, scenario=loaded, velocities=tuple(velocities), findings=(*units, *fixed.findings))
     clipped = drive.clipped()
-    looked = assemble.scan_cycles(clipped)
+    looked = scan_cycles(clipped)
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
     sensors: dict[str, SensorAudit] = {}
     for number, (name, log) in enumerate(drive.logs.items()):
@@ -310,7 +309,7 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
         if not drive.logs:
             message = "no sensor's measurements are recorded, so there is nothing to audit"
             raise InputError(message, key="truth.readings")
-        assemble.require_measurements(drive, drive.clipped())
+        require_measurements(drive, drive.clipped())
     except InputError as error:
         raise loaded.locate(error) from None
     return truth, drive

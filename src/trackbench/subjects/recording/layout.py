@@ -229,8 +229,8 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
-    plots = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
-    main = rrb.Vertical(scene, plots, row_shares=[3, 2])
+    below = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
+    main = rrb.Vertical(scene, below, row_shares=[3, 2])
     return _blueprint(beside(main, entries(colours, list(sensors))), play_state="following")
 
 
