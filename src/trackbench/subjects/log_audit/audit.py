@@ -74,9 +74,9 @@ def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict
             quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
             factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
             # In the unit of the column, before which one that was found wrong is put right.
-            known = entry.bias.get(component, 0.0)
+            stated = entry.bias.get(component, 0.0)
             changes[name] = {
-                f"truth.readings.{log.name}.bias.{component}": _rounded(known + value / factor, value / factor)
+                f"truth.readings.{log.name}.bias.{component}": _rounded(stated + value / factor, value / factor)
             }
     return changes
 

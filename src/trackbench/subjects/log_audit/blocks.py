@@ -60,7 +60,7 @@ class Blocks:
             finish: from sums ``(k, ...)`` to the statistics ``(q, ...)``.
         """
         value = finish(terms.sum(axis=1))
-        found: list[tuple[Array, int]] = []
+        spreads: list[tuple[Array, int]] = []
         for cut in self.cuts:
             count = int(cut.max()) + 1 if len(cut) else 0
             if count < 2:
@@ -69,11 +69,11 @@ class Blocks:
             weights = np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), DRAWS)
             drawn = finish(np.asarray(sums @ weights.T, dtype=np.float64))
             drawn = np.where(np.isfinite(drawn), drawn, np.nan)
-            found.append((np.nanstd(drawn, axis=1, ddof=1) * np.sqrt(count / (count - 1)), count - 1))
+            spreads.append((np.nanstd(drawn, axis=1, ddof=1) * np.sqrt(count / (count - 1)), count - 1))
         result = []
         for i, of in enumerate(value.tolist()):
-            known = [(float(sigma[i]), freedom) for sigma, freedom in found if np.isfinite(sigma[i])]
-            wide = max(known, key=lambda one: one[0] * t_quantile(0.975, one[1]), default=(np.inf, 1))
+            finite = [(float(sigma[i]), freedom) for sigma, freedom in spreads if np.isfinite(sigma[i])]
+            wide = max(finite, key=lambda spread: spread[0] * t_quantile(0.975, spread[1]), default=(np.inf, 1))
             result.append(BlockInterval(of, *wide))
         return result
 

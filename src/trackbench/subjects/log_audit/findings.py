@@ -300,12 +300,12 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
                 component=check.name,
             )
     columns = truth.columns
-    for unit, found in alike.items():
+    for unit, same in alike.items():
         changes = {}
         if unit is not None and columns is not None:
             keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
             changes = {f"truth.columns.units.{key}": unit for key in keys}
-        names, worst = ", ".join(check.name for check in found), max(found, key=lambda check: check.difference)
+        names, worst = ", ".join(check.name for check in same), max(same, key=lambda check: check.difference)
         yield LogFinding(
             kind="truth_velocity",
             sensor=None,

@@ -124,10 +124,10 @@ def _best_offset(log: SensorLog) -> float:
 
     def spread(offset: float) -> float:
         residual = rows.residual({"time_offset": offset})
-        known = np.isfinite(residual).all(axis=0)
-        if known.mean() < 0.5:
+        finite = np.isfinite(residual).all(axis=0)
+        if finite.mean() < 0.5:
             return np.inf
-        kept = residual[:, known]
+        kept = residual[:, finite]
         away = np.median(np.abs(kept - np.median(kept, axis=1, keepdims=True)), axis=1)
         return float(np.log(np.maximum(away, 1e-12)).sum())
 
@@ -142,8 +142,8 @@ def _identifiable(
     """The errors that can be estimated together; those that cannot, with what hides them; those that are the same."""
     every = list(log.errors)
     columns = log.derivatives(errors, every) / scale
-    known = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(log.residual(errors)).all(axis=0)
-    flat = columns[:, :, known].reshape(len(every), -1)
+    finite = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(log.residual(errors)).all(axis=0)
+    flat = columns[:, :, finite].reshape(len(every), -1)
     size = np.sqrt((flat**2).sum(axis=1))
     unit = flat / np.where(size > 0, size, 1.0)[:, None]
     alike = unit @ unit.T
@@ -161,7 +161,7 @@ def _identifiable(
     kept: list[int] = []
     hidden: dict[str, tuple[str, ...]] = {}
     for i in (*first, *rest, every.index("mount_x"), every.index("mount_y")):
-        if size[i] < 1e-9 * np.sqrt(max(known.sum(), 1)):
+        if size[i] < 1e-9 * np.sqrt(max(finite.sum(), 1)):
             hidden[every[i]] = ()
             continue
         share, left = _explained(alike, i, kept)
@@ -207,9 +207,9 @@ def _linearised(log: SensorLog, names: list[str], errors: Mapping[str, float]) -
     """Derivatives ``(p, m, rows)``, residuals ``(m, rows)``, and which rows are known and no outliers."""
     residual = log.residual(errors)
     derivatives = log.derivatives(errors, names) if names else np.zeros((0, *residual.shape))
-    known = np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1))
+    finite = np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1))
     away = np.abs(residual - np.nanmedian(residual, axis=1, keepdims=True))
-    inlier = known & (np.where(known, away, 0.0) <= OUTLIER * residual_scale(residual)).all(axis=0)
+    inlier = finite & (np.where(finite, away, 0.0) <= OUTLIER * residual_scale(residual)).all(axis=0)
     return derivatives, residual, np.asarray(inlier)
 
 

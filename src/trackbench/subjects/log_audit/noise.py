@@ -64,9 +64,9 @@ def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]
 
 
 def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array) -> ResidualNoise:
-    known = np.isfinite(logged)
-    counted = np.where(known, logged, 0.0)
-    mean = fit.blocks.intervals(np.stack([counted, known.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
+    finite = np.isfinite(logged)
+    counted = np.where(finite, logged, 0.0)
+    mean = fit.blocks.intervals(np.stack([counted, finite.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
     low, high = np.quantile(distance, [0.1, 0.9])
     spread = float(high / max(low, 1e-6))
     sigma = _sigma(fit, residual, np.ones(len(residual), dtype=bool))

@@ -183,8 +183,8 @@ def wrong_units(log: SensorLog) -> Iterator[WrongUnit]:
         quantity = COMPONENT_QUANTITIES.get(unit)
         if quantity is None:
             continue
-        known = np.isfinite(expected[i])
-        measured, wanted, circular = log.measurement[i, known], expected[i, known], i in log.config.angular
+        finite = np.isfinite(expected[i])
+        measured, wanted, circular = log.measurement[i, finite], expected[i, finite], i in log.config.angular
         stated = entry.units.get(name) or str(getattr(log.truth.units, quantity))
         as_read = _spread(measured, wanted, circular)
         choices = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_
 from trackbench.subjects.tuning.parameters import (
     has_option,
     parse_range,
-    require_no_repetition,
     require_tunable,
     shown,
     start_values,
@@ -66,10 +65,10 @@ def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
     if name is None:
         hidden = any(item.config.sensing.identities == "hidden" and not without_truth(item) for item in scenarios)
         name = "gospa" if hidden else "likelihood"
-    known = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
-    if name not in known:
-        raise InputError(f"no objective {name!r}; {nearest(name, known)}", key="--objective")
-    return known[name]
+    objectives = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
+    if name not in objectives:
+        raise InputError(f"no objective {name!r}; {nearest(name, objectives)}", key="--objective")
+    return objectives[name]
 
 
 def tune_trackers(
@@ -98,24 +97,32 @@ def tune_trackers(
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]
     test = [
-        one if item.test is item.train else _bench(item.test, executor, listener)
-        for one, item in zip(train, halves, strict=True)
+        bench if item.test is item.train else _bench(item.test, executor, listener)
+        for bench, item in zip(train, halves, strict=True)
     ]
-    found = []
+    tunings = []
     for task in tasks:
         with listener.progress(task.tracker, "trials") as advance:
             apart = [item.apart for item in halves]
-            found.append(tune_tracker(task, train, test, apart, executor, plan.isolation, plan.engine, advance))
-    return found
+            tunings.append(tune_tracker(task, train, test, apart, executor, plan.isolation, plan.engine, advance))
+    return tunings
 
 
 def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> TuningTask:
     """What is tuned of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
-    given = [text for text in plan.ranges if _is_for(text, first, name, names)]
-    notes = [f"--range {text} is not for {name}, which lacks this option." for text in plan.ranges if text not in given]
-    parameters = [parse_range(text, first, name) for text in given] or usual_ranges(first, name)
-    require_no_repetition(parameters)
+    # A range is for a tracker that has the option, or for all where none of those that are tuned has.
+    own = [
+        text
+        for text in plan.ranges
+        if has_option(first, name, text) or not any(has_option(first, other, text) for other in names)
+    ]
+    notes = [f"--range {text} is not for {name}, which lacks this option." for text in plan.ranges if text not in own]
+    parameters = [parse_range(text, first, name) for text in own] or usual_ranges(first, name)
+    keys = [item.key for item in parameters]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError(f"two ranges of {key}; give one", key="--range")
     for other in scenarios[1:]:
         for item in parameters:
             parse_range(str(item), other, name)
@@ -127,11 +134,6 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
     )
 
 
-def _is_for(text: str, loaded: Scenario, name: str, names: Sequence[str]) -> bool:
-    """Whether a range is for a tracker: it has the option, or none of those that are tuned has."""
-    return has_option(loaded, name, text) or not any(has_option(loaded, other, text) for other in names)
-
-
 def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
     pending = PendingTruths(loaded, executor)
     with listener.progress(f"truth of {loaded.config.name}", "steps") as advance:
@@ -141,8 +143,8 @@ def _bench(loaded: Scenario, executor: Executor, listener: Listener) -> Bench:
 class TunedTrackers:
     """What a tuning found. A notebook shows it as a page, ``print`` as text; ``found["ekf_cv"]`` is one tracker's."""
 
-    def __init__(self, found: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
-        self._found, self._scenarios, self._command = found, scenarios, command
+    def __init__(self, tunings: Sequence[Tuning], scenarios: Sequence[Scenario], command: str) -> None:
+        self._found, self._scenarios, self._command = tunings, scenarios, command
 
     @property
     def values(self) -> dict[str, dict[str, Any]]:
@@ -238,12 +240,12 @@ def tune(
     plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
-        found = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
-    return TunedTrackers(found, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
+        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
+    return TunedTrackers(tunings, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
 
 
-def _require_numbers(least: int, **given: Any) -> None:
-    for name, value in given.items():
+def _require_numbers(least: int, **options: Any) -> None:
+    for name, value in options.items():
         if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
             raise InputError(f"give a whole number, at least {least}, not {value!r}", key=name)
 
@@ -270,22 +272,16 @@ def _text(key: str, values: Any) -> str:
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:
     """What repeats a tuning."""
-    split = plan.split
-    given = {
+    options = {
         "--objective": plan.objective.name,
         "--trials": plan.trials,
-        "--train-scenes": split.train_scenes,
-        "--test-scenes": split.test_scenes,
-        "--train-runs": split.train_runs,
-        "--test-runs": split.test_runs,
-        "--train-seed": split.train_seed,
-        "--test-seed": split.test_seed,
+        **{f"--{name.replace('_', '-')}": value for name, value in asdict(plan.split).items()},
         "--seed": plan.seed or None,
         "--engine": None if plan.engine == "auto" else plan.engine,
         "--out": out,
     }
-    options = [part for name, value in given.items() if value is not None for part in (name, str(value))]
+    texts = [part for name, value in options.items() if value is not None for part in (name, str(value))]
     ranges = [part for text in plan.ranges for part in ("--range", text)]
     changes = [part for text in scenarios[0].overrides for part in ("--set", text)]
     named = [shown_name(item.path) for item in scenarios]
-    return shlex.join(["trackbench", "tune", *named, "--trackers", ",".join(trackers), *ranges, *changes, *options])
+    return shlex.join(["trackbench", "tune", *named, "--trackers", ",".join(trackers), *ranges, *changes, *texts])

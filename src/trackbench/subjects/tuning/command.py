@@ -62,12 +62,6 @@ def tune_command(
     objective: str | None,
     trials: int | None,
     storage: Path | None,
-    train_scenes: int | None,
-    test_scenes: int | None,
-    train_runs: int | None,
-    test_runs: int | None,
-    train_seed: int | None,
-    test_seed: int | None,
     seed: int,
     settings: tuple[str, ...],
     out: Path | None,
@@ -76,6 +70,7 @@ def tune_command(
     isolation: Isolation,
     as_json: bool,
     quiet: bool,
+    **split: int | None,
 ) -> None:
     """Find the options with which trackers do best.
 
@@ -98,8 +93,7 @@ def tune_command(
     from trackbench.subjects.tuning.report import headline, tuning_summary
 
     loaded, notes = load_several(scenario_files(scenarios), settings)
-    split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
-    plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, split, isolation, engine)
+    plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
     names = [name for item in trackers.split(",") if (name := item.strip())]
     out = out or default_out(loaded)
     require_out(out, loaded)
@@ -109,19 +103,19 @@ def tune_command(
     command = command_of_tuning(loaded, names, plan, out)
     try:
         with executor(workers, None) as chosen:
-            found = tune_trackers(loaded, names, plan, chosen, output)
+            tunings = tune_trackers(loaded, names, plan, chosen, output)
     except KeyboardInterrupt:
         if storage is None:
             raise
         click.echo(f"interrupted: the trials so far are kept; the same command goes on from {storage}", err=True)
         raise click.exceptions.Exit(INTERRUPTED) from None
-    files = save_tuning(found, loaded, out, command)
+    files = save_tuning(tunings, loaded, out, command)
     if as_json:
-        click.echo(results.to_json(to_json(found, command)), nl=False)
+        click.echo(results.to_json(to_json(tunings, command)), nl=False)
         return
     if quiet:
-        for item in found:
+        for item in tunings:
             click.echo(f"{item.tracker}: {headline(item)[0]}")
         return
-    print_document(tuning_summary(found), Console())
+    print_document(tuning_summary(tunings), Console())
     click.echo(f"\n{', '.join(map(str, files))}")

@@ -67,7 +67,7 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
     legend = [LegendEntry("tuned", _BEST), *([LegendEntry("start", INK, "dash")] if start is not None else [])]
     band = (
         ""
-        if with_nees or not response.told
+        if with_nees or not response.has_reach
         else "; the band is the 95 % interval of the difference, from the same runs"
     )
     return Figure(

@@ -20,14 +20,13 @@ from trackbench.base.errors import InputError
 from trackbench.document.drawing import svg_file
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
-from trackbench.metrics.intervals import Interval
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
 from trackbench.scenario.overrides import expand_sweeps
 from trackbench.scenario.source import parse
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import headline, remarks, tuning_document
-from trackbench.subjects.tuning.response import NEGLIGIBLE, Response
+from trackbench.subjects.tuning.response import NEGLIGIBLE
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
 from trackbench.truth.recorded.table import find
@@ -35,22 +34,22 @@ from trackbench.truth.recorded.table import find
 SCHEMA_VERSION = 1
 
 
-def to_json(found: Sequence[Tuning], command: str) -> dict[str, Any]:
+def to_json(tunings: Sequence[Tuning], command: str) -> dict[str, Any]:
     """All that was found of each tracker, and the command that repeats it."""
     return {
         "schema_version": SCHEMA_VERSION,
         "command": command,
-        "objective": found[0].objective.name,
+        "objective": tunings[0].objective.name,
         "scenarios": [
             {
                 "name": name,
-                "train": {"scenes": found[0].train_scenes[number], "runs": found[0].train_runs[number]},
-                "test": {"scenes": found[0].held_out.scenes[name], "runs": found[0].held_out.runs[name]},
-                "held_out": found[0].apart[number] or None,
+                "train": {"scenes": tunings[0].train_scenes[number], "runs": tunings[0].train_runs[number]},
+                "test": {"scenes": tunings[0].held_out.scenes[name], "runs": tunings[0].held_out.runs[name]},
+                "held_out": tunings[0].apart[number] or None,
             }
-            for number, name in enumerate(found[0].scenarios)
+            for number, name in enumerate(tunings[0].scenarios)
         ],
-        "trackers": [_tracker(item) for item in found],
+        "trackers": [_tracker(item) for item in tunings],
     }
 
 
@@ -66,30 +65,40 @@ def _tracker(item: Tuning) -> dict[str, Any]:
         "at_edge": [parameter.key for parameter, _ in item.edges],
         "held_out": [
             {
-                "scenario": one.scenario,
-                "metric": one.measure,
-                "unit": one.unit,
-                "start": _interval(one.start),
-                "tuned": _interval(one.tuned),
-                "difference": {"value": one.difference.value, "ci95": _ends(one.difference.ci95)},
-                "p_value": one.p_value,
-                "verdict": one.verdict,
+                "scenario": comparison.scenario,
+                "metric": comparison.measure,
+                "unit": comparison.unit,
+                **{
+                    name: {"value": value.value, "ci95": None if value.ci95 is None else list(value.ci95)}
+                    for name in ("start", "tuned", "difference")
+                    for value in [getattr(comparison, name)]
+                },
+                "p_value": comparison.p_value,
+                "verdict": comparison.verdict,
             }
-            for one in item.held_out.comparisons
+            for comparison in item.held_out.comparisons
         ],
-        "response": [_response(one) for one in item.responses],
+        "response": [
+            {
+                "option": response.parameter.key,
+                "within_1_percent": list(response.within(NEGLIGIBLE)) if response.parameter.continuous else None,
+                "optimum_ci95": list(response.optimum95)
+                if response.parameter.continuous and response.has_reach
+                else None,
+                "not_shown_worse": None if response.parameter.continuous else response.as_good,
+                "points": [
+                    {
+                        "value": point.value,
+                        "rise": point.rise if math.isfinite(point.rise) else None,
+                        "reach95": point.reach,
+                    }
+                    for point in response.points
+                ],
+            }
+            for response in item.responses
+        ],
         "front": [_trial(trial) for trial in item.front],
         "trials": [_trial(trial) for trial in item.trials],
-    }
-
-
-def _response(one: Response) -> dict[str, Any]:
-    return {
-        "option": one.parameter.key,
-        "within_1_percent": list(one.within(NEGLIGIBLE)) if one.parameter.continuous else None,
-        "optimum_ci95": list(one.optimum95) if one.parameter.continuous and one.told else None,
-        "not_shown_worse": None if one.parameter.continuous else one.as_good,
-        "points": [{"value": point.value, "rise": _number(point.rise), "reach95": point.reach} for point in one.points],
     }
 
 
@@ -100,18 +109,6 @@ def _trial(trial: TuningTrial) -> dict[str, Any]:
         "failed": trial.failed or None,
         "measures": dict(trial.measures),
     }
-
-
-def _interval(one: Interval) -> dict[str, Any]:
-    return {"value": one.value, "ci95": _ends(one.ci95)}
-
-
-def _ends(ends: tuple[float, float] | None) -> list[float] | None:
-    return None if ends is None else list(ends)
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 ENDING = ".yaml"
@@ -153,7 +150,7 @@ def scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
     return [out] if len(scenarios) == 1 else [out / f"{item.config.name}{ENDING}" for item in scenarios]
 
 
-def save_tuning(found: Sequence[Tuning], scenarios: Sequence[Scenario], out: Path, command: str) -> list[Path]:
+def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: Path, command: str) -> list[Path]:
     """Write all files, each whole or not at all; the scenarios come last. Figures of an earlier tuning go.
 
     Returns:
@@ -163,15 +160,15 @@ def save_tuning(found: Sequence[Tuning], scenarios: Sequence[Scenario], out: Pat
         OutputError: one cannot be written.
     """
     base = out.with_suffix("") if len(scenarios) == 1 else out / "tuning"
-    document = tuning_document(found, command)
+    document = tuning_document(tunings, command)
     figures = base.with_name(f"{base.name}_figures")
     content = {
-        base.with_name(f"{base.name}.json"): results.to_json(to_json(found, command)).encode(),
+        base.with_name(f"{base.name}.json"): results.to_json(to_json(tunings, command)).encode(),
         base.with_name(f"{base.name}.html"): to_html(document).encode(),
         base.with_name(f"{base.name}.md"): to_markdown(document, figures=quote(figures.name)).encode(),
     }
     drawn = {figures / f"{figure.name}.svg": svg_file(figure).encode() for figure in document.figures}
-    values = {item.tracker: item.best.values for item in found}
+    values = {item.tracker: item.best.values for item in tunings}
     for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
         # Trackers are looked for beside the scenario that names them.
         content |= {file.parent / module.name: module.read_bytes() for module in own_modules(scenario)}
@@ -188,7 +185,7 @@ START, TUNED = "_start", "_tuned"
 WIDTH = 120
 
 
-def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
+def written(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
     """The text of the scenario, each tuned tracker with its new values under its name, and as it was under NAME_start.
 
     Comments, anchors and the other trackers stay as they are. A scenario that the command line changed is written anew,
@@ -196,18 +193,19 @@ def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
 
     Args:
         loaded: the scenario.
-        found: by tracker the values of its options.
+        tuned: by tracker the values of its options.
         folder: where it is written; a relative path of a recording is as seen from there.
     """
-    names = _second_names(loaded, found)
-    entries = {name: plain(loaded, name, values) for name, values in found.items()}
+    names = _second_names(loaded, tuned)
+    entries = {name: plain(loaded, name, values) for name, values in tuned.items()}
 
     def seen(path: str) -> str:
         return _seen_from(folder, path, loaded)
 
+    truth = loaded.document.value["truth"]
     wanted = {
         **loaded.document.value,
-        "truth": _with_paths(loaded.document.value["truth"], seen),
+        "truth": _replaced(truth, seen) if truth.get("source") == "recording" else truth,
         "trackers": _with_entries(loaded, entries, names),
     }
     if not loaded.overrides:
@@ -221,11 +219,11 @@ def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
     return yaml.safe_dump(wanted, sort_keys=False, width=WIDTH, allow_unicode=True)
 
 
-def _second_names(loaded: Scenario, found: Mapping[str, Values]) -> dict[str, str]:
+def _second_names(loaded: Scenario, tuned: Mapping[str, Values]) -> dict[str, str]:
     """By tuned tracker the name of its second entry: as it was; of a point of a sweep, as it is tuned."""
     taken = {*loaded.document.value["trackers"]}
     names = {}
-    for tracker in found:
+    for tracker in tuned:
         plain_name = tracker + (TUNED if _sweep(loaded, tracker) else START)
         numbered = (f"{plain_name}_{number}" for number in itertools.count(2))
         names[tracker] = next(name for name in itertools.chain([plain_name], numbered) if name not in taken)
@@ -258,14 +256,8 @@ def _seen_from(folder: Path, path: str, loaded: Scenario) -> str:
     return os.path.relpath(find(path, loaded.path.resolve().parent, "truth").resolve(), folder.resolve())
 
 
-def _with_paths(truth: Any, seen: Callable[[str], str]) -> Any:
-    """The truth with other paths, where it is a recording: of its own file, the observer's and each sensor's."""
-    if not isinstance(truth, dict) or truth.get("source") != "recording":
-        return truth
-    return _replaced(truth, seen)
-
-
 def _replaced(node: Any, seen: Callable[[str], str]) -> Any:
+    """The truth with other paths, where it is a recording: of its own file, the observer's and each sensor's."""
     if not isinstance(node, dict):
         return node
     return {

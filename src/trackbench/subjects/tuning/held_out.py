@@ -159,7 +159,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
     start_outcomes, (tuned_outcomes,) = evaluator.start, evaluator([tuned])
     scenes = {bench.name: len(bench.truths) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
-    found: list[MeasureComparison] = []
+    comparisons: list[MeasureComparison] = []
     for word, outcomes in (("start", start_outcomes), ("tuned", tuned_outcomes)):
         for outcome in outcomes:
             if outcome.sums is None:
@@ -178,8 +178,8 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
                 pairs.append((number, own.sums, other.sums))
             else:
                 without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
-        found += _by(measure, unit, evaluator, pairs)
-    return HeldOut(tuple(found), scenes, runs, not_compared=tuple(without))
+        comparisons += _by(measure, unit, evaluator, pairs)
+    return HeldOut(tuple(comparisons), scenes, runs, not_compared=tuple(without))
 
 
 def _by(

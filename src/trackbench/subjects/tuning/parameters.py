@@ -12,7 +12,7 @@ from typing import Any, Literal
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse
-from trackbench.subjects.tuning.entry import STAYS, Values, current, problem_with
+from trackbench.subjects.tuning.entry import STAYS, current, problem_with
 from trackbench.trackers.associate import COUNTING
 from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS, built_in
@@ -45,8 +45,14 @@ class Parameter:
     def from_unit(self, share: float) -> float:
         """The value at a share of the range, on the scale; of a continuous one."""
         low, high = self._stretch(self.low), self._stretch(self.high)
-        value = self._unstretch(low + min(max(share, 0.0), 1.0) * (high - low))
-        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high) if self.scale != "odds" else _odds(value)
+        stretched = low + min(max(share, 0.0), 1.0) * (high - low)
+        if self.scale == "odds":
+            # With as many digits of its distance from one as of itself.
+            odds = 1.0 / (1.0 + math.exp(-stretched))
+            near_one = round(1.0 - float(f"{1.0 - odds:.{DIGITS}g}"), 12)
+            return float(f"{odds:.{DIGITS}g}") if odds < 0.5 else near_one
+        value = math.exp(stretched) if self.scale == "log" else stretched
+        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
 
     def to_unit(self, value: float) -> float:
         """The share of the range at which a value lies, on the scale."""
@@ -69,12 +75,6 @@ class Parameter:
             return value in self.choices
         return isinstance(value, int | float) and self.low <= value <= self.high
 
-    def as_tried(self, value: Any) -> Any:
-        """A value that it holds, of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker."""
-        if self.scale == "choice":
-            return self.choices[self.choices.index(value)]
-        return float(value) if self.continuous else value
-
     def as_json(self) -> dict[str, Any]:
         """What tells it from others."""
         if self.scale == "choice":
@@ -91,31 +91,10 @@ class Parameter:
             return math.log(value)
         return math.log(value / (1.0 - value)) if self.scale == "odds" else value
 
-    def _unstretch(self, stretched: float) -> float:
-        if self.scale == "log":
-            return math.exp(stretched)
-        return 1.0 / (1.0 + math.exp(-stretched)) if self.scale == "odds" else stretched
-
-
-def _odds(value: float) -> float:
-    """A probability with as many digits of its distance from one as of itself."""
-    return float(f"{value:.{DIGITS}g}") if value < 0.5 else round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
-
 
 def shown(value: Any) -> str:
     """A value as a scenario writes it."""
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
-
-
-def settings(values: Values) -> str:
-    """Values on one line: ``gate=0.999, confirm=[3, 5]``."""
-    return ", ".join(f"{key}={shown(value)}" for key, value in values.items())
-
-
-def at_edges(parameters: Sequence[Parameter], values: Values) -> list[tuple[Parameter, float]]:
-    """The parameters whose value is at an end of its range that could be wider."""
-    found = [(item, item.edge(values[item.key])) for item in parameters]
-    return [(item, edge) for item, edge in found if edge is not None]
 
 
 FORM = "write KEY=LOW:HIGH, such as acceleration_sigma_mps2=0.1:30, or KEY=A,B,C"
@@ -146,7 +125,7 @@ def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
         InputError: it is no range, or the tracker does not take its values; says which it would.
     """
     key, values, ends = _read_range(text)
-    at = _at(text)
+    at = f"--range {text}"
     _require_home(loaded, tracker, key, ends, at)
     if ends:
         low, high = values
@@ -186,25 +165,27 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
     entry = loaded.config.trackers[tracker]
     if not isinstance(entry, FilterConfig):
         raise InputError(f"{tracker} is not built in: give --range options.KEY=LOW:HIGH", file=loaded.path)
-    found: list[Parameter] = []
+    parameters: list[Parameter] = []
     if entry.process_noise_diag is None:
+        # The options of a single motion model stand beside its name, or with it in a mapping.
+        in_mapping = isinstance(loaded.document.value["trackers"][tracker].get("motion"), dict)
         for number, motion in enumerate(entry.models):
-            prefix = f"motion.imm.{number}." if len(entry.models) > 1 else _prefix(loaded, tracker)
+            prefix = f"motion.imm.{number}." if len(entry.models) > 1 else "motion." if in_mapping else ""
             for option in dict.fromkeys(motion.driving_noise):
-                found.append(_usual(prefix + option, option, getattr(motion, option)))
+                parameters.append(_usual(prefix + option, option, getattr(motion, option)))
     if isinstance(entry.motion, ImmConfig):
-        found += [_usual(f"{STAYS}{number}", "stay_s", stay) for number, stay in enumerate(entry.motion.stay_s)]
+        parameters += [_usual(f"{STAYS}{number}", "stay_s", stay) for number, stay in enumerate(entry.motion.stay_s)]
     if entry.associate is not None:
         method = entry.associate.method
         if method != "oracle":
-            found.append(Parameter("associate.gate", "odds", *GATE))
+            parameters.append(Parameter("associate.gate", "odds", *GATE))
         if method not in COUNTING:
-            found.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
+            parameters.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
         elif entry.associate.confirm != "score":
-            found.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
-    if not found:
+            parameters.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
+    if not parameters:
         raise InputError(f"{tracker} has no process noise that could be tuned: give --range", file=loaded.path)
-    return found
+    return parameters
 
 
 def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
@@ -224,7 +205,13 @@ def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]
     values = {item.key: current(loaded, tracker, item.key) for item in parameters}
     if not all(item.holds(values[item.key]) for item in parameters):
         return None
-    return {item.key: item.as_tried(values[item.key]) for item in parameters}
+    for item in parameters:
+        # Of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker.
+        if item.scale == "choice":
+            values[item.key] = item.choices[item.choices.index(values[item.key])]
+        elif item.continuous:
+            values[item.key] = float(values[item.key])
+    return values
 
 
 def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> Iterator[str]:
@@ -240,19 +227,9 @@ def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]
         yield f"{item.key} {why}, so the search did not begin with the start."
 
 
-def _prefix(loaded: Scenario, tracker: str) -> str:
-    """Where the options of the motion model stand: beside its name, or with it in a mapping."""
-    motion = loaded.document.value["trackers"][tracker].get("motion")
-    return "motion." if isinstance(motion, dict) else ""
-
-
 def _usual(key: str, option: str, start: float) -> Parameter:
     low, high = NOISES.get(option, (start / FACTOR, start * FACTOR))
     return Parameter(key, "log", min(low, start / 2), max(high, start * 2))
-
-
-def _at(text: str) -> str:
-    return f"--range {text}"
 
 
 def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
@@ -262,7 +239,7 @@ def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
         InputError: it is no range.
     """
     key, equals, rest = text.partition("=")
-    key, at = key.strip(), _at(text)
+    key, at = key.strip(), f"--range {text}"
     if not equals or not all(key.split(".")):
         raise InputError(FORM, key=at)
     ends = rest.split(":")
@@ -330,15 +307,3 @@ def _read(text: str, at: str) -> Any:
         return parse(text, at).value
     except InputError as error:
         raise InputError(f"{error.message}; {FORM}", key=at) from None
-
-
-def require_no_repetition(parameters: Sequence[Parameter]) -> None:
-    """Make sure that no option has two ranges.
-
-    Raises:
-        InputError: one has.
-    """
-    keys = [item.key for item in parameters]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise InputError(f"two ranges of {key}; give one", key="--range")

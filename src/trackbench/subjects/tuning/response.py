@@ -69,7 +69,7 @@ class Response:
         return self._where(_evidence, 0.5, -1), self._where(_evidence, 0.5, 1)
 
     @property
-    def told(self) -> bool:
+    def has_reach(self) -> bool:
         """Whether the runs tell how sure the rises are."""
         return any(point.reach is not None for point in self.points)
 
@@ -120,25 +120,21 @@ def _evidence(point: ResponsePoint) -> float:
     return point.rise / point.reach if point.reach else math.nan
 
 
-def neighbours(parameter: Parameter, value: Any) -> list[Any]:
-    """The values at which the response is taken, the given one not among them."""
-    found: list[Any]
-    if parameter.scale == "choice":
-        found = list(parameter.choices)
-    elif parameter.scale == "integer":
-        found = [value + step for step in STEPS if parameter.low <= value + step <= parameter.high]
-    elif parameter.scale == "log":
-        found = [float(f"{value * factor:.4g}") for factor in FACTORS]
-        found = [min(max(one, parameter.low), parameter.high) for one in found]
-    else:
-        at = parameter.to_unit(value)
-        found = [parameter.from_unit(at + share) for share in SHARES]
-    return [one for i, one in enumerate(found) if one != value and one not in found[:i]]
-
-
 def along(parameter: Parameter, best: Values) -> list[dict[str, Any]]:
-    """The best values with others of one option."""
-    return [{**best, parameter.key: value} for value in neighbours(parameter, best[parameter.key])]
+    """The best values with others of one option: those at which the response is taken."""
+    value, values = best[parameter.key], []
+    if parameter.scale == "choice":
+        values = list(parameter.choices)
+    elif parameter.scale == "integer":
+        values = [value + step for step in STEPS if parameter.low <= value + step <= parameter.high]
+    elif parameter.scale == "log":
+        rounded = [float(f"{value * factor:.4g}") for factor in FACTORS]
+        values = [min(max(other, parameter.low), parameter.high) for other in rounded]
+    else:
+        place = parameter.to_unit(value)
+        values = [parameter.from_unit(place + share) for share in SHARES]
+    others = [other for i, other in enumerate(values) if other != value and other not in values[:i]]
+    return [{**best, parameter.key: other} for other in others]
 
 
 def correlations(
@@ -174,15 +170,3 @@ def correlations(
         for i in range(size)
         for j in range(i + 1, size)
     }
-
-
-def ordered(responses: Sequence[Response]) -> list[Response]:
-    """The option that matters most comes first."""
-    return sorted(responses, key=lambda item: -np.nan_to_num(item.steepness, nan=math.inf))
-
-
-def sorted_values(parameter: Parameter, points: Sequence[ResponsePoint]) -> tuple[ResponsePoint, ...]:
-    """In the order of the values, or of the choices."""
-    if parameter.scale == "choice":
-        return tuple(sorted(points, key=lambda point: parameter.choices.index(point.value)))
-    return tuple(sorted(points, key=lambda point: float(point.value)))

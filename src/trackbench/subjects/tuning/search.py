@@ -167,8 +167,8 @@ def search(
             return
         size = min(batch.size, trials - first)
         if len(study.trials) < first + size:
-            known = study.trials[:first]
-            points = _proposed(parameters, study, known, batch, loss, [seed, number])
+            made = study.trials[:first]
+            points = _proposed(parameters, study, made, batch, loss, [seed, number])
             if number == 0 and start is not None:
                 points = [dict(start), *points]
             missing = points[len(study.trials) - first : size]
@@ -180,7 +180,7 @@ def search(
 def _proposed(
     parameters: Sequence[Parameter],
     study: Study,
-    known: Sequence[TuningTrial],
+    made: Sequence[TuningTrial],
     batch: Proposals,
     loss: Loss,
     seed: list[int],
@@ -188,17 +188,17 @@ def _proposed(
     """The values of a batch."""
     random = np.random.default_rng(seed)
     drawn = int(random.integers(2**31))
-    best = best_of(known)
+    best = best_of(made)
     if batch.how == "spread" or best is None:
         return study.space_filling(batch.size, drawn)
     if batch.how == "promising":
-        return study.promising(batch.size, drawn, known)
-    return _around(parameters, known, best, batch, loss, random)
+        return study.promising(batch.size, drawn, made)
+    return _around(parameters, made, best, batch, loss, random)
 
 
 def _around(
     parameters: Sequence[Parameter],
-    known: Sequence[TuningTrial],
+    made: Sequence[TuningTrial],
     best: TuningTrial,
     batch: Proposals,
     loss: Loss,
@@ -207,7 +207,7 @@ def _around(
     """The smallest value of a model of the trials around the best one, and points around it that sharpen the model."""
     axes = [item for item in parameters if item.continuous]
     others = {item.key: best.values[item.key] for item in parameters if not item.continuous}
-    alike = [trial for trial in known if all(trial.values[key] == value for key, value in others.items())]
+    alike = [trial for trial in made if all(trial.values[key] == value for key, value in others.items())]
     centre = shares_of(axes, [best])[0]
     model = fit(axes, alike, centre, batch.radius)
     if model is not None:

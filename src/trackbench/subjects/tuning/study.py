@@ -255,23 +255,23 @@ class Study:
             sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
             return self._proposed(sampler, [], count)
 
-    def promising(self, count: int, seed: int, known: Sequence[TuningTrial]) -> list[dict[str, Any]]:
+    def promising(self, count: int, seed: int, made: Sequence[TuningTrial]) -> list[dict[str, Any]]:
         """Values where good ones are frequent among the known trials: the tree-structured Parzen estimator."""
         import optuna
 
         with _quiet():
             sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True, n_startup_trials=5)
-            return self._proposed(sampler, known, count)
+            return self._proposed(sampler, made, count)
 
     def _proposed(
-        self, sampler: optuna.samplers.BaseSampler, known: Sequence[TuningTrial], count: int
+        self, sampler: optuna.samplers.BaseSampler, made: Sequence[TuningTrial], count: int
     ) -> list[dict[str, Any]]:
         import optuna
 
         # A study of its own: what it proposes depends on the known trials and the seed alone, however often the search
         # was interrupted.
         study = optuna.create_study(directions=self._directions, sampler=sampler)
-        study.add_trials([self._frozen(trial) for trial in known])
+        study.add_trials([self._frozen(trial) for trial in made])
         return [self._values(study.ask(self._distributions).params) for _ in range(count)]
 
     def _frozen(self, trial: TuningTrial) -> optuna.trial.FrozenTrial:

@@ -162,7 +162,7 @@ def _optimum(response: Response, item: Tuning) -> str:
         return NONE
     if not response.parameter.continuous:
         return ", ".join(shown(value) for value in response.as_good)
-    return _range_text(response.optimum95) if response.told else NONE
+    return _range_text(response.optimum95) if response.has_reach else NONE
 
 
 def _range_text(ends: tuple[float | None, float | None]) -> str:

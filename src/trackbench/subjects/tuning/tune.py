@@ -24,8 +24,8 @@ from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome
 from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective, source_of
-from trackbench.subjects.tuning.parameters import Parameter, at_edges
-from trackbench.subjects.tuning.response import FACTORS, Response, ResponsePoint, along, ordered, sorted_values
+from trackbench.subjects.tuning.parameters import Parameter
+from trackbench.subjects.tuning.response import FACTORS, Response, ResponsePoint, along
 from trackbench.subjects.tuning.search import search
 from trackbench.subjects.tuning.study import (
     Study,
@@ -67,32 +67,37 @@ def polished(
         lines = [along(item, best.values) for item in evaluator.parameters]
         points: list[Values] = [best.values, *(point for line in lines for point in line)]
         outcomes = evaluator(points, progress)
-        trials = [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
+        trials = [trial_of(objective, *pair, start) for pair in zip(points, outcomes, strict=True)]
         better = chosen_of(objective, [*trials, *made])
-        if better is None or last == PASSES - 1 or not _moves(objective, trials[0], better):
+        if better is None or last == PASSES - 1:
+            break
+        if len(objective.axes) > 1:
+            moves = better.values != trials[0].values
+        else:
+            moves = objective.rank(better.parts) < objective.rank(trials[0].parts) - ROUNDING
+        if not moves:
             break
         best = better
     responses, first = [], 1
     for item, line in zip(evaluator.parameters, lines, strict=True):
-        found = [ResponsePoint(best.values[item.key], trials[0].parts, 0.0, None, best=True)]
+        around = [ResponsePoint(best.values[item.key], trials[0].parts, 0.0, None, best=True)]
         for i in range(first, first + len(line)):
             value, parts = trials[i].values[item.key], trials[i].parts
             if not parts:
-                found.append(ResponsePoint(value, parts, math.nan, None))
+                around.append(ResponsePoint(value, parts, math.nan, None))
                 continue
             rise = objective.rank(parts) - objective.rank(trials[0].parts)
             sides = (trials[i], outcomes[i]), (trials[0], outcomes[0])
-            found.append(ResponsePoint(value, parts, rise, _reach(evaluator, objective, *sides)))
+            around.append(ResponsePoint(value, parts, rise, _reach(evaluator, objective, *sides)))
         first += len(line)
-        responses.append(Response(item, sorted_values(item, found)))
-    return best, ordered(responses)
-
-
-def _moves(objective: Objective, best: TuningTrial, better: TuningTrial) -> bool:
-    """Whether the values that are chosen are others than the best ones so far, by more than rounding."""
-    if len(objective.axes) > 1:
-        return better.values != best.values
-    return objective.rank(better.parts) < objective.rank(best.parts) - ROUNDING
+        # In the order of the values, or of the choices.
+        if item.scale == "choice":
+            around.sort(key=lambda point: item.choices.index(point.value))
+        else:
+            around.sort(key=lambda point: float(point.value))
+        responses.append(Response(item, tuple(around)))
+    # The option that matters most comes first.
+    return best, sorted(responses, key=lambda response: -np.nan_to_num(response.steepness, nan=math.inf))
 
 
 def _reach(
@@ -108,11 +113,11 @@ def _reach(
     square = 0.0
     for number in range(len(evaluator.benches)):
         scene = evaluator.scenes(number)
-        sides = [_influence(objective, trial, found, number, scene) for trial, found in (own, best)]
-        found = paired(Interval(0.0, sides[0]), Interval(0.0, sides[1])).ci95
-        if found is None:
+        sides = [_influence(objective, *side, number, scene) for side in (own, best)]
+        ends = paired(Interval(0.0, sides[0]), Interval(0.0, sides[1])).ci95
+        if ends is None:
             return None
-        square += (found[1] - found[0]) ** 2 / 4
+        square += (ends[1] - ends[0]) ** 2 / 4
     return math.sqrt(square)
 
 
@@ -128,14 +133,10 @@ def _influence(
         interval = sums.interval(source.measure, scene)
         if interval is not None:
             scale = source.sign / len(source.scenarios) / (interval.value if source.logarithm else 1.0)
-            total = total + _slope(objective, trial, part) * scale * interval.corrected
+            # How the loss changes with the part.
+            ends = [objective.rank({**trial.parts, part: trial.parts[part] + step}) for step in (STEP, -STEP)]
+            total = total + (ends[0] - ends[1]) / (2 * STEP) * scale * interval.corrected
     return np.asarray(total)
-
-
-def _slope(objective: Objective, trial: TuningTrial, part: str) -> float:
-    """How the loss changes with one of its parts."""
-    ends = [objective.rank({**trial.parts, part: trial.parts[part] + step}) for step in (STEP, -STEP)]
-    return (ends[0] - ends[1]) / (2 * STEP)
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,8 @@ class Tuning:
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
         """The parameters whose best value is at an end of its range that could be wider."""
-        return at_edges(self.parameters, self.best.values)
+        edges = [(item, item.edge(self.best.values[item.key])) for item in self.parameters]
+        return [(item, edge) for item, edge in edges if edge is not None]
 
     @property
     def front(self) -> list[TuningTrial]:
@@ -229,14 +231,12 @@ def tune_tracker(
     last = len(FACTORS) * len(task.parameters)
     total = task.trials + last
 
+    def advance_from(done: int, size: int) -> Progress:
+        return lambda part, parts: progress(done + part / parts * size, total)
+
     def make(points: Sequence[Values]) -> list[TuningTrial]:
-        done = len(study.trials)
-
-        def advance(part: float, parts: float) -> None:
-            progress(done + part / parts * len(points), total)
-
-        outcomes = evaluator(points, advance)
-        return [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
+        outcomes = evaluator(points, advance_from(len(study.trials), len(points)))
+        return [trial_of(objective, *pair, start) for pair in zip(points, outcomes, strict=True)]
 
     front = len(objective.axes) > 1
     search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
@@ -245,10 +245,7 @@ def tune_tracker(
     if best is None:
         raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
-    def advance_last(part: float, parts: float) -> None:
-        progress(task.trials + part / parts * last, total)
-
-    best, responses = polished(evaluator, objective, start, made, best, advance_last)
+    best, responses = polished(evaluator, objective, start, made, best, advance_from(task.trials, last))
     others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine, 1, *wanted)
     held_out = compare_held_out(others, best.values)
     return Tuning(
@@ -300,20 +297,18 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
     Raises:
         InputError: it fails, or does not give what the objective needs.
     """
-    found = []
+    sums = []
     for bench, outcome in zip(evaluator.benches, evaluator.start, strict=True):
         where = f"{evaluator.tracker} in {bench.name}"
         if outcome.sums is None:
             raise InputError(f"{where} fails as it is: {outcome.failed}", file=bench.scenario.path)
         if not np.isfinite(outcome.sums.value(objective.measure)):
-            raise InputError(_nothing(objective, bench, where), key="--objective")
-        found.append(outcome.sums)
-    return found
-
-
-def _nothing(objective: Objective, bench: Bench, where: str) -> str:
-    if objective.name == "likelihood":
-        if bench.hidden:
-            return f"{where} does not predict its detections, of which predictions the likelihood is"
-        return f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
-    return f"{where} has no {objective.measure}: nothing is scored"
+            if objective.name != "likelihood":
+                problem = f"{where} has no {objective.measure}: nothing is scored"
+            elif bench.hidden:
+                problem = f"{where} does not predict its detections, of which predictions the likelihood is"
+            else:
+                problem = f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
+            raise InputError(problem, key="--objective")
+        sums.append(outcome.sums)
+    return sums
