@@ -15,7 +15,7 @@ from trackbench.scenario.load import Scenario
 from trackbench.trackers.config import PluginConfig
 
 if TYPE_CHECKING:
-    from trackbench.driving.remote import TrackerTrial
+    pass
 
 Step = Callable[[], object]
 
@@ -65,30 +65,24 @@ def _try(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation, s
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
     from trackbench.driving.remote import TrackerTrial
 
+    use = f"trackers.{name}.use"
     with closing(TrackerTrial(tracker, folder, isolation)) as trial:
-        _look_at(trial, name, tracker.use)
-        if started:
-            _start(trial, name, tracker.use)
-
-
-def _look_at(trial: TrackerTrial, name: str, use: str) -> None:
-    try:
-        trial.check()
-    except InputErrors as several:
-        raise InputErrors([_placed(error, name) for error in several.errors]) from several
-    except InputError as error:
-        raise _placed(error, name) from error
-    except TrackFault as fault:
-        raise InputError(f"cannot look at {use!r}: {fault}", key=f"trackers.{name}.use") from fault
-
-
-def _start(trial: TrackerTrial, name: str, use: str) -> None:
-    try:
-        trial.start()
-    except TrackFault as fault:
-        raise InputError(f"cannot start {use!r}: {fault}", key=f"trackers.{name}.use") from fault
-    except InputError as error:
-        raise InputError(error.message, key=error.key or f"trackers.{name}.use") from error
+        try:
+            trial.check()
+        except InputErrors as several:
+            raise InputErrors([_placed(error, name) for error in several.errors]) from several
+        except InputError as error:
+            raise _placed(error, name) from error
+        except TrackFault as fault:
+            raise InputError(f"cannot look at {tracker.use!r}: {fault}", key=use) from fault
+        if not started:
+            return
+        try:
+            trial.start()
+        except TrackFault as fault:
+            raise InputError(f"cannot start {tracker.use!r}: {fault}", key=use) from fault
+        except InputError as error:
+            raise InputError(error.message, key=error.key or use) from error
 
 
 def _placed(error: InputError, name: str) -> InputError:

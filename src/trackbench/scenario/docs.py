@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from trackbench.base.config.key_units import show, split_key
@@ -245,23 +245,22 @@ def _example(section: str) -> str:
     return f"```yaml\n{EXAMPLES[section]}```"
 
 
+def _markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
 def _table(part: Schema) -> str:
-    rows = ["| key | type | unit | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    rows = []
     required = {*part.get("required", ()), *part.get("then", {}).get("required", ())}
     for key, field in part["properties"].items():
         unit = split_key(key)[1]
         default = "required" if key in required else _value(field.get("default"))
         if key in part.get("then", {}).get("required", ()) and "preset" in part["properties"]:
             default = "required, or from the preset"
-        cells = (
-            f"`{key}`",
-            _type(field),
-            unit.words if unit else "",
-            default,
-            field.get("description", ""),
-        )
-        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(rows)
+        cells = (f"`{key}`", _type(field), unit.words if unit else "", default, field.get("description", ""))
+        rows.append([cell.replace("|", "\\|") for cell in cells])
+    return _markdown(("key", "type", "unit", "default", "meaning"), rows)
 
 
 def _type(field: Schema) -> str:
@@ -308,21 +307,15 @@ def _value(value: Any) -> str:
 
 def _motion_models() -> str:
     rows = [
-        "### Motion models",
-        "",
-        "The options of the model stand beside `motion:`, or with it in a mapping: `motion: {model: cv, ...}`.",
-        "",
-        "| motion | state | options |",
-        "| --- | --- | --- |",
+        (f"`{name}`", ", ".join(model.components), ", ".join(f"`{key}`" for key in model.model_fields))
+        for name, model in MOTION_MODELS.loaded().items()
     ]
-    for name, model in MOTION_MODELS.loaded().items():
-        options = ", ".join(f"`{key}`" for key in model.model_fields)
-        rows.append(f"| `{name}` | {', '.join(model.components)} | {options} |")
-    return "\n".join(rows)
+    usage = "The options of the model stand beside `motion:`, or with it in a mapping: `motion: {model: cv, ...}`."
+    return f"### Motion models\n\n{usage}\n\n{_markdown(('motion', 'state', 'options'), rows)}"
 
 
 def _trackers() -> str:
-    rows = ["### Published trackers", "", "| use | options |", "| --- | --- |"]
+    rows = []
     for name, factory in TRACKERS.loaded().items():
         declared = options_of(factory)
         if declared is None:
@@ -331,8 +324,8 @@ def _trackers() -> str:
             options = f"as beside `filter: {name}`"
         else:
             options = ", ".join(f"`{key}`" for key in declared.model_fields)
-        rows.append(f"| `{name}` | {options} |")
-    return "\n".join(rows)
+        rows.append((f"`{name}`", options))
+    return f"### Published trackers\n\n{_markdown(('use', 'options'), rows)}"
 
 
 def _declared(parts: Schema, told: set[str]) -> Iterator[str]:
@@ -348,39 +341,30 @@ def _declared(parts: Schema, told: set[str]) -> Iterator[str]:
 
 def _presets() -> str:
     rows = [
-        "### Presets",
-        "",
-        "| preset | type | sensor | assumed, where no figure is published |",
-        "| --- | --- | --- | --- |",
+        (f"`{preset.name}`", preset.kind, preset.title, ", ".join(f"`{key}`" for key in preset.assumed))
+        for preset in list_presets()
     ]
-    for preset in list_presets():
-        assumed = ", ".join(f"`{key}`" for key in preset.assumed)
-        rows.append(f"| `{preset.name}` | {preset.kind} | {preset.title} | {assumed} |")
-    rows += ["", "Every figure with its source: [sensor presets](sensor-presets.md)."]
-    return "\n".join(rows)
+    table = _markdown(("preset", "type", "sensor", "assumed, where no figure is published"), rows)
+    return f"### Presets\n\n{table}\n\nEvery figure with its source: [sensor presets](sensor-presets.md)."
 
 
 def _metrics() -> str:
-    return "\n\n".join(
-        [
-            _table_of("### Metrics", [*metric_paths([*METRICS.loaded().values()])]),
-            _table_of("### Metrics with hidden identities", [*traffic_paths(truth=True).values()]),
-            _table_of(
-                "### Metrics with hidden identities, of a recording without a truth",
-                [*traffic_paths(truth=False).values()],
-            ),
-        ]
-    )
+    tables: dict[str, Iterable[Field]] = {
+        "Metrics": metric_paths([*METRICS.loaded().values()]),
+        "Metrics with hidden identities": traffic_paths(truth=True).values(),
+        "Metrics with hidden identities, of a recording without a truth": traffic_paths(truth=False).values(),
+    }
+    return "\n\n".join(_table_of(title, [*metrics]) for title, metrics in tables.items())
 
 
 def _table_of(title: str, metrics: Sequence[Field]) -> str:
-    rows = [title, "", "| metric | unit | meaning |", "| --- | --- | --- |"]
-    for metric in metrics:
-        unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
-        rows.append(f"| `{metric.name}` | {unit} | {metric.meaning} |")
+    rows = [
+        (f"`{metric.name}`", " or ".join(f"`{word}`" for word in metric.words) or metric.unit, metric.meaning)
+        for metric in metrics
+    ]
     compared = ", ".join(f"`{metric.name}`" for metric in metrics if metric.compared)
-    rows += ["", f"`better_than` compares run by run, and only by {compared}." if compared else "None is compared."]
-    return "\n".join(rows)
+    note = f"`better_than` compares run by run, and only by {compared}." if compared else "None is compared."
+    return f"### {title}\n\n{_markdown(('metric', 'unit', 'meaning'), rows)}\n\n{note}"
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.models.sensors.detection import ClutterPlace
-from trackbench.sensing.scans import IdealSensor, arrivals, measured, with_noise
+from trackbench.sensing.scans import IdealSensor, arrivals, make_read_only, measured, scan_at, with_noise
 from trackbench.sensing.view import field_of_view, silent
 
 
@@ -290,33 +290,17 @@ def _scans(
         measurement[at[0], :, at[1], i] = one.measurement.T
         origins[at], merged[at] = one.origin, one.merged
     valid = origins != PADDING
-    _freeze(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
+    make_read_only(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
     quiet, view = silent(config, sensor.time), field_of_view(config)
     probability, density = stated_detection_probability(config), stated_clutter_density(config)
     found = []
-    for k, time in enumerate(sensor.time):
+    for k in range(len(sensor.time)):
         here = slice(int(most[k]))
-        scan = Scan(
-            time=float(time),
-            sensor=sensor.name,
-            kind=config.type,
-            measurement=measurement[k][:, here],
-            valid=valid[k, here],
-            noise_covariance=sensor.noise_covariance,
-            sensor_pose=sensor.pose[:, k],
-            sensor_velocity=sensor.velocity[:, k],
-            arrival_time=float(arrival[k]),
+        scan = scan_at(sensor, k, place, arrival[k], measurement[k][:, here], valid[k, here])._replace(
             # A silent sensor says so: that it detects nothing tells nothing of the objects.
             detection_probability=0.0 if quiet[k] else probability,
             clutter_density=0.0 if quiet[k] else density,
             field_of_view=view,
-            place=place,
         )
         found.append((scan, origins[k, here], merged[k, here]))
     return found
-
-
-def _freeze(*shared: Array | Indices | Mask) -> None:
-    """One tracker must not change what the next one reads."""
-    for values in shared:
-        values.setflags(write=False)

@@ -13,12 +13,11 @@ from trackbench.base.types import Array, Indices, Mask, RecordedDetections, Reco
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
 from trackbench.sensing.view import (
-    SensorMotion,
     detection_probability,
     firing_steps,
     in_view,
+    motion_at,
     polar,
-    sensor_motion,
     silent,
 )
 from trackbench.truth.base import Recorded
@@ -99,28 +98,36 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
         measurement, valid = _stacked(sensor, seed, scenario, runs, hashes)
         detections[sensor.name] = valid.sum(axis=-1).astype(float)
         size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
-        for shared in (measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity):
-            # One tracker must not change what the next one reads.
-            shared.setflags(write=False)
-        arrival = arrivals(sensor, seed, scenario)
-        for k, time in enumerate(sensor.time):
-            scans.append(
-                Scan(
-                    time=float(time),
-                    sensor=sensor.name,
-                    kind=sensor.config.type,
-                    measurement=measurement[k].reshape(size, batch),
-                    valid=valid[k].reshape(batch),
-                    noise_covariance=sensor.noise_covariance,
-                    sensor_pose=sensor.pose[:, k],
-                    sensor_velocity=sensor.velocity[:, k],
-                    arrival_time=float(arrival[k]),
-                    place=place,
-                )
-            )
+        make_read_only(measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity)
+        scans += [
+            scan_at(sensor, k, place, arrival, measurement[k].reshape(size, batch), valid[k].reshape(batch))
+            for k, arrival in enumerate(arrivals(sensor, seed, scenario))
+        ]
     # Stable: sensors that fire together stay in the scenario's order.
     scans.sort(key=lambda scan: scan.time)
     return Measurements(scans, detections, [run.digest() for run in hashes])
+
+
+def scan_at(sensor: IdealSensor, k: int, place: int, arrival: float, measurement: Array, valid: Mask) -> Scan:
+    """The scan at instant ``k`` of the sensor, the ``place``-th of the scenario, which arrives at a time in s."""
+    return Scan(
+        time=float(sensor.time[k]),
+        sensor=sensor.name,
+        kind=sensor.config.type,
+        measurement=measurement,
+        valid=valid,
+        noise_covariance=sensor.noise_covariance,
+        sensor_pose=sensor.pose[:, k],
+        sensor_velocity=sensor.velocity[:, k],
+        arrival_time=float(arrival),
+        place=place,
+    )
+
+
+def make_read_only(*shared: Array | Indices | Mask) -> None:
+    """One tracker must not change what the next one reads."""
+    for values in shared:
+        values.setflags(write=False)
 
 
 def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
@@ -132,7 +139,7 @@ def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
 
 
 def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
-    motion = _motion(truth, config, steps)
+    motion = motion_at(truth, config, steps)
     pose, velocity = motion
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
     measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
@@ -190,11 +197,6 @@ def scan_rate(sensor: IdealSensor) -> float | None:
         return sensor.config.rate_hz
     starts = sensor.time[sensor.cycle_starts]
     return float(1.0 / np.median(np.diff(starts))) if len(starts) > 1 else None
-
-
-def _motion(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
-    motion = sensor_motion(truth.observer, config.mount)
-    return SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
 
 
 def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[Array, Mask]:

@@ -204,10 +204,15 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     return Due(steps, np.where(due, DUE, np.where(alive, OPTIONAL, ABSENT)).astype(np.int8))
 
 
+def motion_at(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
+    """The motion of a sensor at some steps of the truth."""
+    motion = sensor_motion(truth.observer, config.mount)
+    return SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
+
+
 def well_in_view(truth: Truth, steps: Indices, config: Sensor) -> Mask:
     """``(instants, objects, runs or 1)``: one sensor has it in view and not at the rim, and is not silent."""
-    motion = sensor_motion(truth.observer, config.mount)
-    motion = SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
+    motion = motion_at(truth, config, steps)
     seen = polar(truth, steps, motion)
     half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
     well_inside = in_view(truth, steps, config, motion, seen) & (to_rim(config, seen) >= half_diagonal)

@@ -124,10 +124,11 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     bodies = truth_bodies(config, frames, observer, targets)
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
+    unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
-        source=_source(config),
+        source=config.model_dump(mode="json", exclude={"seeds", *unused}),
         target=np.isin(bodies, targets),
     )
     velocity = [held(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
@@ -141,11 +142,6 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
 def _fixed(at: FixedObserver, steps: int) -> Observer:
     px, py, yaw, zero = (np.full(steps, value) for value in (at.x, at.y, math.radians(at.yaw_deg), 0.0))
     return Observer(px, py, yaw, zero, zero, zero)
-
-
-def _source(config: HighwayOptions) -> dict[str, Any]:
-    unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
-    return config.model_dump(mode="json", exclude={"seeds", *unused})
 
 
 def _prepare(config: HighwayOptions) -> AbstractEnv:

@@ -82,7 +82,7 @@ def _meaning(name: str) -> str:
     return "set it, or write the path without it"
 
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
 
@@ -146,7 +146,7 @@ class Rows(NamedTuple):
         if _empty(value):
             raise self.error(row, f"{column} is empty, where a number is expected")
         if isinstance(value, str):
-            number = float(value) if _NUMBER.fullmatch(value.strip()) else math.nan
+            number = float(value) if NUMBER.fullmatch(value.strip()) else math.nan
         else:
             number = float(value) if isinstance(value, int | float | Decimal) else math.nan
         if not math.isfinite(number):

@@ -15,7 +15,7 @@ from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.table import find, read_text
+from trackbench.truth.recorded.table import NUMBER, find, read_text
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -33,7 +33,6 @@ QUANTITIES = {
     **dict.fromkeys(("azimuth", *OPTIONAL), "angle"),
 }
 
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Whole microseconds that a double holds exactly.
 _STAMP = re.compile(r"[0-9]{1,16}")
 
@@ -87,7 +86,7 @@ def parse_line(text: str) -> Measurement:
 
 
 def _number(text: str, name: str, quantity: str) -> float:
-    value = float(text) if _NUMBER.fullmatch(text) else math.nan
+    value = float(text) if NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
         raise InputError(f"{name} is not a finite number: {_short(text)}")
     problem = why_too_large(value, quantity)
