@@ -1,4 +1,4 @@
-"""Filters of other libraries as trackers. Nothing here is imported but by the names under which it is published."""
+"""Filters of other libraries as trackers; scenarios name them by entry points, and nothing else imports them."""
 
 from trackbench.base.subjects import Subject
 

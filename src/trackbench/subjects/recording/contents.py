@@ -30,7 +30,7 @@ from trackbench.results.scenario_summary import SensorSummary
 
 @dataclass(frozen=True)
 class Contents:
-    """What is drawn and told."""
+    """What is drawn, and the texts beside it."""
 
     name: str
     runs: str

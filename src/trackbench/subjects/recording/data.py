@@ -38,32 +38,15 @@ TABLES = {
 
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables; of the events those of the recorded run."""
-    summary = json.dumps(result.json(), allow_nan=False, ensure_ascii=False)
-    blobs = {name: _blob(_kept(result, name)) for name in TABLES[result.summary.identities]}
-    components: dict[str, Any] = {SUMMARY_COMPONENT: summary, **blobs}
+    components: dict[str, Any] = {SUMMARY_COMPONENT: json.dumps(result.json(), allow_nan=False, ensure_ascii=False)}
+    for name in TABLES[result.summary.identities]:
+        table = result.tables.if_there(name)
+        if name == "events" and table.num_rows:
+            table = table.filter(pc.equal(table["run"], float(result.summary.recorded_run)))
+        sink = io.BytesIO()
+        pq.write_table(table, sink, compression="zstd")
+        components[name] = np.frombuffer(sink.getvalue(), dtype=np.uint8)
     stream.static(DATA, rr.AnyValues(**components))
-
-
-def _tables(blobs: dict[str, bytes]) -> dict[str, pa.Table]:
-    """The tables by name, out of their Parquet files.
-
-    Raises:
-        pyarrow.ArrowException: one of them is damaged.
-    """
-    return {name: pq.read_table(io.BytesIO(blob)) for name, blob in blobs.items()}
-
-
-def _kept(result: Result, name: str) -> pa.Table:
-    table = result.tables.if_there(name)
-    if name == "events" and table.num_rows:
-        table = table.filter(pc.equal(table["run"], float(result.summary.recorded_run)))
-    return table
-
-
-def _blob(table: pa.Table) -> Any:
-    sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd")
-    return np.frombuffer(sink.getvalue(), dtype=np.uint8)
 
 
 #: The name of a recording in the folder of its run.
@@ -109,7 +92,7 @@ def read(path: Path) -> Recorded:
     try:
         runs = read_chunks(path)
         summaries = [json.loads(run.pop(SUMMARY_COMPONENT)) for run in runs]
-        tables = _tables(runs[0]) if runs else {}
+        tables = {name: pq.read_table(io.BytesIO(blob)) for name, blob in runs[0].items()} if runs else {}
     except (Unreadable, OSError, ValueError, pa.ArrowException) as error:
         if version == rr.__version__:
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"

@@ -63,7 +63,12 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         for result in results:
             require_time(0.0, result.summary.truth.duration_s, opening.at_s)
         if opening.vehicle is not None:
-            _require_presence(results[0], opening.vehicle, opening.at_s)
+            rows = split(results[0].tables.truth, "object")[opening.vehicle,]
+            present = rows["time_s"][rows["alive"].astype(bool)]
+            if not len(present) or not present[0] - 1e-9 <= opening.at_s <= present[-1] + 1e-9:
+                when = f"from {present[0]:g} s to {present[-1]:g} s" if len(present) else "at no time"
+                problem = f"{opening.vehicle} is not there at {opening.at_s:g} s: it is there {when}"
+                raise InputError(problem, key="--at")
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
 
 
@@ -118,11 +123,3 @@ def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> Estima
     if len(moments) < number:
         raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
     return moments[number - 1]
-
-
-def _require_presence(result: Result, vehicle: str, time: float) -> None:
-    rows = split(result.tables.truth, "object")[vehicle,]
-    present = rows["time_s"][rows["alive"].astype(bool)]
-    if not len(present) or not present[0] - 1e-9 <= time <= present[-1] + 1e-9:
-        when = f"from {present[0]:g} s to {present[-1]:g} s" if len(present) else "at no time"
-        raise InputError(f"{vehicle} is not there at {time:g} s: it is there {when}", key="--at")

@@ -339,10 +339,10 @@ def _reached(tracker: TrackerResult, scorer: Scorer, together: frozenset[str]) -
 
 def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> dict[int, Array]:
     """By instant, ``(dof, objects)`` innovations of the recorded squared length, which is all that scoring needs."""
-    found: dict[int, Array] = {}
+    innovations: dict[int, Array] = {}
     for name, of_object in rows.items():
         instants = np.searchsorted(recorded.time, of_object["time_s"])
         for instant, value in zip(instants, of_object["nis"], strict=True):
-            white = found.setdefault(int(instant), np.zeros((dof, len(recorded.objects))))
+            white = innovations.setdefault(int(instant), np.zeros((dof, len(recorded.objects))))
             white[0, recorded.objects.index(name)] = np.sqrt(value)
-    return found
+    return innovations

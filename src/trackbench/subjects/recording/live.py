@@ -106,7 +106,7 @@ class Live(Listener):
         if self._thread.is_alive():
             self.lost = True
             self._process.kill()
-        # Nobody waits for it, but its end is taken note of.
+        # Collects the status of the process when it ends, without waiting here.
         threading.Thread(target=self._process.wait, daemon=True).start()
 
     def _deliver(self) -> None:

@@ -36,8 +36,8 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
     line = rows["line"]
     points = np.stack([rows["x_m"], rows["y_m"]], axis=1)
     strips = np.split(points, np.flatnonzero(np.diff(line)) + 1) if len(line) else []
-    lanes = rr.LineStrips2D(strips, colors=rgba(ROAD_COLOUR), radii=pixels(1.0), draw_order=0.0)
-    stream.static(path(*ROADS), lanes)
+    edges = rr.LineStrips2D(strips, colors=rgba(ROAD_COLOUR), radii=pixels(1.0), draw_order=0.0)
+    stream.static(path(*ROADS), edges)
 
 
 def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, names_above: bool = False) -> None:

@@ -193,8 +193,8 @@ def ended(log: IO[bytes]) -> InputError:
         return InputError(NO_SCREEN)
     if "render context" in text or "graphics adapter" in text:
         return InputError(NO_DRIVER)
-    said = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
-    return InputError(f"the viewer ended: {said[0] if said else 'it gave no reason'}")
+    causes = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
+    return InputError(f"the viewer ended: {causes[0] if causes else 'it gave no reason'}")
 
 
 def grpc_url(host: str, port: int) -> str:

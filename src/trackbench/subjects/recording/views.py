@@ -58,7 +58,7 @@ class Window(NamedTuple):
 
 
 def wide_window(truth: pa.Table) -> Window:
-    """The observer's, which has the vehicles near it most of the time, or its surroundings where there is none."""
+    """The observer's view: it has the vehicles nearby most of the time, or the surroundings where there are none."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]

@@ -75,7 +75,7 @@ def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
 
 
 def write_overlay(contents: Contents, path: Path, focus: Focus) -> None:
-    """Write several runs that are laid over each other, to be looked at: their numbers are not in the file.
+    """Write several runs laid over each other; their tables are not in the file.
 
     Raises:
         As :func:`write`.

@@ -120,7 +120,7 @@ async def _answer(connection: ServerConnection, client: Client) -> None:
 
 @contextmanager
 def _signals(stopped: asyncio.Future[signal.Signals]) -> Iterator[None]:
-    """With the first SIGINT or SIGTERM told to ``stopped``, and the next one interrupting."""
+    """Let the first SIGINT or SIGTERM set ``stopped``, and the next one interrupt."""
     loop = asyncio.get_running_loop()
 
     def tell(number: int, _: FrameType | None) -> None:

@@ -175,7 +175,7 @@ class Session:
         return scan if named is None or sensor.name in named else empty_scan(scan)
 
     def _step(self, scan: Scan) -> Estimate | None:
-        """The tracker's estimate, held against what the runner asks of one."""
+        """The tracker's estimate, checked as the runner checks estimates."""
         try:
             with np.errstate(all="ignore"):
                 estimate = self._stepper.step(scan)

@@ -4,6 +4,6 @@ from trackbench.base.subjects import Command, Subject
 
 SUBJECT = Subject(
     commands={
-        "new": Command(f"{__name__}.command:new_command", "Write a plug-in of your own that works, with its test.")
+        "new": Command(f"{__name__}.plug_in:new_command", "Write a plug-in of your own that works, with its test.")
     },
 )

@@ -1,4 +1,4 @@
-"""The files of a new plug-in: a module, its test and, for trackers, a scenario."""
+"""``trackbench new``: the files of a new plug-in: a module, its test and, for trackers, a scenario."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import click
 import jinja2
 
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import attribute, classes, explained, searched
+from trackbench.cli.options import NearestChoice
 from trackbench.metrics.registry import unfit_name
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
@@ -33,6 +35,16 @@ KINDS: Mapping[str, Mapping[str, str]] = {
     "sensor": {"{name}.py": "sensor.py.j2", "test_{name}.py": "test_sensor.py.j2"},
     "truth": {"{name}.py": "truth.py.j2", "test_{name}.py": "test_truth.py.j2"},
     "metric": {"{name}.py": "metric.py.j2", "test_{name}.py": "test_metric.py.j2"},
+}
+
+#: How a scenario names a new plug-in of each kind.
+NAMED = {
+    "tracker": '  trackers: {{mine: {{use: "{use}"}}}}',
+    "multi-tracker": '  trackers: {{mine: {{use: "{use}"}}}}  # with sensing: {{identities: hidden}}',
+    "motion-model": '  trackers: {{mine: {{filter: ekf, motion: "{use}", ...}}}}',
+    "sensor": '  sensors: {{front: {{type: "{use}", rate_hz: 10, ...}}}}',
+    "truth": '  truth: {{source: "{use}", duration_s: 20, rate_hz: 20, ...}}',
+    "metric": '  score: {{metrics: ["{use}"]}}',
 }
 
 
@@ -112,7 +124,7 @@ def _write(texts: Mapping[Path, str]) -> None:
 #: Names that a parameter for the time step, or for the noise covariance, goes by.
 TIME_STEP = ("dt", "delta_t", "delta", "elapsed", "time_step", "step", "t")
 NOISE = ("R", "r", "noise", "noise_covariance", "covariance", "cov")
-#: What a filter has to be told, as a decision says it.
+#: What a filter needs to know, as a decision says it.
 LEARNT = {
     "dt": "dt, which is not the same at every scan",
     "R": "R, the covariance of z, which is not the same for every sensor",
@@ -145,13 +157,15 @@ def wrapped(reference: str) -> Wrapped:
     if ":" not in reference:
         raise InputError(f'{reference!r} is no name in a module: write --around "module:Class"')
     with searched(None), explained(reference, None):
-        found = attribute(reference, classes)
-    methods = {name: getattr(found, name, None) for name in ("predict", "update")}
+        cls = attribute(reference, classes)
+    methods = {name: getattr(cls, name, None) for name in ("predict", "update")}
     missing = [name for name, method in methods.items() if not callable(method)]
-    if not isinstance(found, type) or missing:
-        lacking = f"it has no {' and no '.join(missing)}" if isinstance(found, type) else "it is not a class"
+    if not isinstance(cls, type) or missing:
+        lacking = f"it has no {' and no '.join(missing)}" if isinstance(cls, type) else "it is not a class"
         raise InputError(f"{reference!r} cannot be wrapped: {lacking}")
-    arguments = {name: USUAL.get(name, "None") for name in _required(found)}
+    constructor = _parameters(cls.__init__)  # type: ignore[misc]
+    required = [item.name for item in constructor if item.default is item.empty]
+    arguments = {name: USUAL.get(name, "None") for name in required}
     start = [f"what {name} is" for name, value in arguments.items() if value == "None"]
     predict, for_predict = _call(methods["predict"], dict.fromkeys(TIME_STEP, "dt"), ["dt"])
     update, for_update = _call(methods["update"], dict.fromkeys(NOISE, "R"), ["z", "R"])
@@ -160,29 +174,25 @@ def wrapped(reference: str) -> Wrapped:
     return Wrapped(module, name, arguments, predict, update, decisions)
 
 
-def _call(method: Any, known: dict[str, str], usual: list[str]) -> tuple[str, list[str]]:
-    """The arguments of a call, those that are required and optional ones of a known name; what they leave open."""
-    given: list[str] = []
+def _call(method: Any, values: dict[str, str], usual: list[str]) -> tuple[str, list[str]]:
+    """The arguments of a call, those that are required and optional ones of a usual name; what they leave open."""
+    passed: list[str] = []
     decisions: list[str] = []
     for parameter in _parameters(method):
         required = parameter.default is parameter.empty
-        value = known.get(parameter.name)
+        value = values.get(parameter.name)
         if required and value is None:
-            position = len(given)
+            position = len(passed)
             value = usual[position] if position < len(usual) else "None"
             if value != "z":
                 decisions.append(f"whether {parameter.name} of {method.__name__} is {value}")
-        if value is not None and (required or parameter.name in known):
+        if value is not None and (required or parameter.name in values):
             plain = required and parameter.kind is not parameter.KEYWORD_ONLY
-            given.append(value if plain else f"{parameter.name}={value}")
+            passed.append(value if plain else f"{parameter.name}={value}")
     learnt = usual[-1]
-    if not any(argument.rpartition("=")[2] == learnt for argument in given):
+    if not any(argument.rpartition("=")[2] == learnt for argument in passed):
         decisions.append(f"how {method.__name__}() learns {LEARNT[learnt]}")
-    return ", ".join(given), decisions
-
-
-def _required(found: type) -> list[str]:
-    return [item.name for item in _parameters(found.__init__) if item.default is item.empty]  # type: ignore[misc]
+    return ", ".join(passed), decisions
 
 
 def _parameters(method: Any) -> list[inspect.Parameter]:
@@ -191,3 +201,40 @@ def _parameters(method: Any) -> list[inspect.Parameter]:
     except (TypeError, ValueError):
         return []
     return [item for item in parameters if item.kind not in (item.VAR_POSITIONAL, item.VAR_KEYWORD)]
+
+
+@click.command("new")
+@click.argument("kind", type=NearestChoice(list(KINDS)), metavar="KIND")
+@click.argument("name")
+@click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=".",
+    metavar="DIR",
+    help="Where to; here unless given.",
+)
+def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
+    """Write a plug-in of your own that works, with its test.
+
+    KIND is tracker (of one object), multi-tracker (of several, with hidden identities), motion-model, sensor, truth or
+    metric; a tracker gets a scenario too. No file is overwritten.
+
+    \b
+    Examples:
+      trackbench new tracker my_tracker
+      trackbench new multi-tracker my_tracks
+      trackbench new tracker my_ekf --around my_filters:Ekf
+    """
+    paths = new(kind, name, out, around)
+    for path in paths:
+        click.echo(f"written: {path}")
+    use = f"{name}:{class_name(name)}"
+    click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
+    if len(paths) > 2:
+        click.echo(f"Run it:\n  trackbench run {paths[2]}")
+    click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
+    lines = decisions(paths[0])
+    if lines:
+        word = "1 decision: line" if len(lines) == 1 else f"{len(lines)} decisions: lines"
+        click.echo(f"{paths[0]} leaves you {word} {', '.join(map(str, lines))}")
