@@ -42,12 +42,12 @@ def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
         dotted = module.removesuffix(".py").strip("./").replace("/", ".")
         raise InputError(f"{module!r} is no module; did you mean {dotted + ':' + path!r}?")
     _require_unambiguous(module)
-    found: Any = importlib.import_module(module)
+    plugin: Any = importlib.import_module(module)
     for name in path.split("."):
-        if not hasattr(found, name):
-            raise InputError(f"module {module!r} has no {name!r}: {nearest(name, choices(found))}")
-        found = getattr(found, name)
-    return found
+        if not hasattr(plugin, name):
+            raise InputError(f"module {module!r} has no {name!r}: {nearest(name, choices(plugin))}")
+        plugin = getattr(plugin, name)
+    return plugin
 
 
 def classes(module: Any) -> list[str]:
@@ -138,14 +138,14 @@ class Registry(Generic[T]):
             InputError: there is no such name, it cannot be imported, or it is something else; says why.
         """
         with searched(folder), explained(reference, folder):
-            found = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
+            plugin = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
         try:
-            lacking = self.lacks(found)
+            lacking = self.lacks(plugin)
         except (Exception, SystemExit) as error:
             lacking = one_line(error)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
-        self.found[reference] = cast(T, found)
+        self.found[reference] = cast(T, plugin)
         return self.found[reference]
 
     def __getitem__(self, reference: str) -> T:
@@ -179,13 +179,13 @@ class Registry(Generic[T]):
         return next((name for name, entries in published if entries[0].value == reference), reference)
 
     def _tried(self) -> dict[str, T | InputError]:
-        found: dict[str, T | InputError] = {}
+        plugin: dict[str, T | InputError] = {}
         for name in self.names():
             try:
-                found[name] = self.get(name)
+                plugin[name] = self.get(name)
             except InputError as error:
-                found[name] = error
-        return found
+                plugin[name] = error
+        return plugin
 
     def _entry(self, name: str) -> EntryPoint:
         published = self._published()
@@ -205,10 +205,10 @@ class Registry(Generic[T]):
 @cache
 def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
     """The entry points of a group by name. To read the metadata of all packages takes as long as to read a scenario."""
-    found: dict[str, list[EntryPoint]] = {}
+    plugin: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=group):
-        found.setdefault(entry.name, []).append(entry)
-    return found
+        plugin.setdefault(entry.name, []).append(entry)
+    return plugin
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:

@@ -37,8 +37,8 @@ def scipy_function(package: str, module: str, name: str) -> Callable[..., Any]:
             function = getattr(import_module(f"{package}.{module}"), name)
         except (ImportError, AttributeError):
             function = getattr(import_module(package), name)
-    found: Callable[..., Any] = function
-    return found
+    result: Callable[..., Any] = function
+    return result
 
 
 def largest_assignment(value: Array) -> tuple[Indices, Indices]:

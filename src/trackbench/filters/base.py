@@ -187,9 +187,9 @@ class SingleModelFilter(ABC):
         mean = wrap_components(belief.mean + linalg.apply_transposed(gain, change), angular)
         loss = whiten(np.swapaxes(whiten(definite.covariance - later.covariance), 0, 1))
         covariance = belief.covariance - linalg.quadratic(np.swapaxes(gain, 0, 1), loss)
-        found = linalg.ensure_definite(linalg.symmetrise(covariance))
-        repaired = either(predicted.repaired, either(definite.repaired, found.repaired))
-        return Belief(mean, found.covariance, repaired=repaired)
+        result = linalg.ensure_definite(linalg.symmetrise(covariance))
+        repaired = either(predicted.repaired, either(definite.repaired, result.repaired))
+        return Belief(mean, result.covariance, repaired=repaired)
 
     def cartesian(self, belief: Belief) -> Gaussian:
         """px, py, vx, vy under the belief."""
@@ -333,9 +333,9 @@ def placed(belief: AnyBelief, where: Indices, members: AnyBelief) -> AnyBelief:
     """The belief with some members of the last batch axis in place of its own."""
 
     def put(values: Array, others: Array) -> Array:
-        found = values.copy()
-        found[..., where] = others
-        return found
+        result = values.copy()
+        result[..., where] = others
+        return result
 
     return mapped(put, belief, members)
 

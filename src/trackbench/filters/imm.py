@@ -239,12 +239,12 @@ class InteractingMultipleModel:
             mixed = moment_matched(come, before, motion.angular)
             after = self.filters[j].smooth(Belief(*mixed), later.modes[j], dt)
             known = future(mixed, Gaussian(after.mean, after.covariance), motion.angular)
-            found = [known.joined(part) for part in before]
-            share, _ = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in found]))
+            result = [known.joined(part) for part in before]
+            share, _ = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in result]))
             for k, i in enumerate(self.origins(j)):
                 joint[i, j] = share[k] * later.probability[j]
-                parts[i].append(found[k][0])
-                repaired = either(repaired, found[k][2])
+                parts[i].append(result[k][0])
+                repaired = either(repaired, result[k][2])
             repaired = either(repaired, after.repaired)
         joint = np.maximum(joint, LEAST)
         probability = joint.sum(axis=1)

@@ -71,9 +71,9 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
     document = parse(text, str(path))
     if not isinstance(document.value, dict):
-        found = "is empty" if document.value is None else "is not a mapping of keys to values"
+        result = "is empty" if document.value is None else "is not a mapping of keys to values"
         required = ", ".join(name for name, field in ScenarioConfig.model_fields.items() if field.is_required())
-        message = f"the file {found}; a scenario has the keys {required}"
+        message = f"the file {result}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:

@@ -95,10 +95,10 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
     key, plugin = beside(model)
     part["allOf"] = []
     used: dict[str, list[str]] = {}
-    for name, found in plugin.registry.loaded().items():
-        for option in found.model_fields:
+    for name, result in plugin.registry.loaded().items():
+        for option in result.model_fields:
             used.setdefault(option, []).append(name)
-        own = found.model_json_schema(by_alias=True)
+        own = result.model_json_schema(by_alias=True)
         _untitle(own)
         part["properties"] = {**own["properties"], **part["properties"]}
         stated: list[Schema] = [{"required": ["sweep"]}]

@@ -85,9 +85,9 @@ def _nearest(missing: Path, files: Iterable[str]) -> str:
     names = {name.rpartition("/")[2]: name for name in files}
     there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
     beside = [entry.name for entry in there if _holds_scenarios(entry)]
-    found = [repr(str(missing.parent / name)) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
+    result = [repr(str(missing.parent / name)) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
     for last in get_close_matches(missing.stem, names, n=1):
-        found.append(f"{names[last]!r}, which comes with trackbench")
-    if not found:
+        result.append(f"{names[last]!r}, which comes with trackbench")
+    if not result:
         return "; `trackbench list scenarios` shows those that come with trackbench"
-    return f"; did you mean {' or '.join(found)}?"
+    return f"; did you mean {' or '.join(result)}?"

@@ -82,15 +82,15 @@ class PendingTruths:
 
     def _result(self, number: int, scene: Future[LoadedTruth]) -> LoadedTruth:
         try:
-            found = scene.result()
+            result = scene.result()
         except InputError as error:
             if len(self._scenes) > 1:
                 error = InputError(f"scene {number} of {len(self._scenes)}: {error.message}", key=error.key)
             raise self._loaded.locate(error) from None
-        steps = len(found.truth.time)
+        steps = len(result.truth.time)
         self._advance(steps, steps)
         self._made += 1
-        return found
+        return result
 
     def _advance(self, done: float, total: float) -> None:
         missing = sum(isinstance(scene, Future) for scene in self._scenes)

@@ -62,13 +62,13 @@ def resolve(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -
     shares = shares / np.maximum(shares.sum(axis=-1, keepdims=True), np.finfo(float).tiny)
     between = difference(ideal[:, rows][:, :, None, :], ideal[:, rows][:, :, :, None], sensor.config.angular)
     offset = np.einsum("kij,mkij->mki", shares, between)
-    merged, found = measurement.copy(), detected.copy()
+    merged, result = measurement.copy(), detected.copy()
     merged[:, rows] = difference(measurement[:, rows], -offset, sensor.config.angular)
-    found[rows] = leads
+    result[rows] = leads
     others = np.where(np.eye(detected.shape[1], dtype=bool), 0.0, shares)
     partner = np.where(others.max(axis=-1) > 0.0, np.argmax(others, axis=-1), -1)
     second[rows] = np.where(leads, partner, -1)
-    return Resolved(np.where(found, merged, np.nan), found, second)
+    return Resolved(np.where(result, merged, np.nan), result, second)
 
 
 def _linked(sensor: IdealSensor, seen: Array, detected: Mask) -> Mask:
@@ -112,13 +112,13 @@ class FalseAlarms(NamedTuple):
 def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
     """The uniform ones, and those of each place, each drawn from a stream of its own."""
     name, clutter = sensor.name, sensor.config.clutter
-    found = []
+    result = []
     if clutter.per_scan:
-        found.append(_uniform(sensor, stream(seed, scenario, run, f"clutter of {name}")))
+        result.append(_uniform(sensor, stream(seed, scenario, run, f"clutter of {name}")))
     for i, place in enumerate(clutter.places, 1):
-        found.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
+        result.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
     heard = ~silent(sensor.config, sensor.time)
-    return [_where(alarms, heard[alarms.instant]) for alarms in found]
+    return [_where(alarms, heard[alarms.instant]) for alarms in result]
 
 
 def _where(alarms: FalseAlarms, kept: Mask) -> FalseAlarms:
@@ -206,20 +206,20 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     effect that is switched leaves every other draw as it was.
     """
     hashes = [hashlib.sha256() for _ in runs]
-    found: list[tuple[Scan, Indices, Indices]] = []
+    result: list[tuple[Scan, Indices, Indices]] = []
     for place, sensor in enumerate(sensors):
         take = _detections if sensor.detections is None else _as_recorded
         drawn = [take(sensor, seed, scenario, run) for run in runs]
         for i, of_run in enumerate(drawn):
             hashes[i].update(of_run.instant.tobytes())
             hashes[i].update(of_run.measurement.tobytes())
-        found += _scans(sensor, place, drawn, arrivals(sensor, seed, scenario))
+        result += _scans(sensor, place, drawn, arrivals(sensor, seed, scenario))
     # Stable: sensors that fire together stay in the scenario's order.
-    found.sort(key=lambda entry: entry[0].time)
+    result.sort(key=lambda entry: entry[0].time)
     return HiddenMeasurements(
-        [scan for scan, _, _ in found],
-        [origins for _, origins, _ in found],
-        [merged for _, _, merged in found],
+        [scan for scan, _, _ in result],
+        [origins for _, origins, _ in result],
+        [merged for _, _, merged in result],
         [run.digest() for run in hashes],
     )
 
@@ -293,7 +293,7 @@ def _scans(
     make_read_only(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
     quiet, view = silent(config, sensor.time), field_of_view(config)
     probability, density = stated_detection_probability(config), stated_clutter_density(config)
-    found = []
+    result = []
     for k in range(len(sensor.time)):
         here = slice(int(most[k]))
         scan = scan_at(sensor, k, place, arrival[k], measurement[k][:, here], valid[k, here])._replace(
@@ -302,5 +302,5 @@ def _scans(
             clutter_density=0.0 if quiet[k] else density,
             field_of_view=view,
         )
-        found.append((scan, origins[k, here], merged[k, here]))
-    return found
+        result.append((scan, origins[k, here], merged[k, here]))
+    return result

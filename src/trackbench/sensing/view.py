@@ -75,11 +75,11 @@ def occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
     """
     objects, runs = truth.px.shape[1:]
     size = max(1, CHUNK // (len(POINTS) * objects * runs))
-    found = np.empty((len(steps), objects, runs), dtype=bool)
+    result = np.empty((len(steps), objects, runs), dtype=bool)
     for first in range(0, len(steps), size):
         part = slice(first, first + size)
-        found[part] = _occluded(truth, steps[part], origin[:, part])
-    return found
+        result[part] = _occluded(truth, steps[part], origin[:, part])
+    return result
 
 
 def crosses(start: Array, end: Array, half_length: Array | float, half_width: Array | float) -> Mask:
@@ -90,8 +90,8 @@ def crosses(start: Array, end: Array, half_length: Array | float, half_width: Ar
     mx, my = (start + end) / 2
     dx, dy = (end - start) / 2
     along, across = np.abs(dx), np.abs(dy)
-    found = (np.abs(mx) <= half_length + along) & (np.abs(my) <= half_width + across)
-    return np.asarray(found & (np.abs(mx * dy - my * dx) <= half_length * across + half_width * along))
+    result = (np.abs(mx) <= half_length + along) & (np.abs(my) <= half_width + across)
+    return np.asarray(result & (np.abs(mx * dy - my * dx) <= half_length * across + half_width * along))
 
 
 def _occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
@@ -152,10 +152,10 @@ def in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, 
     """``(instants, objects, runs or 1)``: present, in the field of view, and not occluded; ``seen`` from ``polar``."""
     field = field_of_view(config)
     inside = (np.abs(seen[1]) <= field.half_angle) & (seen[0] <= field.max_range)
-    found = truth.alive[steps][:, :, None] & inside
+    result = truth.alive[steps][:, :, None] & inside
     if config.occlusion:
-        found &= ~occluded(truth, steps, motion.pose[:2])
-    return np.asarray(found)
+        result &= ~occluded(truth, steps, motion.pose[:2])
+    return np.asarray(result)
 
 
 def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Array, seen: Array) -> Array:

@@ -53,9 +53,9 @@ def derivative(function: Callable[[Array], Array], x: Array, angular: tuple[int,
 
 
 def _raise(name: str, problems: Iterator[str]) -> None:
-    found = list(problems)
-    if found:
-        raise ModelCheckError(f"the equations of {name} do not fit:\n" + "\n".join(f"- {text}" for text in found))
+    result = list(problems)
+    if result:
+        raise ModelCheckError(f"the equations of {name} do not fit:\n" + "\n".join(f"- {text}" for text in result))
 
 
 def _motion_problems(model: MotionModel) -> Iterator[str]:

@@ -42,11 +42,11 @@ def hidden_drive(
         target = CARS.T + np.array([[time], [time], [0.0], [0.0]]) * np.roll(CARS.T, -2, axis=0)
         ideal = model.measure(target, POSE[:, None], still[:, None])
         detected = random.random(len(CARS)) < probability
-        found = ideal + np.sqrt(np.diag(noise))[:, None] * random.standard_normal(ideal.shape)
+        result = ideal + np.sqrt(np.diag(noise))[:, None] * random.standard_normal(ideal.shape)
         alarms = random.poisson(clutter)
         anywhere = np.concatenate([random.uniform(-100, 100, (2, alarms)), random.uniform(-20, 20, (2, alarms))])
         false = model.measure(anywhere, POSE[:, None], still[:, None])
-        measurement = np.concatenate([found[:, detected], false], axis=1)
+        measurement = np.concatenate([result[:, detected], false], axis=1)
         if shuffled is not None:
             measurement = measurement[:, shuffled.permutation(measurement.shape[1])]
         valid = np.ones(measurement.shape[1], dtype=bool)

@@ -90,7 +90,7 @@ def audit(
         cut_at_jump=[jump.object for jump in (*cut, *ends)],
         own_clock=drift is not None and drift > float(truth.time[1]) / 2,
     )
-    found = TruthAudit(
+    result = TruthAudit(
         mode=mode,
         verdict="repaired" if repairs.any else "consistent",
         tolerance_mps=TOLERANCE_MPS,
@@ -104,15 +104,15 @@ def audit(
         if cut
         else ended_early,
     )
-    if mode == "refuse" and found.verdict != "consistent":
-        raise InputError(f"{_complaint(found)}; audit: repair corrects it", key="truth.audit")
-    return replace(repaired, audit=found.model_dump(mode="json"))
+    if mode == "refuse" and result.verdict != "consistent":
+        raise InputError(f"{_complaint(result)}; audit: repair corrects it", key="truth.audit")
+    return replace(repaired, audit=result.model_dump(mode="json"))
 
 
 def exact(truth: Truth) -> Truth:
     """The same truth, whose positions and velocities come from the same formulas, with what there is to say of it."""
     none = VelocityMismatch(max_mps=0.0, mean_mps=0.0, object=None, time_s=None)
-    found = TruthAudit(
+    result = TruthAudit(
         mode="by construction",
         verdict="exact",
         tolerance_mps=TOLERANCE_MPS,
@@ -123,7 +123,7 @@ def exact(truth: Truth) -> Truth:
         clock_drift_s=0.0,
         repaired=Repairs(),
     )
-    return replace(truth, audit=found.model_dump(mode="json"))
+    return replace(truth, audit=result.model_dump(mode="json"))
 
 
 def _velocity(truth: Truth) -> Array:
@@ -189,8 +189,8 @@ def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> M
     expected = np.nanmedian(np.where(absent, 0.0, window), axis=-1)
     strange = np.hypot(*(displacement - expected)).max(axis=-1)
     limit = TOLERANCE_MPS + IMPOSSIBLE_MPS2 * np.diff(time)[:, None]
-    found: Mask = (unexplained > TOLERANCE_MPS) & (strange > limit)
-    return found
+    result: Mask = (unexplained > TOLERANCE_MPS) & (strange > limit)
+    return result
 
 
 def _begins(state: Mask) -> Mask:
@@ -217,10 +217,10 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[Po
     displacement = np.stack([np.diff(px, axis=0), np.diff(py, axis=0)]) / np.diff(truth.time)[:, None, None]
     moving = np.ones((len(truth.time) - 1, 1), dtype=bool)
     jumped = _jumps(displacement, np.stack([vx, vy]), moving, truth.time)[:, 0] | _begins(collided)
-    found = np.flatnonzero(jumped)
-    if not found.size:
+    result = np.flatnonzero(jumped)
+    if not result.size:
         return truth, []
-    end = int(found[0]) + 1
+    end = int(result[0]) + 1
     if end < 2:
         raise InputError("the observer collides at the start; choose another truth.seed", key="truth.seed")
     distance = np.hypot(*(displacement[:, end - 1, 0, 0] - np.array([carrier.vx[end - 1], carrier.vy[end - 1]])))

@@ -135,8 +135,8 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     observer_collided = frames.collided[:, 0] & (config.observer == "ego")
     stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, bodies], observer_collided)
     audited = audit(truth, config.audit, stated, ended_early)
-    found = at_instants(audited, by_euler(audited))
-    return replace(found, audit={**found.audit, "velocity_jumps": summarised(found).model_dump(mode="json")})
+    result = at_instants(audited, by_euler(audited))
+    return replace(result, audit={**result.audit, "velocity_jumps": summarised(result).model_dump(mode="json")})
 
 
 def _fixed(at: FixedObserver, steps: int) -> Observer:

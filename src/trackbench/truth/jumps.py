@@ -43,13 +43,13 @@ def summarised(truth: Truth) -> VelocityJumps:
     acceleration = change / np.diff(truth.time)[:, None, None]
     jumped = np.where(velocity_jumps(truth), change, -np.inf)
     step, body, _ = np.unravel_index(np.argmax(jumped), jumped.shape)
-    found = bool(np.isfinite(jumped[step, body]).any())
+    result = bool(np.isfinite(jumped[step, body]).any())
     return VelocityJumps(
         limit_mps2=IMPOSSIBLE_MPS2,
         count=int(np.isfinite(jumped).sum()),
-        largest_mps=float(jumped.max()) if found else None,
-        object=truth.ids[int(body)] if found else None,
-        time_s=float(truth.time[step + 1]) if found else None,
+        largest_mps=float(jumped.max()) if result else None,
+        object=truth.ids[int(body)] if result else None,
+        time_s=float(truth.time[step + 1]) if result else None,
         peak_acceleration_mps2=float(acceleration.max()),
     )
 
@@ -113,5 +113,5 @@ def require_possible(truth: Truth) -> None:
             largest = np.abs(values[:, index]).max(axis=-1)
             step = int(np.argmax(~(largest <= LARGEST[quantity])))
             if not largest[step] <= LARGEST[quantity]:
-                found = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {truth.time[step]:g} s"
-                raise InputError(f"{found}; at most {LARGEST[quantity]:.0e} is possible", key="truth")
+                result = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {truth.time[step]:g} s"
+                raise InputError(f"{result}; at most {LARGEST[quantity]:.0e} is possible", key="truth")

@@ -118,10 +118,10 @@ def _homes(key: str, found_in: type[BaseModel], model: type[BaseModel], path: tu
     """
     homes = []
     for name, field in keyed_fields(model).items():
-        found = forms(whole(field))
+        result = forms(whole(field))
         section = ".".join((*path, name))
-        here = found_in in [form for form, _ in found]
-        for form, told in found:
+        here = found_in in [form for form, _ in result]
+        for form, told in result:
             if key in keyed_fields(form) and not (here and told is None):
                 homes.append(f"{section} with {': '.join(told)}" if here and told else section)
             homes += _homes(key, found_in, form, (*path, name))

@@ -115,8 +115,8 @@ class Plugin(PluginName):
             named = {"type": "object", "properties": {self.key: {"anyOf": self.named()}}, "required": [self.key]}
             return {"anyOf": [*self.named(), named]}
         forms = []
-        for name, found in self.registry.loaded().items():
-            form = handler.resolve_ref_schema(handler(found.__pydantic_core_schema__))
+        for name, result in self.registry.loaded().items():
+            form = handler.resolve_ref_schema(handler(result.__pydantic_core_schema__))
             forms.append(form)
             form["properties"][self.key] = {"const": name, "description": form["properties"][self.key]["description"]}
             form["required"] = list(dict.fromkeys([self.key, *form.get("required", ())]))
@@ -165,15 +165,15 @@ class OptionsBeside(Config):
         given = plugin.options(value)
         own = {field.alias or name for name, field in cls.model_fields.items()}
         try:
-            found = None if given is None else plugin.find(given.name, info)
+            result = None if given is None else plugin.find(given.name, info)
         except (PydanticCustomError, PydanticKnownError):
-            found = None
-        if given is None or found is None:
+            result = None
+        if given is None or result is None:
             # Whose options the others are is not known: the one mistake is said of the word.
             options = {} if isinstance(value, Config | dict) else plugin_options(plugin)
             unknown = given is not None and given.values is not value
             return {name: item for name, item in data.items() if name in own or not (unknown or name in options)}
-        refused = cls.replaced(data, found)
+        refused = cls.replaced(data, result)
         if isinstance(value, dict):
             return {**data, key: Options(given.name, value, refused=refused)}
         rest = {name: item for name, item in data.items() if name in own}

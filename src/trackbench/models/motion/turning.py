@@ -44,10 +44,10 @@ def bessel1_slope(h: Array) -> Array:
 
 def _series(coefficients: Sequence[float], h: Array) -> Array:
     square = h * h
-    found = coefficients[-1] * square + coefficients[-2]
+    result = coefficients[-1] * square + coefficients[-2]
     for coefficient in coefficients[-3::-1]:
-        found = found * square + coefficient
-    return found
+        result = result * square + coefficient
+    return result
 
 
 def _near_and_far(h: Array, series: Array, closed: Callable[[Array], Array]) -> Array:

@@ -189,9 +189,9 @@ def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices
     """
     order = np.argsort(detection, kind="stable")
     place = np.searchsorted(detection[order], track)
-    found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
-    same = indices(detection[found] == track) if len(order) else found
-    return same, found[same]
+    result = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
+    same = indices(detection[result] == track) if len(order) else result
+    return same, result[same]
 
 
 #: A detection that is less likely than this to stem from a track is free, where tracks have no existence.
@@ -298,15 +298,15 @@ def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: t
         angular: which components of the state are angles.
     """
     mean, covariance = states
-    found = np.zeros(len(detection), dtype=bool)
+    result = np.zeros(len(detection), dtype=bool)
     order = np.lexsort((~confirmed, detection))
     order = order[detection[order] >= 0]
     again = np.diff(detection[order], prepend=-1) == 0
     if not np.any(again):
-        return found
+        return result
     best = order[np.maximum.accumulate(np.where(again, 0, np.arange(len(order))))]
     worse, better = order[again], best[again]
     apart = difference(mean[:, worse], mean[:, better], angular)
     whitened = linalg.cholesky(covariance[..., worse] + covariance[..., better]).whiten(apart)
-    found[worse] = np.einsum("ik,ik->k", whitened, whitened) <= len(mean)
-    return found
+    result[worse] = np.einsum("ik,ik->k", whitened, whitened) <= len(mean)
+    return result

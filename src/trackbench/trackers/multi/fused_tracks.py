@@ -97,12 +97,12 @@ class FusedTrackFilter(TrackFilter):
         self._initial_key = initial.model_dump_json()
 
     def begin(self, scan: Scan) -> AnyBelief:
-        found = self.filter.computed("start", self._begun, of_scan(scan), scan, self._initial_key)
-        return put_together(found, self.filter.modes)
+        result = self.filter.computed("start", self._begun, of_scan(scan), scan, self._initial_key)
+        return put_together(result, self.filter.modes)
 
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
         values = taken_apart(belief) | self.filter.time(dt) | of_sensor(scan)
-        found = self.filter.computed(
+        result = self.filter.computed(
             "expectation of a later scan",
             partial(_expected, view=scan.field_of_view),
             values,
@@ -111,7 +111,7 @@ class FusedTrackFilter(TrackFilter):
         )
         modes = self.filter.modes
         return PredictedTracks(
-            put_together(found, modes), prediction_of(found, modes), np.asarray(found["in view"], dtype=bool)
+            put_together(result, modes), prediction_of(result, modes), np.asarray(result["in view"], dtype=bool)
         )
 
     def after(self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
@@ -143,8 +143,8 @@ class FusedTrackFilter(TrackFilter):
         for number in range(slots):
             values[f"measurement {number}"] = scan.measurement.take(of_slot[number], axis=1)
             values[f"share {number}"] = weight[number]
-        found = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
-        return put_together(found, self.filter.modes)
+        result = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
+        return put_together(result, self.filter.modes)
 
     def _after(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
         """The belief of each member after its detection; where it is not valid, as it is."""
@@ -158,8 +158,8 @@ def _begun(call: FilterCall, values: Values, initial: InitialConfig) -> Values:
 
 def _expected(call: FilterCall, values: Values, view: FieldOfView | None) -> Values:
     scan = any_scan(values, call.scan)._replace(field_of_view=view)
-    found = expected(call.filter, prediction(call, values), scan)
-    return {**taken_apart(bare(found.belief)), **of_prediction(found.measurement), "in view": found.in_view}
+    result = expected(call.filter, prediction(call, values), scan)
+    return {**taken_apart(bare(result.belief)), **of_prediction(result.measurement), "in view": result.in_view}
 
 
 def _after(call: FilterCall, values: Values) -> Values:

@@ -82,9 +82,9 @@ def close_pairs(
     rank = np.arange(len(value)) - first[detections.run]
     most = int(rank.max(initial=-1)) + 1
     if len(run) * most > MANY and not angular:
-        found = _by_cells(mean, reach, run, value, detections)
-        if found is not None:
-            return found
+        result = _by_cells(mean, reach, run, value, detections)
+        if result is not None:
+            return result
     listed = np.full((len(first) - 1, most), np.nan)
     listed[detections.run, rank] = value
     away = listed.take(run, axis=0)
@@ -189,7 +189,7 @@ def _likelihood(
 ) -> tuple[Array, Array]:
     """``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
     noise = measured.noise if measured.noise.ndim == 2 else measured.noise.take(detection, axis=-1)
-    found = compute(
+    result = compute(
         _of_pair(measured.angular),
         {
             "value": measured.value.take(detection, axis=-1),
@@ -198,7 +198,7 @@ def _likelihood(
             "spread": predicted.covariance.take(track, axis=-1),
         },
     )
-    return found["distance"], found["log_likelihood"]
+    return result["distance"], result["log_likelihood"]
 
 
 @cache

@@ -44,14 +44,14 @@ def marginals(
         compute: how equations are computed.
     """
     tracks, detections = sizes
-    found = weight / (1.0 + weight)
+    result = weight / (1.0 + weight)
     rivals = np.flatnonzero(
         (np.bincount(track, minlength=tracks)[track] > 1)
         | (np.bincount(detection, minlength=detections)[detection] > 1)
     )
     if len(rivals):
-        found[rivals] = _of_clusters(track[rivals], detection[rivals], weight[rivals], sizes, max_cluster, compute)
-    return found
+        result[rivals] = _of_clusters(track[rivals], detection[rivals], weight[rivals], sizes, max_cluster, compute)
+    return result
 
 
 def _of_clusters(
@@ -60,10 +60,10 @@ def _of_clusters(
     of_track, of_detection = _clusters(track, detection, sizes)
     (row, rows), (column, columns) = (_rank(of, len(track)) for of in (of_track, of_detection))
     cluster = of_track[track]
-    found = np.empty(len(track))
+    result = np.empty(len(track))
     loopy = np.minimum(rows, columns)[cluster] > max_cluster
     if loopy.any():
-        found[loopy] = belief_propagation(track[loopy], detection[loopy], weight[loopy], sizes)
+        result[loopy] = belief_propagation(track[loopy], detection[loopy], weight[loopy], sizes)
     shape = np.where(loopy, -1, (rows * (sizes[1] + 1) + columns)[cluster])
     for key in np.unique(shape):
         if key < 0:
@@ -75,8 +75,8 @@ def _of_clusters(
         dense[at] = weight[pairs]
         terms = dense.shape[0] * dense.shape[1] * 2 ** min(dense.shape[:2])
         by = compute if terms <= MOST_TERMS else by_numpy
-        found[pairs] = by(ENUMERATION, {"weight": dense})["share"][at]
-    return found
+        result[pairs] = by(ENUMERATION, {"weight": dense})["share"][at]
+    return result
 
 
 def enumeration(weight: Array) -> Array:
@@ -102,16 +102,16 @@ def enumeration(weight: Array) -> Array:
         forward.append(after)
     every = tuple(range(detections))
     total = forward[-1].sum(axis=every)
-    found = np.zeros_like(weight)
+    result = np.zeros_like(weight)
     backward = np.ones_like(before)
     for t in reversed(range(tracks)):
         earlier = backward * none[t]
         for d in range(detections):
             rest = backward[used[d]]
-            found[t, d] = weight[t, d] * (forward[t][free[d]] * rest).sum(axis=every[:-1]) / total
+            result[t, d] = weight[t, d] * (forward[t][free[d]] * rest).sum(axis=every[:-1]) / total
             earlier[free[d]] += rest * weight[t, d]
         backward = earlier
-    return found
+    return result
 
 
 def belief_propagation(track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int]) -> Array:
@@ -151,14 +151,14 @@ ENUMERATION = Equations(
 def _clusters(track: Indices, detection: Indices, sizes: tuple[int, int]) -> tuple[Indices, Indices]:
     """The cluster of each track and of each detection: the least number of its pairs; of no pair where it has none."""
     label = np.arange(len(track))
-    found = np.full(sizes[0], len(track)), np.full(sizes[1], len(track))
+    result = np.full(sizes[0], len(track)), np.full(sizes[1], len(track))
     while True:
         before = label
-        for of, which in zip(found, (track, detection), strict=True):
+        for of, which in zip(result, (track, detection), strict=True):
             np.minimum.at(of, which, label)
             label = of[which]
         if np.array_equal(label, before):
-            return found
+            return result
 
 
 def _rank(cluster: Indices, pairs: int) -> tuple[Indices, Indices]:
@@ -190,8 +190,8 @@ def of_pairs(
         mean, covariance = before.mean.copy(), before.covariance.copy()
         parts = _parts(angular, mean[:, track], updated, share)
         shift, spread = (np.add.reduceat(part, begins, axis=-1) for part in parts)
-        found = _mixed(angular, Belief(mean[:, own], covariance[..., own]), shift, spread, kept[own])
-        mean[:, own], covariance[..., own] = found.mean, found.covariance
+        result = _mixed(angular, Belief(mean[:, own], covariance[..., own]), shift, spread, kept[own])
+        mean[:, own], covariance[..., own] = result.mean, result.covariance
         return Belief(mean, covariance)
 
     if isinstance(before, Belief):

@@ -166,8 +166,8 @@ class TrackFilter:
             track, detection: ``(P,)``
         """
         own, predicted = detections_of(scan, detection), selected_prediction(at.measurement, track)
-        found: AnyBelief = self.filter.update(select(at.belief, track), own, predicted).belief
-        return found
+        result: AnyBelief = self.filter.update(select(at.belief, track), own, predicted).belief
+        return result
 
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
         """Of the L tracks: the belief after the detection ``(L,)`` of each; as it was where that is negative."""
@@ -194,8 +194,8 @@ class TrackFilter:
 
 def begun(filter: Filter[Any], initial: InitialConfig, scan: Scan) -> AnyBelief:
     """What each detection of a scan says by itself."""
-    found: AnyBelief = filter.begin(lambda motion: first_measurement(motion, initial, scan))
-    return found
+    result: AnyBelief = filter.begin(lambda motion: first_measurement(motion, initial, scan))
+    return result
 
 
 def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTracks:

@@ -194,10 +194,10 @@ class MultiObjectTracker:
         origin = None if origins is None else origins[detections.column, detections.run]
         at = self._association_input(ahead, expected, detections)
         probability = self._stated_probability(scan)
-        found = associated(config, at, ahead.table, origin, probability, self._compute)
-        table, ends = self._judged(ahead.table, found, at)
+        result = associated(config, at, ahead.table, origin, probability, self._compute)
+        table, ends = self._judged(ahead.table, result, at)
         if self.initial.sensors is None or scan.sensor in self.initial.sensors:
-            table = succeeded(table, ~ends, self._begun(at, found.unclaimed, origin), runs)
+            table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin), runs)
         else:
             table = table.select(~ends)
         table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
@@ -296,10 +296,10 @@ def _alone(tracks: Tracks) -> Tracks:
 def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
     """The tracks with the detections that they took of the late scan, of which another answer tells."""
     assert late.used is not None
-    found = np.full(tracks.ids.shape, NONE)
+    result = np.full(tracks.ids.shape, NONE)
     for ids, column in zip(late.ids, late.used, strict=True):
-        found = np.where((tracks.ids == ids) & (ids != NONE), column, found)
-    return tracks._replace(used=found)
+        result = np.where((tracks.ids == ids) & (ids != NONE), column, result)
+    return tracks._replace(used=result)
 
 
 def build_multi(config: FilterConfig) -> MultiObjectTracker:

@@ -57,11 +57,11 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     counts = left_out(drive, clipped)
     truth = truth_on_grid(config, clipped, times)
     truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
-    found: dict[str, Recorded] = {
+    result: dict[str, Recorded] = {
         name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
-    return Recording(truth, found, tuple(notes(drive, counts)))
+    return Recording(truth, result, tuple(notes(drive, counts)))
 
 
 def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:

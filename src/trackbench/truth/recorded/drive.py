@@ -283,7 +283,7 @@ def left_out(drive: Drive, clipped: Drive) -> dict[str, dict[str, int]]:
         if seen is None
         else sum(int(((m.time < seen.time[0]) | (m.time > seen.time[-1])).sum()) for m in drive.motions.values())
     )
-    found = {
+    result = {
         "truth": {
             "out_of_order": drive.order.backwards,
             "duplicates": drive.order.duplicates,
@@ -291,12 +291,12 @@ def left_out(drive: Drive, clipped: Drive) -> dict[str, dict[str, int]]:
         }
     }
     for name, log in drive.logs.items():
-        found[name] = {
+        result[name] = {
             "out_of_order": log.order.backwards,
             "duplicates": log.order.duplicates,
             "outside_truth": len(log.time) - len(clipped.logs[name].time),
         }
-    counts = {name: {what: count for what, count in of.items() if count} for name, of in found.items()}
+    counts = {name: {what: count for what, count in of.items() if count} for name, of in result.items()}
     return {name: of for name, of in counts.items() if of}
 
 

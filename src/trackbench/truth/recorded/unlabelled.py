@@ -60,14 +60,14 @@ def load(
         for name, entry in config.measurements.items()
     }
     start = min(min(of) for of in stamps.values())
-    found = {}
+    result = {}
     for name, entry in config.measurements.items():
         at = seconds_from(start, stamps[name])
         if at.max() > jumps.LONGEST:
             row = int(np.argmax(at))
             raise tables[name].error(row, f"{entry.time}: {jumps.why_too_long(at[row])}")
-        found[name] = _scans(tables[name], entry, at + entry.time_offset_s, config, kinds[name])
-    times = np.unique(np.concatenate([of.time for of in found.values()]))
+        result[name] = _scans(tables[name], entry, at + entry.time_offset_s, config, kinds[name])
+    times = np.unique(np.concatenate([of.time for of in result.values()]))
     observer = fixed(config.observer, len(times))
     if config.ego is not None:
         columns, units = config.ego, config.units
@@ -77,8 +77,8 @@ def load(
         motion = observer_motion(table, columns, seconds_from(start, own_stamps), units)
         times = within(times, motion, "measurements", "truth.ego")
         observer = carrier(motion, times)
-    detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in found.items()}
-    return _no_objects(config, times, observer), detections, tuple(_notes(found, times))
+    detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in result.items()}
+    return _no_objects(config, times, observer), detections, tuple(_notes(result, times))
 
 
 def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
@@ -129,8 +129,8 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
     own_track, own_tracks = np.full(len(time), -1), list[str]()
     if entry.slot is not None:
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
-    found = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
-    return found if entry.copies_within_m is None else _without_copies(found, time, model, entry.copies_within_m)
+    result = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    return result if entry.copies_within_m is None else _without_copies(result, time, model, entry.copies_within_m)
 
 
 def _flags(table: Rows, column: str) -> Mask:
@@ -145,13 +145,13 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
 
     A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
     """
-    found, tracks = np.full(len(time), -1), list[str]()
+    result, tracks = np.full(len(time), -1), list[str]()
     for number, name in enumerate(names):
         own = np.flatnonzero(slot == number)
         begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
-        found[own] = len(tracks) + np.cumsum(begins) - 1
+        result[own] = len(tracks) + np.cumsum(begins) - 1
         tracks += [f"{name}-{count + 1}" for count in range(int(begins.sum()))]
-    return found, tracks
+    return result, tracks
 
 
 def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float) -> _Scans:
