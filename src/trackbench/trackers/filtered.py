@@ -248,12 +248,6 @@ def _inverse(p: Array) -> Array:
     return linalg.gram(linalg.ensure_definite(p).factor.whiten(identity))
 
 
-class _Instant(NamedTuple):
-    state: TrackState
-    own: bool
-    """Whether it was a scan that the filter reads; at others there is a prediction."""
-
-
 @dataclass(frozen=True)
 class SmoothedTracker:
     """The estimates of a tracker, each given the measurements after it too. Tracks start where the tracker starts them.
@@ -278,7 +272,8 @@ class SmoothedTracker:
                 later = state
         return [smoothed[scan.time] for scan in scans]
 
-    def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
+    def _filtered(self, scans: Sequence[Scan]) -> list[tuple[TrackState, bool]]:
+        """The state at each time, and whether there was a scan that the filter reads; else it is a prediction."""
         # Where a track loses its course, there is no way back from position and velocity.
         when = self.tracker.cartesian_fallback
         tracker = replace(self.tracker, cartesian_fallback="at_start" if when == "always" else when, lag_s=0.0)
@@ -291,5 +286,5 @@ class SmoothedTracker:
                 own = own or tracker.advances(scan.sensor)
             assert state is not None
             seen = state if own else tracker.predicted(state, time)
-            instants.append(_Instant(seen._replace(time=time, belief=bare(seen.belief)), own))
+            instants.append((seen._replace(time=time, belief=bare(seen.belief)), own))
         return instants
