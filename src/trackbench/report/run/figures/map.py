@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.metrics.track_events import events_of
 from trackbench.report.numbers import fixed, joined
 from trackbench.report.run.figures.over_time import column, names, where
 from trackbench.report.run.scenes import say
@@ -108,13 +108,49 @@ def alive_path(truth: pa.Table, name: str) -> tuple[Array, Array]:
     return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
 
 
-def box_around(paths: Sequence[tuple[Array, Array]]) -> MapBox | None:
-    """What holds all paths; None where there is none."""
-    x = np.concatenate([path[0] for path in paths]) if paths else np.empty(0)
-    y = np.concatenate([path[1] for path in paths]) if paths else np.empty(0)
-    if not x.size:
-        return None
-    return MapBox(x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M)
+class _Ground:
+    """The true paths and roads under the panels of a map, and the size of the panels.
+
+    Args:
+        tables: of the run.
+        titles: of the panels.
+    """
+
+    def __init__(self, tables: Tables, titles: Sequence[str]) -> None:
+        truth = tables.truth
+        self.titles, self.roads = titles, tables.roads
+        self.targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
+        self.observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
+        self.box: MapBox | None = None
+        paths = [*self.targets.values(), *self.observer]
+        x, y = (np.concatenate([path[axis] for path in paths]) if paths else np.empty(0) for axis in (0, 1))
+        if x.size:
+            self.box = MapBox(x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M)
+
+    def height(self, box: MapBox) -> float:
+        """Points of all panels."""
+        panels = 1 if box.height > box.width else len(self.titles)
+        return 30 + panels * box.drawn_height(self._across(box))
+
+    def _across(self, box: MapBox) -> float:
+        """Points across a panel; tall ones stand beside each other."""
+        return WIDTH / len(self.titles) if box.height > box.width else WIDTH
+
+    def paint(self, canvas: Canvas, box: MapBox, draw: Callable[[Axes, int], None]) -> None:
+        """Every panel, with what ``draw`` puts on it by its number."""
+        panels, across = len(self.titles), self._across(box)
+        rows, columns = (1, panels) if box.height > box.width else (panels, 1)
+        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+        for number, (axes, title) in enumerate(zip(every, self.titles, strict=True)):
+            axes.grid(visible=False)
+            draw_surroundings(axes, self.roads, self.observer, self.targets, box.points(across))
+            if title:
+                panel_title(axes, title, across)
+            draw(axes, number)
+            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
+            if not box.stretched:
+                axes.set_aspect("equal")
+        every[-1].set_xlabel("x, m")
 
 
 #: Round numbers among which the limits of the colours are chosen, m.
@@ -146,42 +182,26 @@ def map_of_run(
         styles: of all scored trackers, best first.
         moments: by tracker, the worst; a ring is drawn there.
     """
-    truth = tables.truth
-    drawn = mapped(styles)
-    targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
-    observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
-    box = box_around([*targets.values(), *observer])
+    truth, drawn = tables.truth, mapped(styles)
+    ground = _Ground(tables, [style.name for style in drawn] or [""])
+    targets, box = ground.targets, ground.box
     if box is None:
         return None
-    estimates = [where(tables.estimates, tracker=style.name) for style in drawn]
-    tracks = [_paths_with_errors(truth, rows, list(targets)) for rows in estimates]
+    paths = [_paths_with_errors(truth, where(tables.estimates, tracker=style.name), list(targets)) for style in drawn]
     rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
-    roads = tables.roads
-    limits = _limits([track.error for of in tracks for track in of])
-    panels = max(1, len(drawn))
-    beside = box.height > box.width
+    limits = _limits([path.error for of_tracker in paths for path in of_tracker])
 
-    def paint(canvas: Canvas) -> None:
-        rows, columns = (1, panels) if beside else (panels, 1)
-        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for i, axes in enumerate(every):
-            axes.grid(visible=False)
-            draw_surroundings(axes, roads, observer, targets, box.points(across))
-            if drawn:
-                panel_title(axes, drawn[i].name, across)
-                _coloured(axes, tracks[i], limits)
-                if (moment := rings.get(drawn[i].key)) is not None:
-                    axes.plot(
-                        *_place(truth, moment), marker="o", markersize=12, markerfacecolor="none",
-                        markeredgecolor=INK, markeredgewidth=1.4, linestyle="none", gid=f"worst-{drawn[i].key}",
-                    )  # fmt: skip
-            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
-            if not box.stretched:
-                axes.set_aspect("equal")
-        every[-1].set_xlabel("x, m")
+    def draw(axes: Axes, number: int) -> None:
+        if not drawn:
+            return
+        _coloured(axes, paths[number], limits)
+        key = drawn[number].key
+        if (moment := rings.get(key)) is not None:
+            axes.plot(
+                *_place(truth, moment), marker="o", markersize=12, markerfacecolor="none",
+                markeredgecolor=INK, markeredgewidth=1.4, linestyle="none", gid=f"worst-{key}",
+            )  # fmt: skip
 
-    across = WIDTH / panels if beside else WIDTH
-    height = box.drawn_height(across)
     worst = "; ".join(f"{style.name}: {say(rings[style.key])}" for style in drawn if style.key in rings)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
@@ -205,8 +225,8 @@ def map_of_run(
         "From above, coloured by position error",
         caption.strip(),
         alternative,
-        paint,
-        30 + (height if beside else panels * height),
+        lambda canvas: ground.paint(canvas, box, draw),
+        ground.height(box),
         legend=_legend(limits),
         tooltips={f"worst-{key}": say(moment) for key, moment in rings.items()},
     )
@@ -291,43 +311,33 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
         result: of the run.
         styles: of all scored trackers, best first.
     """
-    truth, roads, run = result.tables.truth, result.tables.roads, result.summary.recorded_run
-    shown = mapped(styles)
-    targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
-    observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
-    box = box_around([*targets.values(), *observer])
+    run, shown = result.summary.recorded_run, mapped(styles)
+    ground = _Ground(result.tables, [style.name for style in shown])
+    box = ground.box
     if box is None or not shown:
         return None
-    tracks = {style.key: _track_lines(where(result.tables.tracks, tracker=style.name)) for style in shown}
-    events = {style.key: events_of(result, style.name, run) for style in shown}
-    beside = box.height > box.width
-    across = WIDTH / len(shown) if beside else WIDTH
-    height = box.drawn_height(across)
+    tracks = [_track_lines(where(result.tables.tracks, tracker=style.name)) for style in shown]
+    events = [events_of(result, style.name, run) for style in shown]
 
-    def paint(canvas: Canvas) -> None:
-        shape = (1, len(shown)) if beside else (len(shown), 1)
-        every = list(canvas.subplots(*shape, sharex=True, sharey=True, squeeze=False).flat)
-        for axes, style in zip(every, shown, strict=True):
-            axes.grid(visible=False)
-            draw_surroundings(axes, roads, observer, targets, box.points(across))
-            panel_title(axes, style.name, across)
-            for x, y in tracks[style.key].values():
-                axes.plot(x, y, color=style.colour, linewidth=1.5)
-            _marks(axes, events[style.key])
-            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
-            if not box.stretched:
-                axes.set_aspect("equal")
-        every[-1].set_xlabel("x, m")
+    def draw(axes: Axes, number: int) -> None:
+        for x, y in tracks[number].values():
+            axes.plot(x, y, color=shown[number].colour, linewidth=1.5)
+        for kind, (marker, colour, filled) in MARKS.items():
+            own = [event for event in events[number] if event.kind == kind]
+            axes.plot(
+                [event.x_m for event in own], [event.y_m for event in own], marker=marker, markersize=7, color=colour,
+                markerfacecolor=filled, markeredgewidth=1.6, linestyle="none", zorder=5,
+            )  # fmt: skip
 
-    said = [f"{style.name} {counted(len(tracks[style.key]), 'track')}" for style in shown]
+    counts = [f"{style.name} {counted(len(own), 'track')}" for style, own in zip(shown, tracks, strict=True)]
     return Figure(
         "map",
         "Tracks from above",
         f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's dotted; "
         "tracks in the tracker's colour." + (" The axes have different scales." if box.stretched else ""),
-        f"Map of run {run}: {counted(len(targets), 'vehicle')}; {joined(said)}.",
-        paint,
-        30 + (height if beside else len(shown) * height),
+        f"Map of run {run}: {counted(len(ground.targets), 'vehicle')}; {joined(counts)}.",
+        lambda canvas: ground.paint(canvas, box, draw),
+        ground.height(box),
         legend=(
             LegendEntry("true path", MUTED),
             LegendEntry("switch", INK, "cross"),
@@ -347,12 +357,3 @@ def _track_lines(rows: pa.Table) -> Mapping[int, tuple[np.ndarray, np.ndarray]]:
     """``(points,)`` x and y of each track, m."""
     ids, x, y = (column(rows, name) for name in ("track", "px_m", "py_m"))
     return {int(each): (x[ids == each], y[ids == each]) for each in np.unique(ids)}
-
-
-def _marks(axes: Axes, events: Sequence[TrackEvent]) -> None:
-    for kind, (marker, colour, filled) in MARKS.items():
-        own = [event for event in events if event.kind == kind]
-        axes.plot(
-            [event.x_m for event in own], [event.y_m for event in own], marker=marker, markersize=7, color=colour,
-            markerfacecolor=filled, markeredgewidth=1.6, linestyle="none", zorder=5,
-        )  # fmt: skip
