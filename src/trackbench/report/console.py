@@ -28,43 +28,70 @@ from trackbench.report.run.tables import TONE, found, metric_of
 from trackbench.report.traffic.sentences import reused_identities
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
 
-#: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
-COLUMNS = (
-    ("GOSPA m", "gospa", 3, 1.0),
-    ("missed", "gospa_missed", 3, 1.0),
-    ("false", "gospa_false", 3, 1.0),
-    ("HOTA", "hota", 3, 1.0),
-    ("IDF1", "idf1", 3, 1.0),
-    ("sw/min", "id_switches", 2, 1.0),
-    ("pos. m", "position_rmse", 3, 1.0),
-    ("NEES", "nees", 2, 1.0),
-    ("matched %", "matched_share", 3, 100.0),
-)
-
-
-#: Without a truth.
-COLUMNS_WITHOUT_TRUTH = (
-    ("tracks", "track_count", 3, 1.0),
-    ("length s", "track_length", 3, 1.0),
-    ("new/min", "new_tracks", 3, 1.0),
-    ("used %", "used_share", 3, 100.0),
-    ("NIS", "nis", 2, 1.0),
-    ("breaks", "track_breaks", 2, 1.0),
-    ("own br.", "own_track_breaks", 2, 1.0),
-    ("swaps", "track_swaps", 2, 1.0),
-    ("score", "prediction_score", 3, 1.0),
-)
+#: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
+COLUMNS = {
+    "known identities": (
+        ("position m", "position_rmse", 3, 1.0),
+        ("vel. m/s", "velocity_rmse", 3, 1.0),
+        ("/ref", "position_over_reference", 3, 1.0),
+        ("NEES", "nees", 3, 1.0),
+        ("diverged", "diverged_runs", 3, 1.0),
+        ("µs/step", "step_time", 2, 1.0),
+    ),
+    "hidden identities": (
+        ("GOSPA m", "gospa", 3, 1.0),
+        ("missed", "gospa_missed", 3, 1.0),
+        ("false", "gospa_false", 3, 1.0),
+        ("HOTA", "hota", 3, 1.0),
+        ("IDF1", "idf1", 3, 1.0),
+        ("sw/min", "id_switches", 2, 1.0),
+        ("pos. m", "position_rmse", 3, 1.0),
+        ("NEES", "nees", 2, 1.0),
+        ("matched %", "matched_share", 3, 100.0),
+    ),
+    "no truth": (
+        ("tracks", "track_count", 3, 1.0),
+        ("length s", "track_length", 3, 1.0),
+        ("new/min", "new_tracks", 3, 1.0),
+        ("used %", "used_share", 3, 100.0),
+        ("NIS", "nis", 2, 1.0),
+        ("breaks", "track_breaks", 2, 1.0),
+        ("own br.", "own_track_breaks", 2, 1.0),
+        ("swaps", "track_swaps", 2, 1.0),
+        ("score", "prediction_score", 3, 1.0),
+    ),
+}
 
 
 def track_values(result: Result) -> list[tuple[str, list[Text]]]:
     """Each column's heading and cells."""
-    found, trackers = [], result.scored
-    for heading, path, digits, factor in COLUMNS if result.summary.truth.known else COLUMNS_WITHOUT_TRUTH:
-        numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
-        places = decimals(numbers, digits)
-        texts = map(_nees_in_four_letters, numbers) if path == "nees" else (fixed(number, places) for number in numbers)
-        found.append((heading, [Text(text) for text in texts]))
-    return found
+    kind = _kind(result)
+    cells = _estimate_cells if kind == "known identities" else _track_cells
+    return [(heading, cells(result.scored, path, digits, factor)) for heading, path, digits, factor in COLUMNS[kind]]
+
+
+def _kind(result: Result) -> str:
+    if result.summary.identities == "known":
+        return "known identities"
+    return "hidden identities" if result.summary.truth.known else "no truth"
+
+
+def _track_cells(trackers: Sequence[TrackerResult], path: str, digits: int, factor: float) -> list[Text]:
+    numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
+    places = decimals(numbers, digits)
+    return [Text(_nees_in_four_letters(n) if path == "nees" else fixed(n, places)) for n in numbers]
+
+
+def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _: float) -> list[Text]:
+    """One metric down the column; only the position has room for its interval."""
+    metrics = [metric_of(tracker, path) for tracker in trackers]
+    if path == "diverged_runs":
+        runs = [tracker.health.diverged_runs or 0 for tracker in trackers]
+        return [Text(str(count), style=STYLE["bad"] if count else "") for count in runs]
+    if path == "nees":
+        return _nees(metrics)
+    places = decimals([metric.value for metric in metrics], digits)
+    return [Text(_short(m.value, places) + (_spread(m, places) if path == "position_rmse" else "")) for m in metrics]
 
 
 def _nees_in_four_letters(value: float | None) -> str:
@@ -77,7 +104,12 @@ def _nees_in_four_letters(value: float | None) -> str:
 def _notes_on_tracks(result: Result) -> list[str]:
     """What the headings mean."""
     if not result.summary.truth.known:
-        return notes_without_truth()
+        return [
+            "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
+            "tracks: mean number; length: median; used: share of detections; NIS: 1 when consistent",
+            "breaks: our track ends and the sensor's own goes on; own br.: the other way round;",
+            "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
+        ]
     cutoff = result.summary.score.cutoff_m or 0.0
     any_reference = any(tracker.is_reference for tracker in result.scored)
     return [
@@ -87,16 +119,6 @@ def _notes_on_tracks(result: Result) -> list[str]:
         "intervals are in the report; they are",
         basis_of_intervals(result),
         *([reused] if (reused := reused_identities(result)) else []),
-    ]
-
-
-def notes_without_truth() -> list[str]:
-    """What the headings mean, and what is not told."""
-    return [
-        "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
-        "tracks: mean number; length: median; used: share of detections; NIS: 1 when consistent",
-        "breaks: our track ends and the sensor's own goes on; own br.: the other way round;",
-        "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
     ]
 
 
@@ -162,26 +184,14 @@ class _Column:
 
 def _ranked(result: Result, width: int) -> list[Text]:
     """The table, line by line; a name that its column has no room for stands on a line of its own."""
-    trackers = result.scored
-    group = _groups(result)
-    if result.summary.identities == "hidden":
-        columns = [_Column(heading, cells) for heading, cells in track_values(result)]
-        return _rows(trackers, columns[:1] + _grouped(group) + columns[1:], width)
-    diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
+    trackers, groups = result.scored, _groups(result)
+    left_nees = result.summary.identities == "known"
     columns = [
-        _Column("position m", _values(trackers, "position_rmse")),
-        *_grouped(group),
-        _Column("vel. m/s", _values(trackers, "velocity_rmse")),
-        _Column("/ref", _values(trackers, "position_over_reference")),
-        _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
-        _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
-        _Column("µs/step", _values(trackers, "step_time", 2)),
+        _Column(heading, cells, right=not (left_nees and heading == "NEES")) for heading, cells in track_values(result)
     ]
+    if groups:
+        columns.insert(1, _Column("group", list(map(Text, groups)), right=False))
     return _rows(trackers, columns, width)
-
-
-def _grouped(group: Sequence[str]) -> list[_Column]:
-    return [_Column("group", list(map(Text, group)), right=False)] if group else []
 
 
 def _rows(trackers: Sequence[TrackerResult], columns: Sequence[_Column], width: int) -> list[Text]:
@@ -217,13 +227,6 @@ def _note_on_groups(result: Result) -> list[str]:
     margin = margin_words(result.summary.score.margin, "m")
     shared = f"group: no difference over {margin} shown between those that share a letter"
     return [shared, *(f"  {line}" for line in not_called_better(result))] if len(result.scored) > 1 else []
-
-
-def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) -> list[Text]:
-    """One metric down the column; only the position has room for its interval."""
-    metrics = [metric_of(tracker, path) for tracker in trackers]
-    places = decimals([metric.value for metric in metrics], significant)
-    return [Text(_short(m.value, places) + (_spread(m, places) if path == "position_rmse" else "")) for m in metrics]
 
 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:

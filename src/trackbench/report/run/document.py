@@ -49,7 +49,7 @@ from trackbench.report.run.sentences import (
     not_called_better,
     verdict,
 )
-from trackbench.results import Result
+from trackbench.results import Result, TrackerResult
 
 _MakeSections = Callable[[Mapping[str, TrackerStyle], Sequence[TrackerStyle]], Iterable[Section]]
 
@@ -112,20 +112,46 @@ def _reproduction(result: Result) -> Iterator[Block]:
     if summary.command:
         yield Code(summary.command, "sh")
     yield Paragraph(f"{summary.made_with}.")
-    yield from _engines(result)
+    by_engine: dict[str, list[str]] = {}
+    for tracker in summary.trackers:
+        if tracker.engine is not None:
+            by_engine.setdefault(tracker.engine, []).append(tracker.name)
+    if len(by_engine) > 1:
+        yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))
     yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
     overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
     yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)
 
 
-def _engines(result: Result) -> Iterator[Block]:
-    """Which trackers were computed by which engine, where it was not the same for all."""
-    by_engine: dict[str, list[str]] = {}
-    for tracker in result.summary.trackers:
-        if tracker.engine is not None:
-            by_engine.setdefault(tracker.engine, []).append(tracker.name)
-    if len(by_engine) > 1:
-        yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))
+def standings(
+    result: Result, sentence: Callable[[TrackerResult], str], description: Callable[[TrackerResult], str]
+) -> Iterator[Block]:
+    """The ranked trackers with a sentence and a description each, then the references."""
+    items = {
+        t.name: Item(
+            f"{sentence(t)}.", t.name + (f" ({t.reference_kind})" if t.is_reference else ""), description(t), t.name
+        )
+        for t in result.scored
+    }
+    ranked = [tracker.name for tracker in result.contenders]
+    if items:
+        yield Items(tuple(items[name] for name in ranked), numbered=True)
+        if len(ranked) < len(items):
+            yield Items(tuple(item for name, item in items.items() if name not in ranked))
+
+
+def differences_section(
+    result: Result, styles: Mapping[str, TrackerStyle], pairs_title: str = "All pairs", note: str = ""
+) -> Iterator[Section]:
+    """The differences of the metric that ranks, with the computing time; none of a single tracker."""
+    if len(result.scored) < 2:
+        return
+    cost = cost_against_accuracy(result.drawn, styles, result.summary.headline)
+    beside = Row((tables.key_differences(result), *([cost] if cost else [])))
+    pairs = Section(pairs_title, (tables.all_differences(result, result.drawn),), folded=True)
+    margin = margin_words(result.summary.score.margin, "m")
+    text = DIFFERENCES.format(metric=result.summary.headline_name, margin=margin) + note
+    yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
 
 
 DIFFERENCES = (
@@ -177,22 +203,15 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
         if result.summary.truth.scenes:
             yield Section("Scene by scene", tuple(scenes(result)))
         yield from _accuracy(result, shown)
-        yield from _modes(result)
+        yield from _figures("Modes", [modes_over_time(result)])
         yield from _breakdown(result, styles)
         yield from _consistency(result, shown)
 
-    return framed(result, colours, Paragraph(headline(result), strong=True), _standings(result), sections)
+    def sentence(tracker: TrackerResult) -> str:
+        return verdict(tracker, result.summary.runs, result.summary.held_against.label)
 
-
-def _standings(result: Result) -> Iterator[Block]:
-    summary = result.summary
-    said = {t.name: f"{verdict(t, summary.runs, summary.held_against.label)}." for t in result.scored}
-    if said:
-        items = [Item(said[t.name], t.name, t.describe, t.name) for t in result.contenders]
-        yield Items(tuple(items), numbered=True)
-        beside = [t for t in result.scored if t not in result.contenders]
-        if beside:
-            yield Items(tuple(Item(said[t.name], f"{t.name} ({t.reference_kind})", t.describe, t.name) for t in beside))
+    lead = Paragraph(headline(result), strong=True)
+    return framed(result, colours, lead, standings(result, sentence, lambda tracker: tracker.describe), sections)
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -216,13 +235,8 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     )
     own = [] if others is None else [Section("Other metrics", (others,))]
     yield Section("Ranking", (legend, tables.ranking(result), *own, more))
-    if len(trackers) > 1:
-        cost = cost_against_accuracy(drawn, styles, "position_rmse")
-        beside = Row((tables.key_differences(result), *([cost] if cost else [])))
-        title = "All pairs" if len(drawn) == len(trackers) else f"All pairs of the best {len(drawn)}"
-        pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
-        text = DIFFERENCES.format(metric="position RMSE", margin=margin) + (_NOT_BETTER if uncounted else "")
-        yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
+    title = "All pairs" if len(drawn) == len(trackers) else f"All pairs of the best {len(drawn)}"
+    yield from differences_section(result, styles, title, _NOT_BETTER if uncounted else "")
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
@@ -237,10 +251,6 @@ def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section
     ]
     yield from _figures("Accuracy", figures)
     yield from moments_section(moments, run, [style.name for style in mapped(competing)])
-
-
-def _modes(result: Result) -> Iterator[Section]:
-    yield from _figures("Modes", [modes_over_time(result)])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

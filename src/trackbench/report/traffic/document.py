@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +14,6 @@ from trackbench.document import (
     Column,
     Document,
     Figure,
-    Item,
-    Items,
     Paragraph,
     Row,
     Section,
@@ -28,8 +25,7 @@ from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.report.numbers import fixed, margin_words, percent
 from trackbench.report.run import tables
-from trackbench.report.run.document import DIFFERENCES, framed
-from trackbench.report.run.figures.accuracy import cost_against_accuracy
+from trackbench.report.run.document import differences_section, framed, standings
 from trackbench.report.run.figures.map import map_of_tracks
 from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, scenes
@@ -200,49 +196,35 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
     """
     if not result.summary.truth.known:
         return framed(result, colours, statement_without_truth(), (), lambda *_: sections_without_truth(result))
+
+    def sections(styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+        if result.scored:
+            yield Section("Ranking", (_note_on_ranking(result), ranking(result)))
+        yield from differences_section(result, styles)
+        if result.summary.truth.scenes:
+            yield Section("Scene by scene", tuple(scenes(result)))
+        yield from _objects(result, shown)
+        yield from events_section(result)
+        yield from _details(result)
+
+    oracles = map(Paragraph, association_against_filtering(result))
     return framed(
-        result, colours, Paragraph(headline(result), strong=True), _standings(result), partial(_of_truth, result)
+        result,
+        colours,
+        Paragraph(headline(result), strong=True),
+        (*oracles, *standings(result, verdict, about)),
+        sections,
     )
 
 
-def _standings(result: Result) -> Iterator[Block]:
-    for sentence in association_against_filtering(result):
-        yield Paragraph(sentence)
-    if result.scored:
-        items = [Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.contenders]
-        yield Items(tuple(items), numbered=True)
-        beside = [t for t in result.scored if t not in result.contenders]
-        if beside:
-            yield Items(tuple(Item(f"{verdict(t)}.", f"{t.name} (reference)", about(t), t.name) for t in beside))
-
-
-def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    """What only the truth tells."""
-    yield from _scores(result, styles)
-    if result.summary.truth.scenes:
-        yield Section("Scene by scene", tuple(scenes(result)))
-    yield from _objects(result, shown)
-    yield from events_section(result)
-    yield from _details(result)
-
-
-def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
-    trackers = result.scored
-    if not trackers:
-        return
+def _note_on_ranking(result: Result) -> Paragraph:
     margin = margin_words(result.summary.score.margin, "m")
-    said = f"Small print is the 95 % interval, {basis_of_intervals(result)}. No difference of GOSPA over {margin} was "
-    said += "shown between trackers that share a letter under “group”."
-    if any(tracker.is_reference for tracker in trackers):
-        said += " A reference knows which detection is whose: it is no competitor."
-    note = Paragraph(said)
-    yield Section("Ranking", (note, ranking(result)))
-    if len(trackers) > 1:
-        cost = cost_against_accuracy(result.drawn, styles, "gospa")
-        beside = Row((tables.key_differences(result), *([cost] if cost else [])))
-        pairs = Section("All pairs", (tables.all_differences(result, result.drawn),), folded=True)
-        text = DIFFERENCES.format(metric="GOSPA", margin=margin)
-        yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
+    reference = " A reference knows which detection is whose: it is no competitor."
+    return Paragraph(
+        f"Small print is the 95 % interval, {basis_of_intervals(result)}. No difference of GOSPA over {margin} was "
+        "shown between trackers that share a letter under “group”."
+        + (reference if any(tracker.is_reference for tracker in result.scored) else "")
+    )
 
 
 def ranking(result: Result) -> Table:
