@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from tests.subjects.doctor.test_doctor_copies import scans_of
 
 from trackbench.base.types import Estimate, Scan
-from trackbench.subjects.doctor.first_estimates import first_estimates
+from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession

@@ -19,9 +19,8 @@ from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.failed_step import jumping_angle
-from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.probes import COURSE_TURN, GENERAL, Probes
-from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.site import Carrier, SensorSite
 from trackbench.subjects.doctor.subject import SENSORS

@@ -20,9 +20,8 @@ from trackbench.subjects.doctor.checks.steps import CannotRun, failure_findings,
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.failed_step import circumstances, jumping_angle
-from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.probes import AXES, GENERAL, Probe, Probes
-from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

@@ -16,9 +16,8 @@ from trackbench.cli.commands import cli
 from trackbench.subjects.doctor import checks, traffic_checks
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.report import examination_document, text
-from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 

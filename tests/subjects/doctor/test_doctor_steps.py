@@ -20,9 +20,8 @@ from trackbench.subjects.doctor.checks.process_noise import process_noise
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.velocity import velocity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.findings import Finding, PartResult
+from trackbench.subjects.doctor.findings import Finding, PartResult, rank
 from trackbench.subjects.doctor.probes import Probes
-from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import ekf

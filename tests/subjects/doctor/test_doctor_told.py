@@ -9,19 +9,26 @@ import pytest
 from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.base.types import Estimate
-from trackbench.subjects.doctor import step_count
+from trackbench.subjects.doctor import examine
 from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.checks import prediction, process_noise
 from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
-from trackbench.subjects.doctor.examine import NO_PREDICTION, Doctor, Examination, reference
+from trackbench.subjects.doctor.examine import (
+    NO_PREDICTION,
+    Doctor,
+    Examination,
+    StepCount,
+    evidence_steps,
+    reference,
+    steps_of,
+)
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.report import text
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.session import Examined, TrackerSession
-from trackbench.subjects.doctor.step_count import StepCount, evidence_steps, steps_of
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -62,7 +69,7 @@ def test_every_step_counts_and_copies_count_too() -> None:
 
 
 def test_the_number_of_steps_is_corrected_and_never_below_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_count, "REPORTED", 0.0)
+    monkeypatch.setattr(examine, "REPORTED", 0.0)
     told: list[tuple[int, int]] = []
     count = StepCount(lambda done, total: told.append((done, total)), 2)
     for _ in range(3):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import textwrap
 from pathlib import Path
@@ -10,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trackbench import results
+from trackbench.base import files
 from trackbench.base.errors import InputError
 from trackbench.cli.options import isolation_options
 from trackbench.cli.terminal import progress
 from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
-from trackbench.subjects.doctor.tracker_name import require_tracker
 
 if TYPE_CHECKING:
     from trackbench.driving.isolation import Isolation
@@ -124,6 +125,30 @@ def doctor_command(
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
         click.echo(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
+
+
+def require_tracker(named: str) -> None:
+    """Make sure that a class is named, not the file that it is in.
+
+    Raises:
+        InputError: a Python file is named; with the classes in it.
+    """
+    if ":" in named or "#" in named:
+        return
+    file = Path(named) if named.endswith(".py") else Path(f"{named}.py")
+    if file.is_file():
+        place = "" if file.parent == Path() else f" in the folder {file.parent}"
+        raise InputError(f"name the class in it{place}: {' or '.join(_classes(file))}", file=file)
+
+
+def _classes(file: Path) -> list[str]:
+    """The classes of a module as a command names them; nothing in it is run."""
+    try:
+        module = ast.parse(files.read_bytes(file, files.SCENARIO))
+    except (SyntaxError, ValueError):
+        return [f"{file.stem}:Class"]
+    names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
+    return [f"{file.stem}:{name}" for name in names] or [f"{file.stem}:Class"]
 
 
 def _option(item: str) -> tuple[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,13 +25,11 @@ from trackbench.subjects.doctor.checks.stated_covariance import stated_covarianc
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of, rank
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.rollout import Rollout, rollout
-from trackbench.subjects.doctor.root_causes import rank
 from trackbench.subjects.doctor.session import Examined
 from trackbench.subjects.doctor.site import Carrier, simplified, site_of
-from trackbench.subjects.doctor.step_count import OTHERS, StepCount, evidence_steps, steps_of
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
@@ -39,6 +38,48 @@ NO_PREDICTION = (
     "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
     "estimate, or state by --no-misses that there are no missed scans"
 )
+
+
+#: Steps of all other checks over those of the drives, of an EKF. More where answers are averaged over samples.
+OTHERS = 0.6
+#: Time between two reports, s.
+REPORTED = 0.2
+
+
+class StepCount:
+    """Called at every step.
+
+    Args:
+        progress: told of the number of steps done and of all steps.
+        expected: how many steps there will be about.
+    """
+
+    def __init__(self, progress: Progress, expected: int) -> None:
+        self._progress, self._expected = progress, expected
+        self._done, self._reported = 0, 0.0
+        progress(0, expected)
+
+    def __call__(self) -> None:
+        self._done += 1
+        now = time.monotonic()
+        if now - self._reported >= REPORTED:
+            self._reported = now
+            self._progress(self._done, max(self._expected, self._done))
+
+    def left(self, steps: int) -> None:
+        """Correct the number of steps by how many are left."""
+        self._expected = self._done + steps
+        self._progress(self._done, self._expected)
+
+
+def steps_of(drives: Sequence[TestDrive], *, batched: bool) -> int:
+    """Steps of a tracker in drives: one for each scan, and for each run unless it takes all runs at once."""
+    return sum(1 if batched else scan.valid.size for drive in drives for scan in drive.scans)
+
+
+def evidence_steps(drives: Sequence[TestDrive]) -> int:
+    """Steps of a tracker in one run of drives, with the differences for the innovation of each measurement."""
+    return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
 
 
 @dataclass(frozen=True)

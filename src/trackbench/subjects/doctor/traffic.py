@@ -19,8 +19,15 @@ from trackbench.driving.tracks import TracksStepper, tracks_of_run
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Examination
-from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of
-from trackbench.subjects.doctor.root_causes import rank
+from trackbench.subjects.doctor.findings import (
+    TRAFFIC_CHECKS,
+    CheckResult,
+    DoctorCheck,
+    Finding,
+    PartResult,
+    checks_of,
+    rank,
+)
 from trackbench.subjects.doctor.site import simplified
 
 #: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.
