@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterator, Mapping
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
-from trackbench.compare.comparison import EntrantScore, RankedTracker
+from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdict_words import conditions_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
-
-#: A verdict's colour.
-_TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn", "mixed": "warn"}
+from trackbench.report.run.tables import TONE
 
 _RANKED = (
     "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "
@@ -143,16 +141,16 @@ def _overall(comparison: Comparison) -> Table:
             Cell(str(item.won)),
             Cell(str(item.lost)),
             Cell(str(item.tied)),
-            *(_health(item) if known else ()),
+            *(
+                (Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"), Cell(str(item.diverged_runs)))
+                if known
+                else ()
+            ),
             Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),
         )
         for i, item in enumerate(comparison.ranking, 1)
     ]
     return Table("ranking", tuple(columns), tuple(rows))
-
-
-def _health(item: RankedTracker) -> tuple[Cell, ...]:
-    return Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"), Cell(str(item.diverged_runs))
 
 
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
@@ -203,7 +201,7 @@ def _nees(score: EntrantScore, _: int) -> Cell:
         return Cell(NOT_AVAILABLE)
     named = conditions_off(found, 2) if found.verdict == "mixed" else ""
     details = tuple(text for text in (found.verdict, named) if text)
-    return Cell(fixed(found.value, 1), details, _TONES.get(found.verdict, ""))
+    return Cell(fixed(found.value, 1), details, TONE.get(found.verdict, ""))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:

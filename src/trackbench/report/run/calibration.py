@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from trackbench.document import Cell, Column, Table, Tone
+from trackbench.document import Cell, Column, Table
 from trackbench.metrics.conditions import JUMPS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, joined, percent
-from trackbench.report.run.tables import INTERVAL, TRACKER, VERDICT
+from trackbench.report.run.tables import INTERVAL, TONE, TRACKER, VERDICT
 from trackbench.results import Breakdown, ConditionScores, MetricValue, TrackerResult
 
 #: Beyond these an error is not as large as stated, in standard deviations.
@@ -119,7 +119,6 @@ def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | No
 
 
 _NOT_MET = "no estimate of the tracker falls into it"
-_TONE: dict[str, Tone] = {"optimistic": "bad", "pessimistic": "warn"}
 
 
 def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
@@ -193,4 +192,4 @@ def _calibration(scores: ConditionScores | None, quantity: Quantity) -> Cell:
         return Cell(NOT_AVAILABLE, reason=_NOT_MET if scores is None else "the tracker gives no covariance")
     places = decimals([found.ratio], 2)
     details = tuple(text for text in (found.verdict, interval(found.ci95, places)) if text)
-    return Cell(fixed(found.ratio, places), details, _TONE.get(found.verdict, ""))
+    return Cell(fixed(found.ratio, places), details, TONE.get(found.verdict, ""))

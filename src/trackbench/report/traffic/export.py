@@ -64,21 +64,17 @@ def _objects(result: Result, time: Array) -> Array:
 
 
 def _track_lines(result: Result, tracker: str, time: Array) -> bytes:
-    return _lines(_tracks(result, tracker, time))
-
-
-def _tracks(result: Result, tracker: str, time: Array) -> Array:
     """Rows of frame, id, box, existence probability and three columns without a meaning in the plane."""
     table = result.tables.tracks
     if not table.num_rows:
-        return np.empty((0, 10))
+        return b""
     own = table.filter(pc.equal(table["tracker"], tracker))
     x, y, track, existence, when = (own[name].to_numpy() for name in ("px_m", "py_m", "track", "existence", "time_s"))
     frame = np.searchsorted(time, when - 1e-9) + 1
     confidence = np.nan_to_num(existence, nan=1.0)
     rest = np.full((len(frame), 3), -1.0)
     # Identities begin at 1 there.
-    return _by_frame([np.column_stack([frame, track + 1, _boxes(result, x, y), confidence, rest])], 10)
+    return _lines(_by_frame([np.column_stack([frame, track + 1, _boxes(result, x, y), confidence, rest])], 10))
 
 
 def _boxes(result: Result, x: Array, y: Array) -> Array:
