@@ -14,7 +14,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.probes import TURNS, Probe, turned_mounting
+from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -72,7 +72,7 @@ def jumps_of(
     # Where the other update is wrong, the two differ for another reason.
     if here is None or turned is None or not (here.usable and _right(turned, away)):
         return []
-    found = [jump for side in SIDES if (jump := _jump(here, turned, _rotation(-TURN), side, probe)) is not None]
+    found = [jump for side in SIDES if (jump := _jump(here, turned, rotation(-TURN), side, probe)) is not None]
     if all(jump.size < FAR for jump in found):
         return found
     if not azimuth:
@@ -106,12 +106,8 @@ def beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tu
     here, turned = tracker.trial(before, name, sensor_set), tracker.trial(away, name, sensor_set)
     if here is None or turned is None or not (_right(here, before) and _right(turned, away)):
         return None
-    jump = _jump(here, turned, _rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
+    jump = _jump(here, turned, rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
     return None if jump is None else jump._replace(confirmed=True)
-
-
-def _rotation(angle: float) -> Array:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: float) -> bool:
@@ -122,7 +118,7 @@ def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: 
     )
     if other is None or not other.usable:
         return False
-    jumps = (_jump(turned, other, _rotation(TURN - OTHER_TURN), side, probe) for side in SIDES)
+    jumps = (_jump(turned, other, rotation(TURN - OTHER_TURN), side, probe) for side in SIDES)
     return any(jump is not None and jump.size > ALIKE * size for jump in jumps)
 
 
