@@ -22,7 +22,7 @@ from trackbench.metrics.traffic import (
     TruthHistory,
     score_run,
 )
-from trackbench.metrics.traffic.histories import NO_DETECTION
+from trackbench.metrics.traffic.assignment import NO_DETECTION
 from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
 from trackbench.runner.tracker_run import TrackerRun

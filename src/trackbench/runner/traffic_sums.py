@@ -13,7 +13,7 @@ from trackbench.base.types import Array
 from trackbench.metrics.intervals import Interval
 from trackbench.metrics.traffic import TRACK_METRICS, RunRatio, RunScores
 from trackbench.metrics.traffic.events import TrafficEvent
-from trackbench.metrics.traffic.existence import ExistenceBins
+from trackbench.metrics.traffic.track_quality import ExistenceBins
 from trackbench.metrics.traffic.without_truth import DETECTION_METRICS, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.results import MetricValue
 

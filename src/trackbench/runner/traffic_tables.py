@@ -12,8 +12,8 @@ from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.driving.tracks import NO_TRACK
 from trackbench.metrics.protocol import run_column
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
-from trackbench.metrics.traffic.existence import BINS
-from trackbench.metrics.traffic.strips import STATES
+from trackbench.metrics.traffic.events import STATES
+from trackbench.metrics.traffic.track_quality import BINS
 from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block

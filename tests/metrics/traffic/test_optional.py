@@ -12,8 +12,8 @@ from trackeval.metrics import CLEAR, HOTA, Identity
 from trackbench.base.types import DUE, OPTIONAL
 from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
 from trackbench.metrics.traffic.assignment import Counted, count_by_gospa, nearby
-from trackbench.metrics.traffic.gospa import gospa, gospa_of_sets
 from trackbench.metrics.traffic.run import count_by_clear
+from trackbench.metrics.traffic.set_distances import gospa, gospa_of_sets
 
 QUIET = {"PRINT_CONFIG": False}
 CUTOFF = 5.0

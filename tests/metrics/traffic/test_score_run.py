@@ -8,9 +8,9 @@ from tests.metrics.traffic.histories import STEP, random_histories, tracks_of, t
 
 from trackbench.base.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
 from trackbench.metrics.traffic import TRACK_METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
-from trackbench.metrics.traffic.histories import NO_DETECTION
-from trackbench.metrics.traffic.lifetimes import confirmation
-from trackbench.metrics.traffic.strips import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
+from trackbench.metrics.traffic.assignment import NO_DETECTION
+from trackbench.metrics.traffic.events import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
+from trackbench.metrics.traffic.track_quality import confirmation
 
 NAN = np.nan
 

@@ -17,9 +17,8 @@ from tests.metrics.traffic.histories import counted_of, random_histories, tracks
 from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import Array
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.gospa import GospaParts, gospa, gospa_of_sets
-from trackbench.metrics.traffic.matching import best_matching
-from trackbench.metrics.traffic.ospa import ospa, ospa2, ospa_of_parts
+from trackbench.metrics.traffic.assignment import best_matching
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa, gospa_of_sets, ospa, ospa2, ospa_of_parts
 
 NOW = datetime.datetime(2000, 1, 1)
 

@@ -16,7 +16,7 @@ from stonesoup.types.time import TimeRange
 from stonesoup.types.track import Track
 from tests.metrics.traffic.histories import counted_of, tracks_of, truth_of
 
-from trackbench.metrics.traffic.siap import siap
+from trackbench.metrics.traffic.track_quality import siap
 
 CUTOFF = 5.0
 BEGIN = datetime.datetime(2000, 1, 1)

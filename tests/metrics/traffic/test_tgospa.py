@@ -9,8 +9,7 @@ import pytest
 from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
 
 from trackbench.metrics.traffic import TrackHistory, TruthHistory, trajectory_paths
-from trackbench.metrics.traffic.object_track_pairs import ObjectTrackPairs, Presolved, presolve
-from trackbench.metrics.traffic.tgospa import tgospa
+from trackbench.metrics.traffic.tgospa import ObjectTrackPairs, Presolved, presolve, tgospa
 
 CUTOFF, SWITCH = 3.0, 1.5
 NAN = np.nan

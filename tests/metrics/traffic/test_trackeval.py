@@ -9,9 +9,7 @@ from trackeval.metrics import CLEAR, HOTA, Identity
 
 from benchmarks import traffic_scores
 from trackbench.metrics.traffic import score_run
-from trackbench.metrics.traffic.clear import clear_matches, resumptions, switches, track_of_each
-from trackbench.metrics.traffic.hota import hota
-from trackbench.metrics.traffic.identity import identity
+from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, resumptions, switches, track_of_each
 
 QUIET = {"PRINT_CONFIG": False}
 LEAST = 0.5

@@ -4,7 +4,7 @@ Pure functions of one run's histories; :func:`score_run` computes all at once, a
 means.
 """
 
-from trackbench.metrics.traffic.histories import Associations, TrackHistory, TruthHistory
+from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
 from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, TrafficScoreOptions, score_run
 from trackbench.metrics.traffic.table import TRACK_METRICS, RunRatio
 

@@ -1,14 +1,140 @@
-"""Which tracks are near which objects, and which count: computed once for all scores."""
+"""What is scored of a run, which tracks are near which objects, and which count: computed once for all scores."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from trackbench.base.scipy_functions import largest_assignment
 from trackbench.base.types import ABSENT, DUE, Array, Indices, Mask
-from trackbench.metrics.traffic.histories import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.matching import best_matching
+
+#: In place of the origin of a detection: the track took none.
+NO_DETECTION = -2
+
+Status = npt.NDArray[np.int8]
+
+
+class TruthHistory(NamedTuple):
+    """T instants of N objects."""
+
+    time: Array
+    """``(T,)`` s, increasing."""
+    state: Array
+    """``(4, T, N)`` px, py, vx, vy in the fixed frame."""
+    status: Status
+    """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on it is neither right nor wrong) or ``DUE``."""
+
+
+class TrackHistory(NamedTuple):
+    """The tracks that a tracker gave at the T instants, in K columns of no meaning."""
+
+    ids: Indices
+    """``(T, K)``, -1 where a column is empty."""
+    mean: Array
+    """``(4, T, K)``."""
+    covariance: Array
+    """``(4, 4, T, K)``."""
+    existence: Array | None = None
+    """``(T, K)``."""
+
+
+class Associations(NamedTuple):
+    """Which detection each track took in each of S scans, and what caused it."""
+
+    instant: Indices
+    """``(S,)`` the instant of each scan, in order."""
+    ids: Indices
+    """``(S, K)`` the tracks after the scan, -1 where a column is empty."""
+    origin: Indices
+    """``(S, K)`` the object that caused the detection, ``FALSE_ALARM``, or ``NO_DETECTION`` where none was taken."""
+    detected: Mask
+    """``(S, N)`` which objects caused a detection in the scan."""
+    merged: Indices | None = None
+    """``(S, K)`` the second object of a detection that two objects caused, else negative."""
+
+
+#: Passes that settle what is plain before the rest is solved group by group.
+PASSES = 3
+
+
+def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, rows: int, columns: int) -> Mask:
+    """``(P,)`` which of the pairs are matched, so that the gain of each group is largest.
+
+    A pair that gains more than the best other pairs of its row and of its column together is part of every optimum:
+    such pairs are settled for all groups at once, and few groups remain for the assignment algorithm.
+
+    Args:
+        group: ``(P,)`` in increasing order.
+        row: ``(P,)`` below ``rows``.
+        column: ``(P,)`` below ``columns``; a row and a column meet at most once in a group.
+        gain: ``(P,)``; pairs that gain nothing are not matched.
+    """
+    chosen = np.zeros(len(group), dtype=bool)
+    left = np.flatnonzero(gain > 0)
+    in_row, in_column = group * rows + row, group * columns + column
+    for _ in range(PASSES):
+        if not len(left):
+            return chosen
+        cells, gains = (in_row[left], in_column[left]), gain[left]
+        settled = gains > _best_other(cells[0], gains) + _best_other(cells[1], gains)
+        chosen[left[settled]] = True
+        left = left[~(among(cells[0], cells[0][settled]) | among(cells[1], cells[1][settled]))]
+    for part in parts_of(group[left]):
+        own = left[part]
+        chosen[own[matched_in_group(row[own], column[own], gain[own])]] = True
+    return chosen
+
+
+def parts_of(group: Indices) -> list[slice]:
+    """The stretches of equal numbers."""
+    if not len(group):
+        return []
+    ends = [*(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
+    return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
+    """``(P,)`` which pairs of one group, with gains above zero, are matched."""
+    rows, i = np.unique(row, return_inverse=True)
+    columns, j = np.unique(column, return_inverse=True)
+    matrix = np.zeros((len(rows), len(columns)))
+    matrix[i, j] = gain
+    partner = np.full(len(rows), -1)
+    first, second = largest_assignment(matrix)
+    partner[first] = second
+    return np.asarray(partner[i] == j)
+
+
+def _best_other(cell: Indices, gain: Array) -> Array:
+    """``(P,)`` the largest gain among the other pairs of the same cell; 0 where there is none."""
+    best = np.zeros(cell.max() + 1)
+    np.maximum.at(best, cell, gain)
+    is_best = gain == best[cell]
+    second = np.zeros_like(best)
+    np.maximum.at(second, cell[~is_best], gain[~is_best])
+    alone = np.bincount(cell[is_best], minlength=len(best)) == 1
+    return np.where(is_best & alone[cell], second[cell], best[cell])
+
+
+def among(values: Indices, some: Indices) -> Mask:
+    """Which of the values, 0 or more, are among some of them."""
+    mark = np.zeros(values.max() + 1, dtype=bool)
+    mark[some] = True
+    return mark[values]
+
+
+def last_instant(mask: Mask) -> Indices:
+    """``(T, ...)`` the last instant up to each, with it, at which ``mask`` is True; -1 where there is none."""
+    steps = np.arange(len(mask)).reshape(-1, *[1] * (mask.ndim - 1))
+    return np.asarray(np.maximum.accumulate(np.where(mask, steps, -1), axis=0))
+
+
+def last_instant_before(mask: Mask) -> Indices:
+    """``(T, ...)`` the same without the instant itself."""
+    return np.concatenate([np.full((1, *mask.shape[1:]), -1), last_instant(mask)[:-1]])
+
 
 #: Distances computed at once: they fit the cache.
 CHUNK = 1 << 18

@@ -1,4 +1,4 @@
-"""What happened: where tracks were born, objects lost and found, and identities switched."""
+"""What happened: where tracks were born, objects lost and found, identities switched, and what each event cost."""
 
 from __future__ import annotations
 
@@ -6,13 +6,118 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from trackbench.base.types import Indices, Mask
-from trackbench.metrics.traffic.assignment import Counted
-from trackbench.metrics.traffic.clear import NO_TRACK, NOBODY, Switches, object_of_each
-from trackbench.metrics.traffic.costs import Costs, costs
-from trackbench.metrics.traffic.histories import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.strips import stretches
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.metrics.traffic.assignment import Counted, NearPairs, TrackHistory, TruthHistory
+from trackbench.metrics.traffic.mot_metrics import NO_TRACK, NOBODY, Switches, object_of_each
+
+#: What an object's strip says of an instant. WAITING: due, and not yet tracked. SWITCHED: by another track than last.
+NOT_DUE, WAITING, TRACKED, SWITCHED, LOST = range(5)
+#: Their names.
+STATES = ("not due", "waiting", "tracked", "switched", "lost")
+
+
+def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.int8]:
+    """``(T, N)`` NOT_DUE, WAITING, TRACKED, SWITCHED or LOST."""
+    tracked = track_of != NO_TRACK
+    untracked = np.where(np.logical_or.accumulate(tracked, axis=0), LOST, WAITING)
+    found = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
+    found[changes.instant, changes.object] = SWITCHED
+    return found
+
+
+class Stretches(NamedTuple):
+    """Stretches ``(S,)`` of instants at which an object, or a track, is there and has a partner or has none."""
+
+    owner: Indices
+    """Number of the object or track, in increasing order."""
+    paired: Mask
+    start: Indices
+    """Instant."""
+    before: Indices
+    """The owner's last instant before, -1 where this is its first stretch."""
+    cost: Array
+    """Sum over its instants."""
+    last: Mask
+    """Whether it is the owner's last stretch."""
+
+
+def stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
+    """Instants at which the owner is not there are passed over.
+
+    Args:
+        there: ``(T, owners)``.
+        paired: ``(T, owners)``.
+        cost: ``(T, owners)`` of each instant.
+    """
+    owner, instant = np.nonzero(there.T)
+    with_partner = paired[instant, owner]
+    changes = (owner[1:] != owner[:-1]) | (with_partner[1:] != with_partner[:-1])
+    start = np.flatnonzero(np.concatenate([[True], changes])) if len(owner) else np.empty(0, dtype=np.intp)
+    own = owner[start]
+    first = np.concatenate([[True], own[1:] != own[:-1]])[: len(own)]
+    before = np.where(first, -1, instant[np.maximum(start - 1, 0)])
+    last = np.concatenate([own[1:] != own[:-1], [True]])[: len(own)]
+    total = np.add.reduceat(cost[instant, owner], start) if len(start) else np.empty(0)
+    return Stretches(own, with_partner[start], instant[start], before, total, last)
+
+
+NONE = -1
+
+
+class Costs(NamedTuple):
+    """The parts of squared GOSPA of missed objects and false tracks, m^2, by whose they are."""
+
+    missed: Array
+    """``(T, N)``."""
+    false: Array
+    """``(T, tracks)``."""
+
+
+class _Partners(NamedTuple):
+    column: Indices
+    """``(T, N)`` of the track of each object."""
+    object: Indices
+    """``(T, K)`` of each column."""
+
+    def add(self, pairs: NearPairs) -> None:
+        self.column[pairs.instant, pairs.object] = pairs.column
+        self.object[pairs.instant, pairs.column] = pairs.object
+
+
+def costs(of_gospa: Counted, of_clear: Counted) -> Costs:
+    """Half of the squared cutoff for each due object and each track that GOSPA leaves without a partner.
+
+    CLEAR, by whose matching events are told, can have a partner for it that GOSPA gives to another one, which in CLEAR
+    has yet another partner, and so on. The cost goes to the last of this chain, which is the one too many in CLEAR.
+    """
+    half, due, track = of_gospa.cutoff**2 / 2, of_gospa.due, of_gospa.track
+    gospa, clear = (_Partners(np.full(due.shape, NONE), np.full(track.shape, NONE)) for _ in range(2))
+    gospa.add(of_gospa.matched)
+    clear.add(of_clear.matched)
+    missed, false = np.zeros(due.shape), np.zeros((len(due), len(of_gospa.ids)))
+    instant, item = np.nonzero(due & (gospa.column == NONE))
+    np.add.at(missed, (instant, _last_of_chain(instant, item, clear.column, gospa.object)), half)
+    gospa.add(of_gospa.excused)
+    clear.add(of_clear.excused)
+    instant, column = np.nonzero(of_gospa.present & (gospa.object == NONE))
+    column = _last_of_chain(instant, column, clear.object, gospa.column)
+    np.add.at(false, (instant, track[instant, column]), half)
+    return Costs(missed, false)
+
+
+def _last_of_chain(instant: Indices, item: Indices, partner: Indices, owner: Indices) -> Indices:
+    """From each item to the owner of its partner, as long as there is one."""
+    item, moving = item.copy(), np.arange(len(item))
+    while len(moving):
+        other = partner[instant[moving], item[moving]]
+        moving, other = moving[other != NONE], other[other != NONE]
+        following = owner[instant[moving], other]
+        moving, following = moving[following != NONE], following[following != NONE]
+        item[moving] = following
+    return item
+
 
 EventKind = Literal["born", "confirmed", "switched", "lost", "merged", "false", "fragmented"]
 

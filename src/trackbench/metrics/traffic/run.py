@@ -9,28 +9,42 @@ import numpy.typing as npt
 
 from trackbench.base.types import Array
 from trackbench.metrics.traffic.assignment import (
+    Associations,
     Counted,
     Nearby,
     NearPairs,
+    TrackHistory,
+    TruthHistory,
     count_by_gospa,
     excusing,
     nearby,
     similarity,
 )
-from trackbench.metrics.traffic.association import association_counts
-from trackbench.metrics.traffic.clear import Switches, clear_matches, resumptions, switches, track_of_each
-from trackbench.metrics.traffic.events import TrafficEvent, events
-from trackbench.metrics.traffic.existence import ExistenceBins, existence_bins
-from trackbench.metrics.traffic.gospa import GospaParts, gospa
-from trackbench.metrics.traffic.histories import Associations, TrackHistory, TruthHistory
-from trackbench.metrics.traffic.hota import hota
-from trackbench.metrics.traffic.identity import identity
-from trackbench.metrics.traffic.lifetimes import confirmation, durations, false_tracks, latencies, lost, purity
-from trackbench.metrics.traffic.matched import matched_errors
-from trackbench.metrics.traffic.ospa import ospa, ospa2
-from trackbench.metrics.traffic.siap import siap
-from trackbench.metrics.traffic.strips import strips
+from trackbench.metrics.traffic.events import TrafficEvent, events, strips
+from trackbench.metrics.traffic.mot_metrics import (
+    Switches,
+    clear_matches,
+    hota,
+    identity,
+    resumptions,
+    switches,
+    track_of_each,
+)
+from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
 from trackbench.metrics.traffic.tgospa import tgospa
+from trackbench.metrics.traffic.track_quality import (
+    ExistenceBins,
+    association_counts,
+    confirmation,
+    durations,
+    existence_bins,
+    false_tracks,
+    latencies,
+    lost,
+    matched_errors,
+    purity,
+    siap,
+)
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5

@@ -7,10 +7,260 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices
-from trackbench.metrics.traffic.assignment import Counted
-from trackbench.metrics.traffic.object_track_pairs import ObjectTrackPairs
-from trackbench.metrics.traffic.trajectory_paths import ROUNDING, Weights, solve_one, solve_together
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.metrics.traffic.assignment import Counted, last_instant, matched_in_group
+
+
+class ObjectTrackPairs(NamedTuple):
+    """Pairs ``(E,)`` of an object and a track that are near each other at some instant."""
+
+    object: Indices
+    track: Indices
+    gain: Array
+    """``(T, E)`` what it saves to have them assigned to each other."""
+
+
+class Presolved(NamedTuple):
+    """What is the same in every optimum, ``(T, E)`` each; what is in neither is not assigned."""
+
+    assigned: Mask
+    open: Mask
+    """To be decided."""
+
+
+def presolve(pairs: ObjectTrackPairs, half: float) -> Presolved:
+    """The pairs that every optimum assigns at an instant.
+
+    A pair has an advantage where it gains more than the best other pairs of its object and of its track together.
+    Take a stretch of instants without a disadvantage. To assign the pair from its start, or up to its end, costs at
+    most three changes there: it begins or ends, and its object and its track each leave or take another. So it is
+    assigned at every instant up to which, and after which, its advantages in the stretch sum to more. Where the run
+    begins and ends, there is no such cost.
+
+    Args:
+        pairs: with a gain of 0 or more.
+        half: cost of a change.
+    """
+    advantage = pairs.gain - _rivals(pairs.gain, pairs.object) - _rivals(pairs.gain, pairs.track)
+    enough = (_since(advantage) > 3 * half) & (_since(advantage[::-1])[::-1] - advantage > 3 * half)
+    assigned = enough & (advantage > 0)
+    excluded = np.zeros_like(assigned)
+    for owner in (pairs.object, pairs.track):
+        for own in _columns_of(owner):
+            excluded[:, own] |= assigned[:, own].any(axis=1, keepdims=True)
+    return Presolved(assigned, ~excluded)
+
+
+def _since(advantage: Array) -> Array:
+    """Sum since the last disadvantage; infinite where there was none before."""
+    total = np.cumsum(advantage, axis=0)
+    last = last_instant(advantage < 0)
+    return np.where(last < 0, np.inf, total - np.take_along_axis(total, np.maximum(last, 0), axis=0))
+
+
+def _rivals(gain: Array, owner: Indices) -> Array:
+    """``(T, E)`` the best gain among the other pairs of the same owner; 0 where there is none."""
+    found = np.zeros_like(gain)
+    for own in _columns_of(owner):
+        if len(own) > 1:
+            ranked = np.sort(gain[:, own], axis=1)
+            best = gain[:, own] == ranked[:, -1:]
+            found[:, own] = np.where(best, ranked[:, -2:-1], ranked[:, -1:])
+    return found
+
+
+def _columns_of(owner: Indices) -> list[Indices]:
+    order = np.argsort(owner, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)
+
+
+#: Of the solver.
+TOLERANCE = 1e-6
+
+
+def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> Array:
+    """``(T, E)`` weights from 0 to 1 of the pairs at each instant, of least cost.
+
+    Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
+    for evaluation of multi-target tracking algorithms", section IV (the relaxation is a metric too).
+
+    Args:
+        pairs: of objects and tracks.
+        plain: what need not be solved.
+        half: cost of a change of a weight by one from one instant to the next.
+    """
+    # Their import takes .2 s, and few runs need them.
+    from scipy.optimize import linprog
+    from scipy.sparse import bmat, csr_matrix, eye, vstack
+
+    weight = plain.assigned.astype(float)
+    steps, size = weight.shape
+    instant, pair = np.nonzero(plain.open)
+    variables = np.arange(len(instant))
+    limits = []
+    for owner in (pairs.object, pairs.track):
+        _, row = np.unique(instant * (owner.max() + 1) + owner[pair], return_inverse=True)
+        limits.append(csr_matrix((np.ones(len(row)), (row, variables))))
+    at_most_one = vstack(limits)
+    # The weight after each pair of instants minus that before it, where one of them is to be decided.
+    number = np.full((steps, size), -1)
+    number[instant, pair] = variables
+    before, after, known = number[:-1].reshape(-1), number[1:].reshape(-1), np.diff(weight, axis=0).reshape(-1)
+    some = (before >= 0) | (after >= 0)
+    before, after, known = before[some], after[some], known[some]
+    rows, columns, signs = [], [], []
+    for which, sign in ((before, -1.0), (after, 1.0)):
+        there = np.flatnonzero(which >= 0)
+        rows.append(there)
+        columns.append(which[there])
+        signs.append(np.full(len(there), sign))
+    places = (np.concatenate(rows), np.concatenate(columns))
+    change = csr_matrix((np.concatenate(signs), places), (len(known), len(variables)))
+    solved = linprog(
+        np.concatenate([-pairs.gain[instant, pair], np.full(len(known), half)]),
+        A_ub=bmat([[at_most_one, None], [change, -eye(len(known))], [-change, -eye(len(known))]], "csr"),
+        b_ub=np.concatenate([np.ones(at_most_one.shape[0]), -known, known]),
+        bounds=(0, None),
+        method="highs",
+    )
+    assert solved.x is not None, solved.message
+    found = np.clip(solved.x[: len(variables)], 0, 1)
+    nearest = np.round(found)
+    weight[instant, pair] = np.where(np.abs(found - nearest) < TOLERANCE, nearest, found)
+    return weight
+
+
+#: Joint assignments of a group up to which it is solved by dynamic programming.
+LARGEST = 64
+#: Weights to be decided up to which a group is solved by linear programming, in about .2 s.
+LARGEST_PROGRAM = 20_000
+ROUNDING = 1e-9
+
+
+class Weights(NamedTuple):
+    """A solution for some objects."""
+
+    pairs: ObjectTrackPairs
+    weight: Array
+    """``(T, E)`` 1 where a pair is assigned; between 0 and 1 where the linear program was not tight."""
+    exact: bool
+
+    def saved(self) -> float:
+        """The sum of the gains."""
+        return float((self.pairs.gain * self.weight).sum())
+
+    def changes(self) -> float:
+        """Assignments begun and ended within the run."""
+        return float(np.abs(np.diff(self.weight, axis=0)).sum())
+
+
+def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
+    """The optimum for the pairs of one object. Source: Viterbi (1967), with two changes of equal cost for a switch.
+
+    Args:
+        pairs: of one object.
+        half: cost of beginning or ending an assignment.
+    """
+    if np.any(constant := _kept_throughout(pairs, half)):
+        return Weights(pairs, np.broadcast_to(constant.astype(float), pairs.gain.shape), True)
+    return Weights(pairs, _path_of_one(pairs.gain, half), True)
+
+
+def solve_together(pairs: ObjectTrackPairs, half: float) -> Weights:
+    """The optimum for several objects that compete for tracks."""
+    plain = presolve(pairs, half)
+    useful = plain.assigned.any(axis=0) | np.any(pairs.gain * plain.open > 0, axis=0)
+    pairs = ObjectTrackPairs(pairs.object[useful], pairs.track[useful], pairs.gain[:, useful])
+    plain = Presolved(plain.assigned[:, useful], plain.open[:, useful])
+    members = _joint_assignments(pairs)
+    if members is not None:
+        return Weights(pairs, _joint_path(pairs.gain, members, plain, half), True)
+    if plain.open.sum() > LARGEST_PROGRAM:
+        return Weights(pairs, _path_step_by_step(pairs, half), False)
+    weight = relaxed_weights(pairs, plain, half)
+    return Weights(pairs, weight, bool(np.all(np.minimum(weight, 1 - weight) == 0)))
+
+
+def _kept_throughout(pairs: ObjectTrackPairs, half: float) -> Mask:
+    """``(E,)`` the pair that is best to keep for the whole run, if the others would plainly not gain one switch."""
+    total = pairs.gain.sum(axis=0)
+    best = int(np.argmax(total))
+    found = np.zeros(len(total), dtype=bool)
+    found[best] = pairs.gain.max(axis=1).sum() - total[best] <= 2 * half
+    return found
+
+
+def _path_of_one(gain: Array, half: float) -> Array:
+    """``(T, E)`` the pair to take at each instant; none gains less than any.
+
+    While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
+    """
+    order = np.argsort(gain, axis=1, kind="stable")
+    starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])
+    # Least cost up to each stretch that ends with each pair.
+    costs = -np.add.reduceat(gain, starts, axis=0)
+    for k in range(1, len(costs)):
+        costs[k] += np.minimum(costs[k - 1], costs[k - 1].min() + 2 * half)
+    taken = np.empty(len(starts), dtype=np.intp)
+    taken[-1] = now = int(np.argmin(costs[-1]))
+    for k in range(len(starts) - 2, -1, -1):
+        best = int(np.argmin(costs[k]))
+        taken[k] = now = now if costs[k, now] <= costs[k, best] + 2 * half else best
+    path = np.repeat(taken, np.diff(starts, append=len(gain)))
+    return np.asarray(path[:, None] == np.arange(gain.shape[1]), dtype=float)
+
+
+def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
+    """``(S, E)`` every set of pairs without a common object or track; None where there are too many."""
+    found: list[tuple[int, ...]] = [()]
+    for item in np.unique(pairs.object):
+        own = np.flatnonzero(pairs.object == item).tolist()
+        found += [
+            (*some, pair)
+            for some in found
+            for pair in own
+            if all(pairs.track[pair] != pairs.track[other] for other in some)
+        ]
+        if len(found) > LARGEST:
+            return None
+    members = np.zeros((len(found), len(pairs.object)))
+    for row, some in enumerate(found):
+        members[row, list(some)] = 1.0
+    return members
+
+
+def _joint_path(gain: Array, members: Array, plain: Presolved, half: float) -> Array:
+    """``(T, E)`` the pairs to take at each instant."""
+    sizes = members.sum(axis=1)
+    change = half * (sizes[:, None] + sizes - 2 * members @ members.T)
+    contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
+    costs = np.where(contradictions > 0, np.inf, -(gain @ members.T))
+    before = np.empty(costs.shape, dtype=np.intp)
+    everyone = np.arange(len(members))
+    cost = costs[0]
+    for k in range(1, len(gain)):
+        total = change + cost
+        before[k] = total.argmin(axis=1)
+        cost = total[everyone, before[k]] + costs[k]
+    now = int(np.argmin(cost))
+    taken = np.empty(len(gain), dtype=np.intp)
+    for k in range(len(gain) - 1, -1, -1):
+        taken[k] = now
+        now = before[k, now]
+    return np.asarray(members[taken])
+
+
+def _path_step_by_step(pairs: ObjectTrackPairs, half: float) -> Array:
+    """``(T, E)`` the pairs to take at each instant, decided without looking ahead: not optimal, but possible."""
+    weight = np.zeros(pairs.gain.shape)
+    worth = pairs.gain[0]
+    for k in range(len(weight)):
+        some = np.flatnonzero(worth > 0)
+        if len(some):
+            weight[k, some] = matched_in_group(pairs.object[some], pairs.track[some], worth[some])
+        if k + 1 < len(weight):
+            worth = pairs.gain[k + 1] + np.where(weight[k] > 0, half, -half)
+    return weight
 
 
 class TgospaParts(NamedTuple):

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics.traffic.gospa import GospaParts
 from trackbench.metrics.traffic.run import RunScores, RunSums
+from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.table import by_name, run_ratio, share
 
 NONE = -1

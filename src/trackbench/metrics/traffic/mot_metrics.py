@@ -1,0 +1,182 @@
+"""The public scores of multi-object tracking: CLEAR, HOTA and IDF1."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.scipy_functions import largest_assignment
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.metrics.traffic.assignment import (
+    NearPairs,
+    among,
+    best_matching,
+    last_instant_before,
+    matched_in_group,
+    parts_of,
+)
+
+NO_TRACK = NOBODY = -1
+
+
+class Switches(NamedTuple):
+    """Instants ``(switches,)`` at which an object got another track than it had last, ordered by object."""
+
+    instant: Indices
+    object: Indices
+    before: Indices
+    """The track it had."""
+    after: Indices
+    """The track it got."""
+
+
+def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
+    """``(P,)`` which pairs are matched: first those that were matched before and still may be, then the nearest.
+
+    Source: Bernardin and Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics",
+    section 2.1.1. An instant without objects or without tracks is passed over, as in TrackEval.
+
+    Args:
+        pairs: all that are near enough to be the same.
+        gain: ``(P,)`` above zero, larger for a nearer pair.
+        objects: ``(T, N)`` those that are there.
+        tracks: ``(T, K)`` the columns that are there.
+    """
+    rows, columns = objects.shape[1], tracks.shape[1]
+    at_object, at_column = pairs.instant * rows + pairs.object, pairs.instant * columns + pairs.column
+    alone = (np.bincount(at_object)[at_object] == 1) & (np.bincount(at_column)[at_column] == 1)
+    matched: Mask = alone.copy()
+    track_of = np.full(objects.shape, NO_TRACK)
+    track_of[pairs.instant[alone], pairs.object[alone]] = pairs.track[alone]
+    before = last_instant_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
+    contested = np.flatnonzero(~alone)
+    for part in parts_of(pairs.instant[contested]):
+        own = contested[part]
+        instant, item, track = pairs.instant[own[0]], pairs.object[own], pairs.track[own]
+        kept = track_of[before[instant], item] == track if before[instant] >= 0 else np.zeros(len(own), dtype=bool)
+        left = own[~(among(item, item[kept]) | among(pairs.column[own], pairs.column[own[kept]]))]
+        now = own[kept]
+        if len(left):
+            won = left[matched_in_group(pairs.object[left], pairs.column[left], gain[left])]
+            now = np.concatenate([now, won])
+        matched[now] = True
+        track_of[instant, pairs.object[now]] = pairs.track[now]
+    return np.asarray(matched)
+
+
+def object_of_each(matched: NearPairs, steps: int, tracks: int) -> Indices:
+    """``(T, tracks)`` the object that each track is matched with, ``NOBODY`` where there is none."""
+    object_of = np.full((steps, tracks), NOBODY)
+    object_of[matched.instant, matched.track] = matched.object
+    return object_of
+
+
+def track_of_each(matched: NearPairs, shape: tuple[int, ...]) -> Indices:
+    """``(T, N)`` the number of the track matched with each object, ``NO_TRACK`` where there is none."""
+    track_of = np.full(shape, NO_TRACK)
+    track_of[matched.instant, matched.object] = matched.track
+    return track_of
+
+
+def switches(track_of: Indices) -> Switches:
+    """Every change of an object's track, however long it had none in between. Source: as :func:`clear_matches`."""
+    item, instant = np.nonzero(track_of.T != NO_TRACK)
+    track = track_of[instant, item]
+    changed = np.flatnonzero((item[1:] == item[:-1]) & (track[1:] != track[:-1])) + 1
+    return Switches(instant[changed], item[changed], track[changed - 1], track[changed])
+
+
+def resumptions(track_of: Indices, counts: Mask) -> Mask:
+    """``(T, N)`` where an object has a track again after it had none, at instants ``(T, N)`` that count for it.
+
+    Their number is that of fragmentations (Li, Huang and Nevatia 2009, "Learning to associate: HybridBoosted
+    multi-target tracker for crowded scene").
+    """
+    tracked = track_of != NO_TRACK
+    before, ever_before = last_instant_before(counts), last_instant_before(tracked) >= 0
+    lost_before = (before >= 0) & ~np.take_along_axis(tracked, np.maximum(before, 0), axis=0)
+    return np.asarray(counts & tracked & lost_before & ever_before)
+
+
+#: The similarities from which a pair may count as matched; the scores are means over them.
+THRESHOLDS = np.arange(0.05, 0.99, 0.05)
+EPSILON = np.finfo(float).eps
+
+
+class HotaScores(NamedTuple):
+    """Each ``(19,)``, one value for each threshold."""
+
+    hota: Array
+    detection: Array
+    """DetA."""
+    association: Array
+    """AssA."""
+
+
+def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
+    """Higher order tracking accuracy.
+
+    Source: Luiten et al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International
+    Journal of Computer Vision 129, with the matching of its public code: pairs that go together over the whole run are
+    preferred.
+
+    Args:
+        pairs: ``(P,)`` at least all with a similarity above zero.
+        similarity: ``(P,)`` from 0 to 1.
+        object_counts: ``(N,)`` instants at which each object is there.
+        track_counts: ``(tracks,)`` the same of the tracks.
+    """
+    objects, tracks = len(object_counts), len(track_counts)
+    together = pairs.object * tracks + pairs.track
+    jaccard = _jaccard(pairs, similarity, objects, tracks)
+    potential = np.bincount(together, jaccard, minlength=objects * tracks)[together]
+    all_counts = object_counts[pairs.object] + track_counts[pairs.track]
+    alignment = potential / (all_counts - potential)
+    chosen = best_matching(*pairs[:2], pairs.track, alignment * similarity, objects, tracks)
+    passed = np.searchsorted(THRESHOLDS - EPSILON, similarity[chosen], side="right")
+    couple, first, which = np.unique(together[chosen], return_index=True, return_inverse=True)
+    levels = len(THRESHOLDS) + 1
+    exact = np.bincount(which * levels + passed, minlength=len(couple) * levels).reshape(len(couple), levels)
+    # (couples, 19) instants at which object and track are matched at each threshold.
+    matches = np.cumsum(exact[:, ::-1], axis=1)[:, ::-1][:, 1:]
+    union = all_counts[chosen][first][:, None] - matches
+    true = matches.sum(axis=0)
+    association = (matches * (matches / np.maximum(1, union))).sum(axis=0) / np.maximum(1, true)
+    detection = true / np.maximum(1, object_counts.sum() + track_counts.sum() - true)
+    return HotaScores(np.sqrt(detection * association), detection, association)
+
+
+def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> Array:
+    """``(P,)`` the similarity of each pair as a share of what object and track have with all."""
+    by_object, by_track = pairs.instant * objects + pairs.object, pairs.instant * tracks + pairs.track
+    whole = np.bincount(by_object, similarity)[by_object] + np.bincount(by_track, similarity)[by_track] - similarity
+    return np.asarray(np.divide(similarity, whole, out=np.zeros_like(similarity), where=whole > EPSILON))
+
+
+class IdentityCounts(NamedTuple):
+    """Instants of objects and tracks."""
+
+    true: int
+    """IDTP: an object and the track that stands for it over the run are together."""
+    missed: int
+    """IDFN."""
+    false: int
+    """IDFP."""
+
+
+def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> IdentityCounts:
+    """Counts of the one-to-one matching of objects and tracks, for the whole run, with most instants together.
+
+    Source: Ristani et al. (2016), "Performance measures and a data set for multi-target, multi-camera tracking".
+
+    Args:
+        pairs: all that are near enough to be the same.
+        object_counts: ``(N,)`` instants at which each object is there.
+        track_counts: ``(tracks,)`` the same of the tracks.
+    """
+    objects, tracks = len(object_counts), len(track_counts)
+    together = np.bincount(pairs.object * tracks + pairs.track, minlength=objects * tracks)
+    table = together.reshape(objects, tracks).astype(float)
+    true = int(table[largest_assignment(table)].sum())
+    return IdentityCounts(true, int(object_counts.sum()) - true, int(track_counts.sum()) - true)

@@ -1,0 +1,225 @@
+"""How soon, how long, how purely and how accurately objects are tracked."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.linalg import cholesky, symmetrise
+from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask
+from trackbench.metrics.consistency import point95
+from trackbench.metrics.traffic.assignment import (
+    NO_DETECTION,
+    Associations,
+    Counted,
+    NearPairs,
+    TrackHistory,
+    TruthHistory,
+    last_instant_before,
+)
+from trackbench.metrics.traffic.mot_metrics import NO_TRACK, object_of_each
+
+
+def durations(time: Array) -> Array:
+    """``(T,)`` s from each instant to the next one; the last has the mean of the others, a single one none."""
+    steps = np.diff(time)
+    return np.append(steps, steps.mean() if len(steps) else 0.0)
+
+
+def latencies(track_of: Indices, due: Mask, duration: Array) -> Array:
+    """``(N,)`` s that each object was due before it was first tracked; infinite where it never was tracked, NaN
+    where it never was due.
+    """
+    ever = (track_of != NO_TRACK).any(axis=0)
+    return np.where(due.any(axis=0), np.where(ever, _waiting(track_of, due, duration), np.inf), np.nan)
+
+
+def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
+    """Seconds that objects were due before their first track, or all the time without one; objects that got one.
+
+    The ratio is the mean time to an event where it is not always waited for, and the maximum-likelihood estimate for a
+    constant rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time
+    on test over number of failures).
+    """
+    tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
+    return float(_waiting(track_of, due, duration).sum()), float(tracked.sum())
+
+
+def _waiting(track_of: Indices, due: Mask, duration: Array) -> Array:
+    return np.asarray(duration @ (due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)))
+
+
+def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
+    """Due instants without a track after the object's first one, of all due instants from then on."""
+    tracked = track_of != NO_TRACK
+    since = due & np.logical_or.accumulate(tracked, axis=0)
+    return float((since & ~tracked).sum()), float(since.sum())
+
+
+def purity(counted: Counted) -> tuple[float, float]:
+    """Instants that each track spends on the object it is on most, of all that it spends on any."""
+    matched, objects, tracks = counted.matched, counted.due.shape[1], len(counted.ids)
+    together = np.bincount(matched.object * tracks + matched.track, minlength=objects * tracks)
+    most = together.reshape(objects, tracks).max(axis=0, initial=0)
+    return float(most.sum()), float(together.sum())
+
+
+def false_tracks(counted: Counted) -> Indices:
+    """Numbers of the tracks that never are on any object, due or optional."""
+    real = np.zeros(len(counted.ids), dtype=bool)
+    real[counted.matched.track] = True
+    real[counted.excused.track] = True
+    return np.flatnonzero(~real)
+
+
+class Siap(NamedTuple):
+    """Attributes of the single integrated air picture, as sums and the numbers of their terms."""
+
+    completeness: tuple[float, float]
+    """Objects with a track, of all objects."""
+    ambiguity: tuple[float, float]
+    """Tracks on an object, of objects with a track."""
+    spuriousness: tuple[float, float]
+    """Tracks on no object, of all tracks."""
+    position: tuple[float, float]
+    """Distances of tracks on objects, m."""
+    velocity: tuple[float, float]
+    """The same of velocities, m/s; tracks without a velocity do not count."""
+
+
+def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> Siap:
+    """Each track stands at each instant for the nearest due object within the cutoff.
+
+    Source: Votruba et al. (2001), "Single Integrated Air Picture (SIAP) metrics implementation".
+    """
+    pairs = counted.pairs
+    track = pairs.instant * counted.present.shape[1] + pairs.column
+    nearest = np.lexsort((pairs.distance, track))
+    own = nearest[np.diff(track[nearest], prepend=-1) != 0]
+    instant, item, column = pairs.instant[own], pairs.object[own], pairs.column[own]
+    tracked = np.zeros_like(counted.due)
+    tracked[instant, item] = True
+    objects, present, on = float(counted.due.sum()), float(counted.present.sum()), float(len(own))
+    velocity = np.hypot(*(tracks.mean[2:, instant, column] - truth.state[2:, instant, item]))
+    known = velocity[np.isfinite(velocity)]
+    return Siap(
+        completeness=(float(tracked.sum()), objects),
+        ambiguity=(on, float(tracked.sum())),
+        spuriousness=(present - on, present),
+        position=(float(pairs.distance[own].sum()), on),
+        velocity=(float(known.sum()), float(len(known))),
+    )
+
+
+class MatchedErrors(NamedTuple):
+    """Of the matched pairs of a run: sums and the numbers of their terms."""
+
+    position: tuple[float, float]
+    """Squared errors, m^2."""
+    velocity: tuple[float, float]
+    """Squared errors, (m/s)^2; tracks without a velocity do not count."""
+    nees: tuple[float, float]
+    """Normalised estimation error squared, 4 degrees of freedom; covariances that are not positive definite do not
+    count. Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation",
+    section 5.4.2."""
+    inside: tuple[float, float]
+    """Those of them up to the 95 % quantile of chi-square with 4 degrees of freedom."""
+
+
+def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> MatchedErrors:
+    """Errors are estimate minus truth, in the fixed frame."""
+    error = tracks.mean[:, matched.instant, matched.column] - truth.state[:, matched.instant, matched.object]
+    factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
+    squares = error**2
+    nees = (factor.whiten(error) ** 2).sum(axis=0)[factor.positive]
+    inside = np.where(np.isfinite(nees), nees <= point95(4), np.nan)
+    return MatchedErrors(
+        _finite_sum(squares[:2].sum(axis=0)),
+        _finite_sum(squares[2:].sum(axis=0)),
+        _finite_sum(nees),
+        _finite_sum(inside),
+    )
+
+
+def _finite_sum(values: Array) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    return float(known.sum()), float(len(known))
+
+
+class AssociationCounts(NamedTuple):
+    """Tracks on due objects, over all scans, in which the track took a detection or its object was detected."""
+
+    right: int
+    """It took a detection of its own object, alone or merged with another's."""
+    wrong_object: int
+    """It took another object's."""
+    clutter: int
+    """It took a false alarm."""
+    missed: int
+    """It took none although its object was detected."""
+
+
+def association_counts(counted: Counted, taken: Associations) -> AssociationCounts:
+    """A track's own object is the one that it was last matched with at an earlier instant, else at that of the scan.
+
+    What the scan itself does to the track so says nothing about which object is its own.
+    """
+    number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
+    known = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
+    scan, column = np.nonzero(known)
+    own = _own_objects(counted)[taken.instant[scan], number[scan, column]]
+    due = (own >= 0) & counted.due[taken.instant[scan], own]
+    scan, column, own = scan[due], column[due], own[due]
+    origin = taken.origin[scan, column]
+    right = origin == own
+    if taken.merged is not None:
+        right |= (origin >= 0) & (taken.merged[scan, column] == own)
+    none = origin == NO_DETECTION
+    return AssociationCounts(
+        right=int(right.sum()),
+        wrong_object=int(((origin >= 0) & ~right).sum()),
+        clutter=int((origin == FALSE_ALARM).sum()),
+        missed=int((none & taken.detected[scan, own]).sum()),
+    )
+
+
+def _own_objects(counted: Counted) -> Indices:
+    """``(T, tracks)``, -1 where a track has none yet."""
+    object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
+    before = last_instant_before(object_of >= 0)
+    earlier = np.take_along_axis(object_of, np.maximum(before, 0), axis=0)
+    return np.where(before >= 0, earlier, object_of)
+
+
+#: Equal parts of the range from 0 to 1.
+BINS = 10
+
+
+class ExistenceBins(NamedTuple):
+    """Sums over tracks and instants, each ``(10,)``; they add up over runs."""
+
+    stated: Array
+    """Existence probabilities."""
+    real: Indices
+    """Tracks that are matched with an object."""
+    number: Indices
+    """Tracks."""
+
+
+def existence_bins(counted: Counted, existence: Array) -> ExistenceBins:
+    """Tracks by the probability that they state ``(T, K)``: a reliability diagram.
+
+    Source: Murphy and Winkler (1977), "Reliability of subjective probability forecasts of precipitation and
+    temperature".
+    """
+    real: Mask = np.zeros(counted.present.shape, dtype=bool)
+    real[counted.matched.instant, counted.matched.column] = True
+    known = counted.present & np.isfinite(existence)
+    stated = existence[known]
+    which = np.clip((stated * BINS).astype(np.intp), 0, BINS - 1)
+    return ExistenceBins(
+        np.asarray(np.bincount(which, stated, BINS), dtype=float),
+        np.bincount(which[real[known]], minlength=BINS),
+        np.bincount(which, minlength=BINS),
+    )
