@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
 
-from trackbench.metrics.traffic import TrackHistory, TruthHistory, trajectory_paths
+from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.metrics.traffic import tgospa as tgospa_module
 from trackbench.metrics.traffic.tgospa import ObjectTrackPairs, Presolved, presolve, tgospa
 
 CUTOFF, SWITCH = 3.0, 1.5
@@ -60,7 +61,7 @@ def test_the_linear_program_is_at_most_the_exact_value_and_mostly_equal(
     truth, tracks = random_histories(rng, 12, 4, 4, 9.0)
     counted = counted_of(truth, tracks, CUTOFF)
     exact = tgospa(counted, SWITCH)
-    monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
+    monkeypatch.setattr(tgospa_module, "LARGEST", 0)
     relaxed = tgospa(counted, SWITCH)
     assert relaxed.total <= exact.total * (1 + 1e-9)
     if relaxed.exact:
@@ -76,8 +77,8 @@ def test_what_is_too_large_for_both_gets_an_upper_bound_near_the_exact_value(
     truth, tracks = random_histories(np.random.default_rng(seed), 12, 4, 4, 9.0)
     counted = counted_of(truth, tracks, CUTOFF)
     exact = tgospa(counted, SWITCH)
-    monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
-    monkeypatch.setattr(trajectory_paths, "LARGEST_PROGRAM", 0)
+    monkeypatch.setattr(tgospa_module, "LARGEST", 0)
+    monkeypatch.setattr(tgospa_module, "LARGEST_PROGRAM", 0)
     bound = tgospa(counted, SWITCH)
     assert exact.total * (1 - 1e-9) <= bound.total < 1.2 * exact.total
     assert not bound.exact or bound.total == pytest.approx(exact.total, rel=1e-9)
@@ -138,7 +139,7 @@ def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.Monke
         shares.append(presolve(pairs, half).assigned.any(axis=1).mean())
         return Presolved(np.zeros(pairs.gain.shape, dtype=bool), np.ones(pairs.gain.shape, dtype=bool))
 
-    monkeypatch.setattr(trajectory_paths, "presolve", nothing_settled)
+    monkeypatch.setattr(tgospa_module, "presolve", nothing_settled)
     assert [tgospa(counted, SWITCH).total for counted in cases] == pytest.approx(ours, rel=1e-12)
     assert np.mean(shares) > 0.3
 
@@ -148,7 +149,7 @@ def test_the_dynamic_program_and_the_linear_program_agree_on_long_runs(monkeypat
         counted = counted_of(*walks(np.random.default_rng(seed)), CUTOFF)
         exact = tgospa(counted, SWITCH)
         with monkeypatch.context() as patched:
-            patched.setattr(trajectory_paths, "LARGEST", 0)
+            patched.setattr(tgospa_module, "LARGEST", 0)
             relaxed = tgospa(counted, SWITCH)
         assert relaxed.exact
         assert relaxed.total == pytest.approx(exact.total, rel=1e-9)
