@@ -363,7 +363,8 @@ def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
     for path in (*TRACK_METRICS, *DETECTION_METRICS):
         assert path in listed
     page = (ROOT / "docs/scenario-file.md").read_text(encoding="utf-8")
-    assert "`better_than` compares run by run, and only by `gospa`, `gospa_localisation`" in page
+    assert "| `gospa` | m | yes |" in page
+    assert "| `nees_inside` | 1 |  |" in page
 
 
 def test_a_published_one_is_listed_and_named(

@@ -354,17 +354,22 @@ def _metrics() -> str:
         "Metrics with hidden identities": traffic_paths(truth=True).values(),
         "Metrics with hidden identities, of a recording without a truth": traffic_paths(truth=False).values(),
     }
-    return "\n\n".join(_table_of(title, [*metrics]) for title, metrics in tables.items())
+    note = "The metrics with a yes under `better_than` can be compared by it, run by run."
+    return "\n\n".join([note, *(_table_of(title, [*metrics]) for title, metrics in tables.items())])
 
 
 def _table_of(title: str, metrics: Sequence[Field]) -> str:
     rows = [
-        (f"`{metric.name}`", " or ".join(f"`{word}`" for word in metric.words) or metric.unit, metric.meaning)
+        (
+            f"`{metric.name}`",
+            " or ".join(f"`{word}`" for word in metric.words) or metric.unit,
+            "yes" if metric.compared else "",
+            metric.meaning,
+        )
         for metric in metrics
     ]
-    compared = ", ".join(f"`{metric.name}`" for metric in metrics if metric.compared)
-    note = f"`better_than` compares run by run, and only by {compared}." if compared else "None is compared."
-    return f"### {title}\n\n{_markdown(('metric', 'unit', 'meaning'), rows)}\n\n{note}"
+    table = _markdown(("metric", "unit", "`better_than`", "meaning"), rows)
+    return f"### {title}\n\n{table}"
 
 
 if __name__ == "__main__":
