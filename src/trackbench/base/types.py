@@ -33,7 +33,7 @@ def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
 
 #: Status of an object at an instant: not in the scene; there, but a tracker need not have it; a tracker has to have it.
 ABSENT, OPTIONAL, DUE = 0, 1, 2
-#: In place of the number of the object that caused a detection: none did.
+#: Object number of a false alarm.
 FALSE_ALARM = -1
 
 #: The space in which trackers of different state are compared, in the fixed frame.

@@ -85,7 +85,7 @@ class Direct(InProcessStepper):
         self._state: TrackState | None = None
 
     def step(self, scan: Scan) -> Estimate:
-        """The estimates of all batch."""
+        """Estimates of every member of the batch."""
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
 
@@ -103,7 +103,7 @@ class Offline(InProcessStepper):
         self._estimates: Iterator[Estimate] | None = None
 
     def step(self, scan: Scan) -> Estimate:
-        """The estimates of all batch at the next of the scans."""
+        """Estimates of every member of the batch at the next scan."""
         if self._estimates is None:
             self._estimates = iter(self._tracker.estimates(self._scans))
         return next(self._estimates)
@@ -115,14 +115,14 @@ class Offline(InProcessStepper):
 
 
 class Batched(InProcessStepper):
-    """A tracker that takes all batch at once."""
+    """A tracker that steps every member of the batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = Stateful(tracker, checked)
         self._estimated = False
 
     def step(self, scan: Scan) -> Estimate | None:
-        """The estimates of all batch, or None while there is none at all."""
+        """Estimates of every member of the batch, or None before the first."""
         estimate = self._tracker.step(scan)
         if estimate is None and self._estimated:
             raise TrackerFault(GIVEN_UP)

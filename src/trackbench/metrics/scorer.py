@@ -193,7 +193,7 @@ class Scorer:
 
 
 def score_together(scorers: Sequence[Scorer]) -> dict[str, Fault]:
-    """Score what waits of trackers that took in the same instants; what is wrong with one, by its name."""
+    """Score the buffered estimates of several trackers; return the faults by tracker name."""
     given, faults = {}, {}
     for scorer in scorers:
         try:

@@ -108,7 +108,7 @@ class FallbackFilter:
 
     @cached_property
     def guard(self) -> StepGuard | None:
-        """Refuses the fused step of a track that would lose its course."""
+        """Refuses the fused step for tracks whose course has become unknown."""
         return CourseLost(tuple(motion.components for motion in self.filter.motions)) if self.later else None
 
     @cached_property

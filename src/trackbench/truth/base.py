@@ -13,7 +13,7 @@ from trackbench.base.config import Config
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
 
-#: What a sensor has measured: of known objects, or of nobody knows what.
+#: Recorded measurements, labelled or unlabelled.
 Recorded = RecordedMeasurements | RecordedDetections
 #: Largest number of scenes of one source.
 MAX_SCENES = 1000
