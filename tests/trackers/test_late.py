@@ -15,7 +15,7 @@ from tests.support.traffic_scans import traffic, vehicles
 import trackbench as tb
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.in_order import log_likelihood
+from trackbench.trackers.filtered import log_likelihood
 from trackbench.trackers.multi import build_multi
 
 

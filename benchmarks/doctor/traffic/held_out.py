@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.driving.tracks import BatchedTracks
+from trackbench.driving.steppers import TRACKS_FORM, Batched
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
@@ -132,7 +132,7 @@ def _reading(method: str, **more: Any) -> Make:
     """A built-in tracker that uses one sensor only for a part of its work."""
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": method}}
     built = FilterConfig.model_validate({**given, **more})
-    return lambda: BatchedTracks(build_multi(built))
+    return lambda: Batched(build_multi(built), TRACKS_FORM)
 
 
 SOUND: dict[str, Make] = {

@@ -12,7 +12,6 @@ import numpy as np
 
 from trackbench.base.types import Indices, Scan
 from trackbench.driving.steppers import Offline, Stepper
-from trackbench.driving.tracks import TracksStepper
 from trackbench.engine.choice import Engine, seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
 
@@ -110,7 +109,7 @@ class TrackerDrive(Generic[Answer]):
 
     def __init__(
         self,
-        start: Callable[[], Stepper | TracksStepper],
+        start: Callable[[], Stepper],
         scans: Sequence[Scan],
         sensors: Collection[str] | None = None,
         *,
@@ -121,7 +120,7 @@ class TrackerDrive(Generic[Answer]):
     ) -> None:
         self._start, self._scans, self._sensors, self._engine = start, scans, sensors, engine
         self._origins, self._before, self._given = origins, before, given
-        self._tracker: Stepper | TracksStepper | None = None
+        self._tracker: Stepper | None = None
         self.instant = 0
         """Number of the latest instant."""
         self.sensor: str | None = None

@@ -22,7 +22,6 @@ from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
 from trackbench.driving.steppers import local
-from trackbench.driving.tracks import local_tracks
 from trackbench.driving.wire import Arrays, receive_request, send_answer
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -30,8 +29,8 @@ from trackbench.trackers.published import check_options, create
 
 #: How often a process looks whether the bench is still there, s.
 ORPHANED = 2.0
-#: The keys of a request that are not those of what it asks for.
-ABOUT_THE_PROCESS = ("do", "exchange", "drop", "path", "cwd")
+#: The keys of a request that are no arguments of its method.
+PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd")
 
 
 class Stepped(Protocol):
@@ -49,28 +48,26 @@ class Host:
 
     def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], Arrays]:
         """The answer to a request."""
-        given = {key: value for key, value in request.items() if key not in ABOUT_THE_PROCESS}
+        arguments = {key: value for key, value in request.items() if key not in PROCESS_KEYS}
         if "path" in request:
             sys.path[:] = request["path"]
             with suppress(OSError):
                 os.chdir(request["cwd"] or ".")
         for number in request["drop"]:
             self._stepped.pop(number, None)
-        found: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**given)
-        return found
+        answer: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**arguments)
+        return answer
 
     def check(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """Import the tracker and hold its options against what it declares."""
         check_options(use, options, folder)
         return {}, {}
 
-    def start(self, config: PluginConfig, folder: Path | None, batch: int) -> tuple[dict[str, Any], Arrays]:
+    def start(
+        self, config: PluginConfig, folder: Path | None, batch: int, several: bool
+    ) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker for a batch, whose answers are checked."""
-        return {"number": self._keep(local(config, folder, batch, _refuse_truth))}, {}
-
-    def start_tracks(self, config: PluginConfig, folder: Path | None, runs: int) -> tuple[dict[str, Any], Arrays]:
-        """A fresh tracker of several objects for some runs, whose answers are checked."""
-        return {"number": self._keep(local_tracks(config, folder, runs))}, {}
+        return {"number": self._keep(local(config, folder, batch, _refuse_truth, several))}, {}
 
     def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
@@ -79,13 +76,13 @@ class Host:
             _refuse_truth(alone.tracker)
         return {"number": self._keep(alone)}, {}
 
-    def about(self, number: int) -> tuple[dict[str, Any], Arrays]:
+    def traits(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """What a tracker can do, and why it cannot be copied, where that has been tried."""
         alone = self._alone(number)
         tracker = alone.tracker
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        said = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
-        return {**said, "methods": methods, "not_copied": alone.not_copied}, {}
+        flags = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
+        return {**flags, "methods": methods, "not_copied": alone.not_copied}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""
@@ -136,14 +133,14 @@ def serve(connection: socket.socket, dump: int, bench: int) -> None:
         try:
             values, arrays = host.answer(request)
         except BaseException as error:
-            values, arrays = _told(error), {}
+            values, arrays = _error_values(error), {}
         try:
             send_answer(connection, {**values, "exchange": request.get("exchange")}, arrays)
         except OSError:
             os._exit(0)
 
 
-def _told(error: BaseException) -> dict[str, Any]:
+def _error_values(error: BaseException) -> dict[str, Any]:
     if isinstance(error, InputErrors):
         return {"input": [[each.message, each.key] for each in error.errors]}
     if isinstance(error, InputError):
@@ -155,18 +152,18 @@ def _told(error: BaseException) -> dict[str, Any]:
 def _arrays(estimate: Estimate | Tracks) -> Arrays:
     if isinstance(estimate, Tracks):
         return {name: np.asarray(value) for name, value in estimate._asdict().items() if value is not None}
-    found = {"mean": estimate.mean, "covariance": estimate.covariance}
+    arrays = {"mean": estimate.mean, "covariance": estimate.covariance}
     for name in ("state", "innovation", "innovation_covariance", "repaired", "mode_probabilities"):
         value = getattr(estimate, name)
         if value is None:
             continue
         try:
-            found[name] = np.array(value, dtype=bool if name == "repaired" else float)
+            arrays[name] = np.array(value, dtype=bool if name == "repaired" else float)
         except (TypeError, ValueError):
             if name != "state":
                 raise
             # A state of another form is the tracker's own affair.
-    return found
+    return arrays
 
 
 def _prepare(dump: int, bench: int) -> None:

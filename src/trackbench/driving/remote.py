@@ -9,21 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
+from trackbench.base.types import Array, Estimate, Indices, Scan
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.processes import NO_ANSWER, TrackerProcess
-from trackbench.driving.steppers import Stepper, local
-from trackbench.driving.tracks import TracksStepper, checked_tracks, local_tracks
-from trackbench.engine.choice import Engine
+from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, local
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
 
 #: Stands for the state of a tracker that has it in its process.
 KEPT_THERE = "kept in the tracker's process"
+#: Of a tracker that is examined as it is.
+SHAPED_FORM = ESTIMATE_FORM._replace(check=shaped)
 
 
 class TrackerTrial:
@@ -53,9 +52,9 @@ class TrackerTrial:
             TrackFault: its process ended.
         """
         if self._process is None:
-            local(self._config, self._folder, 1, lambda given: given).close()
+            local(self._config, self._folder, 1, lambda tracker: tracker).close()
         else:
-            self._process.start("start", config=self._config, folder=self._folder, batch=1)
+            RemoteStepper(self._process, self._config, self._folder, 1, several=False)
 
     def close(self) -> None:
         """End its process."""
@@ -67,53 +66,46 @@ def start(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
     batch: int,
-    with_initial_states: Callable[[FilterTracker], FilterTracker],
+    prepare: Prepare,
     isolation: Isolation,
+    several: bool = False,
 ) -> Stepper:
     """A fresh tracker for a batch, its answers checked.
 
     Args:
         config: the scenario's entry.
         folder: where a tracker's module is looked for first.
-        batch: how many tracks it follows at once.
-        with_initial_states: gives a built-in filter its first states, where it starts from the truth.
+        batch: how many tracks, or runs, it follows at once.
+        prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
         isolation: whether it gets a process of its own.
+        several: whether it follows several objects.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
         TrackFault: its process ended.
     """
     if not isolation.of(config):
-        return local(config, folder, batch, with_initial_states)
-    return RemoteStepper(config, folder, batch, isolation.timeout)
-
-
-def start_tracks(
-    config: FilterConfig | PluginConfig, folder: Path | None, runs: int, isolation: Isolation, engine: Engine
-) -> TracksStepper:
-    """A fresh tracker of several objects for some runs, its answers checked; a built-in one is computed by the engine.
-
-    Raises:
-        InputError: a plug-in cannot be found or does not take its options.
-        TrackFault: its process ended.
-    """
-    if not isolation.of(config):
-        return local_tracks(config, folder, runs, engine)
-    return RemoteTracks(config, folder, runs, isolation.timeout)
+        return local(config, folder, batch, prepare, several)
+    process = TrackerProcess(isolation.timeout, batch)
+    try:
+        return RemoteStepper(process, config, folder, batch, several)
+    except BaseException:
+        process.close()
+        raise
 
 
 def fresh_tracks(
     config: FilterConfig | PluginConfig, folder: Path | None, isolation: Isolation
-) -> Callable[[], TracksStepper]:
+) -> Callable[[], Stepper]:
     """A function that gives fresh trackers of several objects, each for one run, one after the other from one process.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
         TrackFault: its process ended.
     """
-    make: Callable[[], TracksStepper] = partial(local_tracks, config, folder, 1)
+    make: Callable[[], Stepper] = partial(local, config, folder, 1, lambda tracker: tracker, several=True)
     if isolation.of(config):
-        make = partial(RemoteTracks.fresh, TrackerProcess(isolation.timeout), config, folder)
+        make = partial(RemoteStepper, TrackerProcess(isolation.timeout, 1), config, folder, 1, several=True)
     make()
     return make
 
@@ -134,16 +126,27 @@ def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Iso
     return make
 
 
-class _Remote:
-    """A tracker in a process of its own, started by a request."""
+class RemoteStepper:
+    """A tracker that follows a batch in a process of its own, which may have others."""
 
-    def __init__(self, timeout: float, members: int, do: str, **request: Any) -> None:
-        self._process = TrackerProcess(timeout, members)
-        try:
-            self._number = self._process.start(do, **request)
-        except BaseException:
-            self.close()
-            raise
+    def __init__(
+        self,
+        process: TrackerProcess,
+        config: FilterConfig | PluginConfig,
+        folder: Path | None,
+        batch: int,
+        several: bool,
+    ) -> None:
+        self._process, self._form = process, TRACKS_FORM if several else ESTIMATE_FORM
+        self._number = process.start("start", config=config, folder=folder, batch=batch, several=several)
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
+        """The answer for all members; their origins are not sent.
+
+        Raises:
+            TrackFault: the tracker failed.
+        """
+        return _step(self._process, self._number, scan, self._form)
 
     @property
     def engine_used(self) -> EngineUsed | None:
@@ -153,48 +156,6 @@ class _Remote:
     def close(self) -> None:
         """End the process."""
         self._process.close()
-
-
-class RemoteStepper(_Remote):
-    """A tracker that follows a batch in a process of its own."""
-
-    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
-        super().__init__(timeout, batch, "start", config=config, folder=folder, batch=batch)
-
-    def step(self, scan: Scan) -> Estimate | None:
-        """The estimates of all members.
-
-        Raises:
-            TrackFault: the tracker failed.
-        """
-        return _step(self._process, self._number, scan)
-
-
-class RemoteTracks(_Remote):
-    """A tracker of several objects in a process of its own."""
-
-    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, runs: int, timeout: float) -> None:
-        super().__init__(timeout, runs, "start_tracks", config=config, folder=folder, runs=runs)
-
-    @classmethod
-    def fresh(cls, process: TrackerProcess, config: FilterConfig | PluginConfig, folder: Path | None) -> RemoteTracks:
-        """A fresh one in a process that has others; not to be closed."""
-        made = cls.__new__(cls)
-        made._process = process
-        made._number = process.start("start_tracks", config=config, folder=folder, runs=1)
-        return made
-
-    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
-        """The tracks of all runs; their origins are not told.
-
-        Raises:
-            TrackFault: the tracker failed.
-        """
-        _, arrays = self._process.ask("step", number=self._number, scan=scan)
-        try:
-            return checked_tracks(Tracks(**arrays), scan)
-        except (TypeError, TrackerFault) as error:
-            raise TrackFault(NO_ANSWER, "died") from error
 
 
 class RemoteTracker:
@@ -212,19 +173,19 @@ class RemoteTracker:
     def fresh(cls, process: TrackerProcess, named: dict[str, Any]) -> RemoteTracker:
         """A fresh one."""
         number = process.start("fresh", **named)
-        about, _ = process.ask("about", number=number)
-        said = bool(about.get("batched")), bool(about.get("stochastic"))
-        return cls(process, number, *said, frozenset(map(str, about.get("methods", ()))))
+        traits, _ = process.ask("traits", number=number)
+        methods = frozenset(map(str, traits.get("methods", ())))
+        return cls(process, number, bool(traits.get("batched")), bool(traits.get("stochastic")), methods)
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
-        return KEPT_THERE, _step(self._process, self._number, scan)
+        return KEPT_THERE, _step(self._process, self._number, scan, SHAPED_FORM)
 
     @property
     def not_copied(self) -> str | None:
         """Why its process repeats it on the same scans instead of copying it; None while it has not."""
-        said = self._process.ask("about", number=self._number)[0].get("not_copied")
-        return None if said is None else str(said)
+        reason = self._process.ask("traits", number=self._number)[0].get("not_copied")
+        return None if reason is None else str(reason)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
         number = self._process.start("copy", number=self._number)
@@ -249,12 +210,10 @@ def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
     return {"use": config.use, "options": config.options, "folder": folder}
 
 
-def _step(process: TrackerProcess, number: int, scan: Scan) -> Estimate | None:
+def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:
     answer, arrays = process.ask("step", number=number, scan=scan)
-    if not answer.get("given"):
-        return None
     try:
-        return shaped(Estimate(**arrays), scan)
+        return form.check(form.kind(**arrays) if answer.get("given") else None, scan)
     except (TypeError, TrackerFault) as error:
         # Its process has looked at it before.
         raise TrackFault(NO_ANSWER, "died") from error

@@ -4,27 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Estimate, Scan, scan_of_member
+from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
 from trackbench.engine.equations import EngineUsed
-from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked
+from trackbench.trackers.answers import (
+    GIVEN_UP,
+    NO_TRACK,
+    NOT_FINITE,
+    TRACKS,
+    Tracker,
+    TrackerFault,
+    checked,
+    checked_tracks,
+)
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker, SmoothedTracker
-from trackbench.trackers.in_order import TrackState
+from trackbench.trackers.filtered import FilterTracker, SmoothedTracker, TrackState
+from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
 
 
 class Stepper(Protocol):
-    """A tracker made ready for a batch."""
+    """A tracker made ready for a batch: of tracks, or of runs with several objects each."""
 
-    def step(self, scan: Scan) -> Estimate | None: ...
+    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
+        """The estimate of every member, None while there is none; or the tracks of all runs, ids padded with -1.
+
+        Args:
+            scan: ``measurement`` ``(m, batch)``, with hidden identities ``(m, D, runs)``.
+            origins: ``(D, runs)`` the object that each detection stems from, for the tracker that knows them.
+        """
+        ...
 
     @property
     def engine_used(self) -> EngineUsed | None:
@@ -35,34 +51,37 @@ class Stepper(Protocol):
         """It is no longer needed."""
 
 
+#: Sets the engine and the first states of a built-in tracker.
+Prepare = Callable[[Any], Any]
+
+
 def local(
-    config: FilterConfig | PluginConfig,
-    folder: Path | None,
-    batch: int,
-    with_initial_states: Callable[[FilterTracker], FilterTracker],
+    config: FilterConfig | PluginConfig, folder: Path | None, batch: int, prepare: Prepare, several: bool = False
 ) -> Stepper:
     """A fresh tracker in this process, as a scenario names it.
 
     Args:
         config: the scenario's entry.
         folder: where a tracker's module is looked for first.
-        batch: how many tracks it follows at once.
-        with_initial_states: gives a built-in tracker its first states, where it starts from the truth.
+        batch: how many tracks, or runs, it follows at once.
+        prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
+        several: whether it follows several objects.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options, or it is a smoother.
     """
+    form = TRACKS_FORM if several else ESTIMATE_FORM
     if isinstance(config, FilterConfig):
+        if several:
+            return Batched(prepare(build_multi(config)), form)
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
-        return Direct(with_initial_states(build(config)))
+        return Direct(prepare(build(config)))
     make = create(config.use, config.options, folder)
     tracker = make()
-    if isinstance(tracker, FilterTracker):
-        return Direct(with_initial_states(tracker.reading_only(config.sensors)))
-    if getattr(tracker, "batched", False):
-        return Batched(tracker)
-    return Looped(make, batch)
+    if isinstance(tracker, FilterTracker) and not several:
+        return Direct(prepare(tracker.reading_only(config.sensors)))
+    return Batched(tracker, form) if getattr(tracker, "batched", False) else Looped(make, batch, form)
 
 
 class InProcessStepper:
@@ -78,13 +97,13 @@ class InProcessStepper:
 
 
 class Direct(InProcessStepper):
-    """A built-in tracker, whose answers have the right form by construction."""
+    """A built-in tracker of one object, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
         self._tracker = tracker
         self._state: TrackState | None = None
 
-    def step(self, scan: Scan) -> Estimate:
+    def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
         """Estimates of every member of the batch."""
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
@@ -96,13 +115,13 @@ class Direct(InProcessStepper):
 
 
 class Offline(InProcessStepper):
-    """A smoother, which is told all scans before the first step."""
+    """A smoother, which gets all scans before the first step."""
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
         self._tracker, self._scans = tracker, scans
         self._estimates: Iterator[Estimate] | None = None
 
-    def step(self, scan: Scan) -> Estimate:
+    def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
         """Estimates of every member of the batch at the next scan."""
         if self._estimates is None:
             self._estimates = iter(self._tracker.estimates(self._scans))
@@ -114,95 +133,140 @@ class Offline(InProcessStepper):
         return self._tracker.tracker.engine_used
 
 
+class AnswerForm(NamedTuple):
+    """What a tracker answers, of one object or of several."""
+
+    kind: type[Estimate] | type[Tracks]
+    check: Callable[[Any, Scan], Any]
+    """Makes an answer one of the right form, or raises a TrackerFault."""
+    what: str
+    """``step`` returns beside the state, in messages."""
+    joined: Callable[[Any], Any]
+    """One answer from those of all members."""
+
+
 class Batched(InProcessStepper):
     """A tracker that steps every member of the batch at once."""
 
-    def __init__(self, tracker: Tracker) -> None:
-        self._tracker = Stateful(tracker, checked)
+    def __init__(self, tracker: Any, form: AnswerForm) -> None:
+        self._tracker = Stateful(tracker, form.check, form.what)
+        self._wants_origins = form.kind is Tracks and bool(getattr(tracker, "wants_origins", False))
         self._estimated = False
 
-    def step(self, scan: Scan) -> Estimate | None:
-        """Estimates of every member of the batch, or None before the first."""
-        estimate = self._tracker.step(scan)
-        if estimate is None and self._estimated:
+    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
+        """Answers of every member of the batch, or None before the first."""
+        answer = self._tracker.step(scan, *((origins,) if self._wants_origins else ()))
+        if answer is None and self._estimated:
             raise TrackerFault(GIVEN_UP)
-        self._estimated = estimate is not None
-        return estimate
+        self._estimated = answer is not None
+        return answer
+
+    def predicted(self, time: float, run: int) -> Tracks:
+        """The tracks of one run at a later time, of a built-in tracker of several objects, which stays as it is."""
+        tracks: Tracks = self._tracker.tracker.predicted(self._tracker.state, time, run)
+        return tracks
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computed the steps so far, of a built-in tracker."""
+        tracker = self._tracker.tracker
+        return tracker.engine_used if isinstance(tracker, MultiObjectTracker) else None
 
 
 class Looped(InProcessStepper):
-    """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
+    """A tracker of one track, or of one run: a fresh one for each member.
 
-    def __init__(self, make: Callable[[], Tracker], batch: int) -> None:
-        self._trackers = [Stateful(make(), checked) for _ in range(batch)]
-        self._begun = [False] * batch
-        self._known = [False] * batch
+    A tracker of one object is called from the member's first measurement on.
+    """
 
-    def step(self, scan: Scan) -> Estimate | None:
-        """Step every member that has had a measurement. Members are ``(batch,)``.
+    def __init__(self, make: Callable[[], Tracker], batch: int, form: AnswerForm) -> None:
+        self._trackers = [Stateful(make(), form.check, form.what) for _ in range(batch)]
+        self._form = form
+        self._begun = [form.kind is Tracks] * batch
+        self._estimated = [False] * batch
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Any:
+        """Step every member that has begun.
 
         Raises:
-            TrackFault: a member's tracker raised, or what it gave is not an estimate.
+            TrackFault: a member's tracker raised, or its answer has the wrong form.
         """
-        answers: list[Estimate | None] = []
+        answers = []
         for member in range(len(self._trackers)):
-            self._begun[member] = self._begun[member] or bool(scan.valid[member])
             try:
-                answers.append(self._one(member, scan) if self._begun[member] else None)
+                answers.append(self._answer(member, scan))
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
                 raise fault_of(error, member) from error
-        return together(answers, len(scan.measurement))
+        return self._form.joined(answers)
 
-    def _one(self, member: int, scan: Scan) -> Estimate | None:
-        estimate = self._trackers[member].step(scan_of_member(scan, member))
-        if estimate is None:
-            if self._known[member]:
-                raise TrackerFault(GIVEN_UP)
+    def _answer(self, member: int, scan: Scan) -> Any:
+        own = scan_of_run(scan, member) if scan.valid.ndim == 2 else scan_of_member(scan, member)
+        self._begun[member] = self._begun[member] or bool(own.valid)
+        if not self._begun[member]:
             return None
-        if not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+        answer = self._trackers[member].step(own)
+        if answer is None and self._estimated[member]:
+            raise TrackerFault(GIVEN_UP)
+        if isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
             raise TrackerFault(NOT_FINITE)
-        self._known[member] = True
-        return estimate
+        self._estimated[member] = answer is not None
+        return answer
 
 
-def together(answers: list[Estimate | None], size: int) -> Estimate | None:
-    """One estimate with a member axis from those of single batch; NaN where there is none."""
-    given = [answer for answer in answers if answer is not None]
-    if not given:
+def joined_estimates(answers: Sequence[Estimate | None]) -> Estimate | None:
+    """One estimate with a last axis of members; NaN where there is none.
+
+    Raises:
+        TrackerFault: innovations or mode probabilities of several sizes.
+    """
+    for name in ("mode_probabilities", "innovation"):
+        values = [getattr(answer, name, None) for answer in answers]
+        sizes = sorted({len(value) for value in values if value is not None})
+        if len(sizes) > 1:
+            raise TrackerFault(f"it gave {' and '.join(map(str, sizes))} {name.replace('_', ' ')}")
+    mean, covariance = _joined(answers, "mean"), _joined(answers, "covariance")
+    if mean is None or covariance is None:
         return None
-    size = next((len(answer.innovation) for answer in given if answer.innovation is not None), size)
-    batch = len(answers)
-    mean, covariance = np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
-    innovation, innovation_covariance = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
-    repaired = np.zeros(batch, dtype=bool)
-    modes = _together_modes(answers)
-    for member, answer in enumerate(answers):
-        if answer is None:
-            continue
-        mean[:, member], covariance[:, :, member] = answer.mean, answer.covariance
-        repaired[member] = bool(answer.repaired) if answer.repaired is not None else False
-        if answer.innovation is not None and answer.innovation_covariance is not None:
-            innovation[:, member], innovation_covariance[:, :, member] = answer.innovation, answer.innovation_covariance
-    if np.isnan(innovation).all():
-        return Estimate(mean, covariance, repaired=repaired, mode_probabilities=modes)
+    with_innovation = [
+        answer
+        if answer is not None and answer.innovation is not None and answer.innovation_covariance is not None
+        else None
+        for answer in answers
+    ]
+    innovation = _joined(with_innovation, "innovation")
+    if innovation is not None and np.isnan(innovation).all():
+        innovation = None
     return Estimate(
         mean,
         covariance,
         innovation=innovation,
-        innovation_covariance=innovation_covariance,
-        repaired=repaired,
-        mode_probabilities=modes,
+        innovation_covariance=None if innovation is None else _joined(with_innovation, "innovation_covariance"),
+        repaired=np.array([bool(getattr(answer, "repaired", False)) for answer in answers]),
+        mode_probabilities=_joined(answers, "mode_probabilities"),
     )
 
 
-def _together_modes(answers: list[Estimate | None]) -> Array | None:
-    given = [None if answer is None else answer.mode_probabilities for answer in answers]
-    sizes = {len(modes) for modes in given if modes is not None}
-    if not sizes:
+def joined_tracks(answers: Sequence[Tracks]) -> Tracks:
+    """The tracks of several runs with a last axis of runs, padded."""
+    fills = {"ids": NO_TRACK, "used": NO_TRACK}
+    return Tracks(*(_joined(answers, name, fills.get(name, np.nan)) for name in Tracks._fields))  # type: ignore[arg-type]
+
+
+def _joined(answers: Sequence[Any], name: str, fill: float = np.nan) -> Array | None:
+    """One field of all answers with a last axis of members, padded; None where no answer has it."""
+    values = [getattr(answer, name, None) for answer in answers]
+    shapes = [value.shape for value in values if value is not None]
+    if not shapes:
         return None
-    if len(sizes) > 1:
-        raise TrackerFault(f"it gave {' and '.join(map(str, sorted(sizes)))} mode probabilities")
-    nothing = np.full(sizes.pop(), np.nan)
-    return np.stack([nothing if modes is None else modes for modes in given], axis=-1)
+    result = np.full((*np.max(shapes, axis=0), len(values)), fill)
+    for member, value in enumerate(values):
+        if value is not None:
+            index: tuple[Any, ...] = (*map(slice, value.shape), member)
+            result[index] = value
+    return result
+
+
+ESTIMATE_FORM = AnswerForm(Estimate, checked, "estimate", joined_estimates)
+TRACKS_FORM = AnswerForm(Tracks, checked_tracks, TRACKS, joined_tracks)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
 from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.remote import start_tracks
-from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run
+from trackbench.driving.remote import start
+from trackbench.driving.steppers import Batched, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.traffic import (
     Associations,
@@ -30,6 +31,7 @@ from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements
+from trackbench.trackers.answers import NO_TRACK, tracks_of_run
 from trackbench.trackers.config import FilterConfig
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -73,8 +75,9 @@ class HiddenRun(TrackerRun[Tracks]):
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._hidden, self._due, self._kept = hidden, scene.due, kept
         self._truth = scene.truth
+        with_engine = partial(replace, engine=work.engine_here)
         drive = TrackerDrive[Tracks](
-            lambda: start_tracks(config, work.folder, len(piece.runs), work.isolation, work.engine_here),
+            lambda: start(config, work.folder, len(piece.runs), with_engine, work.isolation, several=True),
             hidden.scans,
             config.sensors_used,
             engine=work.engine_here,
@@ -122,12 +125,12 @@ class HiddenRun(TrackerRun[Tracks]):
         if step.last:
             self._tracks_at.append(step.answer)
 
-    def _predict(self, tracker: TracksStepper, delivery: Delivery) -> None:
+    def _predict(self, tracker: Stepper, delivery: Delivery) -> None:
         """Keep what a built-in tracker expects before a scan; others could be changed by the question."""
         scan, number, read = delivery
         if not read or number is None or scan.arrival_time != scan.time:
             return
-        if isinstance(self._work.trackers[self.name], FilterConfig) and isinstance(tracker, BatchedTracks):
+        if isinstance(self._work.trackers[self.name], FilterConfig) and isinstance(tracker, Batched):
             for run in self._asked:
                 self._predicted[run][number] = tracker.predicted(scan.time, run)
 

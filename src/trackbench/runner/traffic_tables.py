@@ -9,7 +9,6 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from trackbench.base.types import Array, Indices, Scan, Truth
-from trackbench.driving.tracks import NO_TRACK
 from trackbench.metrics.protocol import run_column
 from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
 from trackbench.metrics.traffic.events import STATES
@@ -23,6 +22,7 @@ from trackbench.runner.recorded_gates import gates_table
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic_sums import TrafficEvaluation, dearest, summed
 from trackbench.runner.work import Work
+from trackbench.trackers.answers import NO_TRACK
 
 ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
 PARTS = ("localisation", "missed", "false")

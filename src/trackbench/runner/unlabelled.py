@@ -7,9 +7,9 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Indices, Scan, Tracks
 from trackbench.base.units import difference
-from trackbench.driving.tracks import NO_TRACK
 from trackbench.metrics.traffic.without_truth import UnlabelledScan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.multi.gate import in_view
 
 #: Detections a scan that no track predicts, as they are expected of every tracker alike: uniform in the field of view.

@@ -9,9 +9,9 @@ import numpy as np
 
 from trackbench.base.types import Array, FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Stateful
-from trackbench.driving.tracks import TRACKS, checked_tracks, tracks_of_run
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
+from trackbench.trackers.answers import TRACKS, checked_tracks, tracks_of_run
 
 Make = Callable[[], Any]
 POSE = np.array([4.0, -3.0, 0.4])

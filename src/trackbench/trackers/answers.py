@@ -1,4 +1,4 @@
-"""What a tracker is, what its ``step`` may return, and what is wrong with anything else."""
+"""What a tracker is, and the checks of what its ``step`` returns: an estimate of one object, or tracks of several."""
 
 from __future__ import annotations
 
@@ -6,12 +6,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
 
 NOT_FINITE = "the estimate is not finite"
 NOT_DEFINITE = "the covariance is not positive definite"
 TOO_LARGE = "the error, or its ratio to the covariance, is too large for any score"
 GIVEN_UP = "it gave None after an estimate: where a measurement is missed, the estimate is to be predicted"
+
+OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
+#: Id that pads the tracks of several runs.
+NO_TRACK = -1
+#: What ``step`` of a tracker of several objects returns beside the state, in messages.
+TRACKS = "Tracks"
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
 ASYMMETRY = 1e-6
@@ -105,6 +112,103 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
         repaired,
         probabilities,
     )
+
+
+def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
+    """Those of one run, without padding."""
+    there = tracks.ids[:, run] != NO_TRACK
+    return Tracks(*(None if part is None else part[..., there, run] for part in tracks))  # type: ignore[arg-type]
+
+
+def checked_tracks(answer: Any, scan: Scan) -> Tracks:
+    """Tracks of the right shapes, of one run or of many; none where the tracker answered None.
+
+    Raises:
+        TrackerFault: they are not; says why.
+    """
+    runs = np.shape(scan.valid)[1:]
+    if answer is None:
+        return Tracks(np.zeros((0, *runs), dtype=np.intp), np.zeros((4, 0, *runs)), np.zeros((4, 4, 0, *runs)))
+    if isinstance(answer, Estimate) or (isinstance(answer, tuple) and len(answer) == 2):
+        raise TrackerFault(OF_ONE)
+    if not isinstance(answer, tuple) or not 3 <= len(answer) <= 5:
+        wanted = "Tracks(ids, mean, covariance, existence=None, used=None)"
+        raise TrackerFault(f"the answer must be {wanted} or None, not {described(answer)}")
+    given = Tracks(*answer)
+    ids = _whole("ids", given.ids, None)
+    if ids.ndim != 1 + len(runs) or ids.shape[1:] != runs:
+        raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
+    shape = ids.shape
+    _require_as_many(ids, given)
+    mean = array_of("mean", given.mean, (4, *shape))
+    covariance = array_of("covariance", given.covariance, (4, 4, *shape))
+    there = ids != NO_TRACK
+    if np.any(ids < NO_TRACK):
+        raise TrackerFault(f"an id is {ids.min()}; ids count from 0")
+    _require_distinct(ids)
+    _require_covariances(ids[there], mean[:, there], covariance[:, :, there])
+    existence = None if given.existence is None else array_of("existence", given.existence, shape)
+    if existence is not None:
+        stated = existence[there]
+        wrong = ~((stated >= 0) & (stated <= 1))
+        if wrong.any():
+            said = f"the existence probability of track {ids[there][wrong][0]} is {stated[wrong][0]:g}"
+            raise TrackerFault(f"{said}, which is not between 0 and 1")
+    used = None if given.used is None else _whole("used", given.used, shape)
+    if used is not None and there.any():
+        count = np.broadcast_to(np.count_nonzero(scan.valid, axis=0), shape)
+        wrong = there & ((used < NO_TRACK) | (used >= count))
+        if wrong.any():
+            raise TrackerFault(f"used names detection {used[wrong][0]}, where the scan has {count[wrong][0]}")
+    return Tracks(ids, mean, covariance, existence, used)
+
+
+def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
+    array = np.asarray(value)
+    if array.size and array.dtype.kind not in "iu":
+        raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")
+    if shape is not None and array.shape != shape:
+        raise TrackerFault(f"the {what} have the shape {array.shape}, where {shape} is needed")
+    return array.astype(np.intp)
+
+
+def _require_distinct(ids: Indices) -> None:
+    ordered = np.sort(ids, axis=0)
+    twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
+    if np.any(twice):
+        raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
+
+
+def _require_as_many(ids: Indices, given: Tracks) -> None:
+    """The mean and covariance of as many tracks as there are ids; of parts of other shapes more is said elsewhere."""
+    counts = [len(ids)]
+    for part, axis in ((given.mean, 1), (given.covariance, 2)):
+        shape = getattr(part, "shape", ())
+        if len(shape) != axis + ids.ndim:
+            return
+        counts.append(shape[axis])
+    if len(set(counts)) > 1:
+        raise TrackerFault(f"the ids are of {counts[0]} tracks, the mean of {counts[1]}, the covariance of {counts[2]}")
+
+
+def _require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
+    """Finite estimates with symmetric, positive definite covariances: ``(K,)``, ``(4, K)``, ``(4, 4, K)``."""
+    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
+        part, value = ("mean", mean) if not np.isfinite(mean[:, wrong]).all() else ("covariance", covariance)
+        raise TrackerFault(f"{NOT_FINITE}: track {ids[wrong]} has the {part} {_numbers(value[..., wrong])}")
+    gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {gap.max():.3g}")
+    positive = linalg.cholesky(covariance).positive
+    if not positive.all():
+        wrong = int(np.flatnonzero(~positive)[0])
+        smallest = np.linalg.eigvalsh(covariance[..., wrong])[0]
+        raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
+
+
+def _numbers(values: Array) -> str:
+    return np.array2string(values, precision=4, separator=", ").replace("\n", "")
 
 
 def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -60,11 +60,6 @@ def added(fallback: CartesianFallback | None, where: Mask, cartesian: Gaussian) 
     return CartesianFallback(fallback.where | where, both)
 
 
-def has_yaw(motions: Sequence[MotionModel]) -> bool:
-    """Whether the state of any model has a yaw."""
-    return any(set(YAW) & set(motion.components) for motion in motions)
-
-
 def course_known(belief: Gaussian) -> Mask:
     """``(...)`` whether the velocity of px, py, vx, vy tells the course, and is far enough from its reverse."""
     vx, vy = belief.mean[2:]

@@ -26,7 +26,6 @@ from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.initial import InitialConfig
-from trackbench.trackers.late import LateMethod
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
 #: How far the sum of probabilities that a file states may be from one.
@@ -89,6 +88,7 @@ OneOrSeveralMotions = Annotated[
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
+LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
     dict[str, list[Any]] | list[dict[str, Any]] | None,

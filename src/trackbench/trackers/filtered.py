@@ -1,56 +1,118 @@
-"""A tracker that runs one of the built-in filters, with late scans, and its smoother."""
+"""A tracker that runs one of the built-in filters: prediction, update, start of tracks, late scans; its smoother."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, pairwise
-from typing import Any, ClassVar, Literal, NamedTuple
+from itertools import groupby
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Estimate, Gaussian, Scan
-from trackbench.base.units import difference
-from trackbench.engine.choice import Engine, used
+from trackbench.base.types import Array, Estimate, Gaussian, Indices, Mask, Scan
+from trackbench.engine.choice import filter_by, used
 from trackbench.engine.equations import EngineUsed
-from trackbench.filters import Belief, Filter, SingleModelFilter, Update, bare, choose
-from trackbench.filters.base import correct, guarded
-from trackbench.models.motion import Kinematics, MotionModel, process_noise
+from trackbench.filters import (
+    AnyBelief,
+    Belief,
+    Filter,
+    MultiModelBelief,
+    SingleModelFilter,
+    Step,
+    Update,
+    bare,
+    choose,
+)
+from trackbench.models.motion import Kinematics
+from trackbench.models.motion.base import YAW
 from trackbench.trackers import initial
-from trackbench.trackers.cartesian_fallback import FallbackFilter, has_yaw
-from trackbench.trackers.config import AdvanceAt, AssumedSensors
-from trackbench.trackers.in_order import InOrder, TrackState, total_log_likelihood, with_innovation
-from trackbench.trackers.initial import InitialConfig, Prior
-from trackbench.trackers.late import LateMethod, ProcessedScan, appended, inserted, position, replayed, up_to_date
+from trackbench.trackers.cartesian_fallback import CartesianFallback, FallbackFilter
+from trackbench.trackers.initial import Prior, TentativeTrack
+from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed, up_to_date
+from trackbench.trackers.retrodiction import Retrodiction, retrodicted
+
+
+def estimate_of(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
+    """The estimate of a belief whose px, py, vx, vy ``(4, ...)`` are known."""
+    if isinstance(belief, MultiModelBelief):
+        return Estimate(*cartesian, repaired=belief.repaired, mode_probabilities=belief.probability)
+    return Estimate(*cartesian, belief.mean, belief.covariance, repaired=belief.repaired)
+
+
+def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | None) -> Estimate:
+    """The estimate with the innovation of its measurement.
+
+    Args:
+        estimate: after the measurement.
+        update: by it.
+        tracked: ``(...)`` where there was a track before the measurement; None: everywhere.
+    """
+    return estimate._replace(
+        innovation=where_tracked(tracked, update.innovation),
+        innovation_covariance=update.innovation_covariance,
+        whitened_innovation=where_tracked(tracked, update.whitened_innovation),
+        log_likelihood=None if update.mixture is None else where_tracked(tracked, update.mixture),
+    )
+
+
+def where_tracked(tracked: Mask | None, values: Array) -> Array:
+    """The values, NaN where there is no track; None: there is one everywhere."""
+    return values if tracked is None or np.all(tracked) else np.where(tracked, values, np.nan)
+
+
+def log_likelihood(estimate: Estimate) -> Array | None:
+    """``(batch,)`` log density of the measurement under the prediction, ``N(y; 0, S)`` of innovation and covariance.
+
+    NaN where there was no prediction; None where the estimate has no innovation.
+    """
+    if estimate.log_likelihood is not None:
+        return np.asarray(estimate.log_likelihood)
+    y, s = estimate.innovation, estimate.innovation_covariance
+    if y is None or s is None:
+        return None
+    factor = linalg.cholesky(s)
+    return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
+
+
+def total_log_likelihood(history: Sequence[ProcessedScan[Any, Estimate]]) -> Array | float:
+    """``(batch,)`` log density of all measurements of some scans."""
+    total: Array | float = 0.0
+    for processed in history:
+        logarithm = None if processed.answer is None else log_likelihood(processed.answer)
+        if logarithm is not None:
+            total = total + np.where(processed.scan.valid & ~np.isnan(logarithm), logarithm, 0.0)
+    return total
+
+
+class TrackState(NamedTuple):
+    """The state of a built-in tracker after a scan."""
+
+    time: float
+    """Of the latest scan at which the state advanced, s."""
+    belief: AnyBelief
+    started: Mask
+    """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
+    waiting: TentativeTrack | None = None
+    fallback: CartesianFallback | None = None
+    """The tracks whose course is unknown; it replaces their belief."""
+    history: tuple[ProcessedScan[TrackState, Estimate], ...] = ()
+    """The latest scans, where late ones may come."""
 
 
 @dataclass(frozen=True)
-class FilterTracker:
+class FilterTracker(ScanTracker):
     """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
 
     At a scan of a sensor that it does not read, the estimate is a prediction from its last own scan, and is not kept.
     So no estimate depends on a sensor that is not read.
     """
 
-    filter: Filter[Any]
-    initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
-    assumed: AssumedSensors = field(default_factory=AssumedSensors)
-    sensors: Collection[str] | None = None
-    """Names of the sensors whose measurements update the tracks; None: all."""
-    advance_at: AdvanceAt = "own_scans"
-    late: LateMethod = "replay"
-    """What becomes of a scan that is older than the state."""
-    lag_s: float = 1.0
-    """How far back a late scan may reach, s."""
     cartesian_fallback: Literal["always", "at_start", "never"] = "always"
     """When a track of a state with a yaw is followed by position and velocity, because its course is unknown."""
-    engine: Engine = "numpy"
-
-    batched: ClassVar = True
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
         """Predict to the scan's time, and update with its measurements if the tracker reads its sensor.
@@ -60,28 +122,15 @@ class FilterTracker:
         """
         scan = self.assumed.read(scan)
         if state is None:
-            state = self._in_order.empty(scan.valid)
+            belief = self.filter.begin(lambda motion: initial.placeholder(motion, scan.valid.shape))
+            state = TrackState(-np.inf, belief, np.zeros_like(scan.valid))
         if scan.asked or not self.advances(scan.sensor):
             return state, self.estimate(self.predicted(state, scan.time))
-        if self.late == "as_new":
-            scan = scan._replace(time=scan.arrival_time)
-        number = position(state.history, scan)
-        if scan.time < state.time or (number is not None and self.late == "replay"):
-            if number is None:
-                return state, self.estimate(state)
-            method = after_retrodiction if self.late == "retrodiction" else after_replay
-            return method(self._in_order, state, scan, number)
-        before = state._replace(history=()) if state.history else state
-        after, estimate = self._in_order.step(before, scan)
-        if self.late not in ("replay", "retrodiction") or self.lag_s == 0.0:
-            return after, estimate
-        processed = ProcessedScan(before, scan, answer=estimate)
-        return after._replace(history=appended(self._in_order.step, state.history, processed, self.lag_s)), estimate
+        return self._after_scan(state, scan._replace(time=scan.arrival_time) if self.late == "as_new" else scan)
 
     def advances(self, sensor: str) -> bool:
-        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
-        read = self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
-        return read or self.advance_at == "all_scans"
+        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is set to."""
+        return self.advance_at == "all_scans" or self.reads(sensor)
 
     def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
         """This tracker, which reads no other sensors than these; None: as it is."""
@@ -105,10 +154,10 @@ class FilterTracker:
         belief = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, belief))
 
-    @property
+    @cached_property
     def computed_filter(self) -> Filter[Any]:
         """The filter as the engine computes it."""
-        return self._in_order.computed_filter
+        return filter_by(self.engine, self.filter)
 
     @property
     def engine_used(self) -> EngineUsed:
@@ -117,135 +166,158 @@ class FilterTracker:
 
     def predicted(self, state: TrackState, time: float) -> TrackState:
         """The state predicted to a time at which it does not advance."""
-        return self._in_order.predicted(state, time)
+        elapsed = time - state.time
+        if elapsed <= 0.0:
+            # A prediction over no time would draw sigma points anew, and change the last digits.
+            return state
+        belief, fallback = self._predicted(state, elapsed)
+        return state._replace(time=time, belief=belief, fallback=fallback)
 
     def estimate(self, state: TrackState) -> Estimate:
-        """The estimate of all objects, also of those whose tracks have not started."""
-        return self._in_order.estimate(state)
+        """The estimate of a state; NaN, or at rest if so configured, where no track has started."""
+        started, fallback = state.started, state.fallback
+        mean, covariance = self.computed_filter.cartesian(state.belief)
+        if fallback is not None:
+            mean = np.where(fallback.where, fallback.belief.mean, mean)
+            covariance = np.where(fallback.where, fallback.belief.covariance, covariance)
+        if not np.all(started):
+            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
+            if state.waiting is not None and self.initial.waiting == "at_rest":
+                before = initial.at_rest(state.waiting, self.initial)
+            mean = np.where(started, mean, before[0])
+            covariance = np.where(started, covariance, before[1])
+        estimate = estimate_of(state.belief, Gaussian(mean, covariance))
+        if estimate.mode_probabilities is not None:
+            estimate = estimate._replace(mode_probabilities=where_tracked(started, estimate.mode_probabilities))
+        return estimate if estimate.repaired is None else estimate._replace(repaired=estimate.repaired & started)
 
     def smoothed(self, state: TrackState, later: TrackState) -> TrackState:
         """The state smoothed by a later one, by that of Rauch, Tung and Striebel."""
         elapsed = later.time - state.time
         # Where there is no track yet, what is smoothed means nothing.
         belief = choose(state.started, self.computed_filter.smooth(state.belief, later.belief, elapsed), state.belief)
-        if state.fallback is None:
-            return state._replace(belief=belief)
-        known = self.estimate(later)
-        fallback = self._in_order.fallback
-        both = fallback.smoothed(state.fallback, elapsed, Gaussian(known.mean, known.covariance), belief)
-        return state._replace(belief=both[0], fallback=both[1])
+        fallback = state.fallback
+        if fallback is not None:
+            estimate = self.estimate(later)
+            cartesian = Gaussian(estimate.mean, estimate.covariance)
+            belief, fallback = self._fallback.smoothed(fallback, elapsed, cartesian, belief)
+        return state._replace(belief=belief, fallback=fallback)
+
+    def _in_sequence(
+        self, state: TrackState, scan: Scan, origins: Indices | None = None
+    ) -> tuple[TrackState, Estimate]:
+        elapsed, started, waiting = scan.time - state.time, state.started, state.waiting
+        reads = (self.sensors is None or scan.sensor in self.sensors) and bool(np.any(scan.valid))
+        step = self._fused_step(state, scan, elapsed) if reads else None
+        if step is not None and np.all(started):
+            belief = step.update.belief
+            estimate = with_innovation(estimate_of(belief, step.cartesian), step.update, None)
+            return state._replace(time=scan.time, belief=belief._replace(repaired=None)), estimate
+        update: Update[Any] | None = None
+        if step is not None:
+            update, fallback = step.update, None
+            belief = choose(started, update.belief, state.belief)
+        else:
+            belief, fallback = self._predicted(state, elapsed)
+            if self.prior is not None:
+                belief, started = self.prior.begin(scan.time, belief, started, self.computed_filter)
+            if reads:
+                update, fallback = self._updated(belief, fallback, scan, started)
+                belief = update.belief
+        before = started
+        starting = self.initial.sensors or self.sensors
+        if self.prior is None and (starting is None or scan.sensor in starting) and not np.all(started):
+            start = initial.start(self.initial, scan, waiting)
+            fresh = start.ready & ~started
+            if np.any(fresh):
+                belief = choose(fresh, self.filter.begin(start.state_of), belief)
+                fallback = self._fallback.begun(fallback, fresh, start.state_of)
+            started, waiting = started | fresh, start.waiting
+        if fallback is not None:
+            belief, fallback = self._fallback.returned(fallback, belief)
+        after = TrackState(scan.time, belief, started, waiting, fallback)
+        estimate = self.estimate(after)
+        if update is not None:
+            estimate = with_innovation(estimate, update, before)
+        return after._replace(belief=belief._replace(repaired=None)), estimate
+
+    def _fused_step(self, state: TrackState, scan: Scan, elapsed: float) -> Step[Any] | None:
+        """Prediction and update at once; None where a track may start or is, or would be, in the fallback."""
+        if state.fallback is not None:
+            return None
+        if not np.all(state.started) and (self.prior is not None or not np.any(state.started)):
+            return None
+        step = self.computed_filter.step(state.belief, elapsed, scan, self._fallback.guard)
+        refused = step.refused is not None and np.any(state.started & step.refused)
+        return None if refused else step
+
+    def _predicted(self, state: TrackState, elapsed: float) -> tuple[AnyBelief, CartesianFallback | None]:
+        belief, started = state.belief, state.started
+        if np.any(started):
+            belief = self.computed_filter.predict(belief, elapsed)
+            if not np.all(started):
+                # A placeholder stays as it is, so that its covariance does not grow without bound.
+                belief = choose(started, belief, state.belief)
+        return belief, self._fallback.predicted(state.fallback, elapsed, belief, started)
+
+    def _updated(
+        self, belief: AnyBelief, fallback: CartesianFallback | None, scan: Scan, started: Mask
+    ) -> tuple[Update[Any], CartesianFallback | None]:
+        if fallback is None:
+            # For placeholders alone nothing is compiled.
+            return (self.computed_filter if np.any(started) else self.filter).update(belief, scan), None
+        return self._fallback.updated(fallback, scan, lambda part: self.computed_filter.update(belief, part))
 
     @cached_property
-    def _in_order(self) -> InOrder:
-        config, motions = self.initial, self.filter.motions
+    def _fallback(self) -> FallbackFilter:
+        config = self.initial
+        with_yaw = any(set(YAW) & set(motion.components) for motion in self.filter.motions)
         # A stated covariance is that of the motion model's own state.
-        possible = has_yaw(motions) and config.source != "truth" and config.covariance_diag is None
+        possible = with_yaw and config.source != "truth" and config.covariance_diag is None
         at_start = possible and self.cartesian_fallback != "never"
         later = possible and self.cartesian_fallback == "always"
-        fallback = FallbackFilter(self.filter, self.engine, initial.sigmas(config), at_start, later)
-        return InOrder(self.filter, self.engine, config, self.prior, self.sensors, fallback)
+        return FallbackFilter(self.filter, self.engine, initial.sigmas(config), at_start, later)
 
+    def _present(self, state: TrackState) -> Estimate:
+        return self.estimate(state)
 
-def after_replay(tracker: InOrder, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
-    """The state with a late scan at this index of its history, and the present estimate with that scan's innovation."""
-    again = replayed(tracker.step, state.history, number, scan)
-    late = again.late
-    gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
-    return again.state._replace(history=again.history), again.latest._replace(
-        innovation=late.innovation,
-        innovation_covariance=late.innovation_covariance,
-        whitened_innovation=late.whitened_innovation,
-        # Of the late scan given all that were processed before. Zero: no track was there for any of them.
-        log_likelihood=np.where(gained == 0.0, np.nan, gained),
-    )
+    def _after_late(
+        self, state: TrackState, scan: Scan, origins: Indices | None, number: int
+    ) -> tuple[TrackState, Estimate]:
+        """The present estimate has the innovation of the late scan."""
+        if self.late == "retrodiction":
+            return self._after_retrodiction(state, scan, number)
+        again = replayed(self._in_sequence, state.history, number, scan)
+        late = again.late
+        gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
+        return again.state._replace(history=again.history), again.latest._replace(
+            innovation=late.innovation,
+            innovation_covariance=late.innovation_covariance,
+            whitened_innovation=late.whitened_innovation,
+            # Of the late scan given all that were processed before. Zero: no track was there for any of them.
+            log_likelihood=np.where(gained == 0.0, np.nan, gained),
+        )
 
-
-def after_retrodiction(tracker: InOrder, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
-    """The present state and estimate corrected by a late scan, where a track has gone on since before it."""
-    history = up_to_date(tracker.step, state.history, number)
-    before = history[number].before
-    known = before.started & state.started
-    part = scan._replace(valid=known & scan.valid)
-    if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
-        return state._replace(history=history), tracker.estimate(state)
-    assert isinstance(tracker.filter, SingleModelFilter)
-    assert isinstance(before.belief, Belief)
-    assert isinstance(state.belief, Belief)
-    times = tuple(processed.scan.time for processed in history[number:])
-    update = retrodicted(tracker.filter, Retrodiction(before.belief, before.time, state.belief, times), part)
-    after = state._replace(belief=update.belief)
-    estimate = with_innovation(tracker.estimate(after), update, known)
-    history = inserted(history, number, part)
-    return after._replace(belief=update.belief._replace(repaired=None), history=history), estimate
-
-
-class Retrodiction(NamedTuple):
-    """What a filter believed before a late measurement was taken, and believes now."""
-
-    before: Belief
-    """After the latest scan that was taken before it."""
-    time: float
-    """Of that scan, s."""
-    now: Belief
-    times: tuple[float, ...]
-    """Of all scans that were taken since the late one; the last is that of ``now``, s."""
-
-
-def retrodicted(filter: SingleModelFilter, known: Retrodiction, scan: Scan) -> Update[Belief]:
-    """The present belief with a late measurement, without taking later ones in again.
-
-    All measurements since ``known.before`` count as one equivalent measurement at the present, which the two beliefs
-    tell; with it the state and the process noise go back to the late measurement's time. With one measurement in
-    between and a linear model this is the optimal algorithm A1, with more Al1, which is nearly so. The process noise is
-    that of the steps between the measurements. A nonlinear model is linearised at the present mean, and its transition
-    taken over a negative time.
-
-    Source: Bar-Shalom (2002), "Update with out-of-sequence measurements in tracking: exact solution", equations 18 to
-    35; Bar-Shalom, Chen and Mallick (2004), "One-step solution for the multistep out-of-sequence-measurement problem in
-    tracking", section III.
-    """
-    motion, now = filter.motion, known.now
-    back = known.times[-1] - scan.time
-    ahead = known.before
-    for start, end in pairwise((known.time, *known.times)):
-        ahead = filter.predict(Belief(ahead.mean, ahead.covariance), end - start)
-    gained = difference(now.mean, ahead.mean, motion.angular)
-    inverse = _inverse(ahead.covariance)
-    # What the equivalent measurement says: its information, and with it its innovation.
-    information = linalg.matmul(linalg.matmul(inverse, ahead.covariance - now.covariance), inverse)
-    noise = _noise(motion, now, (scan.time, *known.times))
-    pushed = linalg.apply(linalg.matmul(noise, inverse), gained)
-    noise_covariance = noise - linalg.quadratic(noise, information)
-    shared = noise - linalg.matmul(linalg.matmul(ahead.covariance, information), noise)
-    f = np.broadcast_to(linalg.expand(motion.jacobian(now.mean, -back), now.covariance), now.covariance.shape)
-    with_past = linalg.matmul_transposed(now.covariance - shared, f)
-    spread = now.covariance + noise_covariance - shared - np.swapaxes(shared, 0, 1)
-    past = guarded(Belief(motion.transition(now.mean - pushed, -back), linalg.symmetrise(linalg.quadratic(f, spread))))
-    expected, measured = filter.predict_measurement(past, scan), filter.measured(scan)
-    # Of the present state: the measurement's cross covariance with the past one, carried there.
-    slope = linalg.matmul(expected.cross, _inverse(past.covariance))
-    cross = linalg.matmul_transposed(slope, with_past)
-    innovation = difference(measured.value, expected.mean, measured.angular)
-    s = expected.covariance + linalg.expand(measured.noise, expected.covariance)
-    update = correct(now._replace(points=None, factor=None), innovation, s, cross, scan.valid, motion.angular)
-    return update._replace(belief=guarded(update.belief))
-
-
-def _noise(motion: MotionModel, now: Belief, times: tuple[float, ...]) -> Array:
-    """``(n, n, ...)`` covariance of the process noise between these times, s, in the state at the last of them."""
-    noise = np.zeros_like(now.covariance)
-    for start, end in pairwise(times):
-        mean = motion.transition(now.mean, start - times[-1])
-        added = process_noise(motion, mean, end - start)
-        f = linalg.expand(motion.jacobian(mean, end - start), noise)
-        noise = linalg.quadratic(np.broadcast_to(f, noise.shape), noise) + linalg.expand(added, noise)
-    return noise
-
-
-def _inverse(p: Array) -> Array:
-    """The inverse of a covariance ``(n, n, ...)``."""
-    identity = np.broadcast_to(linalg.expand(np.eye(len(p)), p), p.shape)
-    return linalg.gram(linalg.ensure_definite(p).factor.whiten(identity))
+    def _after_retrodiction(self, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
+        """Correct the present by a late scan, where a track has gone on since before it."""
+        history = up_to_date(self._in_sequence, state.history, number)
+        before = history[number].before
+        going_on = before.started & state.started
+        part = scan._replace(valid=going_on & scan.valid)
+        if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
+            return state._replace(history=history), self.estimate(state)
+        assert isinstance(self.filter, SingleModelFilter)
+        assert isinstance(before.belief, Belief)
+        assert isinstance(state.belief, Belief)
+        times = tuple(processed.scan.time for processed in history[number:])
+        update = retrodicted(self.filter, Retrodiction(before.belief, before.time, state.belief, times), part)
+        after = state._replace(belief=update.belief)
+        estimate = with_innovation(self.estimate(after), update, going_on)
+        late: ProcessedScan[TrackState, Estimate] = ProcessedScan(before, part)
+        # The states after the late scan lack it.
+        outdated = (processed._replace(outdated=True) for processed in history[number:])
+        history = (*history[:number], late, *outdated)
+        return after._replace(belief=update.belief._replace(repaired=None), history=history), estimate
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable
-from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from trackbench.base.types import Indices, Scan
-
-LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
+from trackbench.engine.choice import Engine
+from trackbench.filters import Filter
+from trackbench.trackers.config import AdvanceAt, AssumedSensors, LateMethod
+from trackbench.trackers.initial import InitialConfig
 
 
 class Timed(Protocol):
@@ -95,12 +99,6 @@ def up_to_date(
     return (*redone, *history[number + 1 :])
 
 
-def inserted(history: tuple[ProcessedScan[S, A], ...], number: int, scan: Scan) -> tuple[ProcessedScan[S, A], ...]:
-    """The history, up to date to this index, with a late scan inserted there; the states after it become outdated."""
-    late: ProcessedScan[S, A] = ProcessedScan(history[number].before, scan)
-    return (*history[:number], late, *(processed._replace(outdated=True) for processed in history[number:]))
-
-
 def replayed(
     step: Step[S, A],
     history: tuple[ProcessedScan[S, A], ...],
@@ -117,3 +115,52 @@ def replayed(
         state, latest = step(before, processed.scan, processed.origins)
         redone.append(ProcessedScan(before, processed.scan, processed.origins, latest))
     return Replayed(state, late, latest, (*history[:number], *redone))
+
+
+@dataclass(frozen=True)
+class ScanTracker(ABC):
+    """A built-in tracker, of one object or of several: its filter, and how it takes scans."""
+
+    filter: Filter[Any]
+    initial: InitialConfig
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose measurements update the tracks; None: all."""
+    advance_at: AdvanceAt = "own_scans"
+    late: LateMethod = "replay"
+    """What becomes of a scan that is older than the state."""
+    lag_s: float = 1.0
+    """How far back a late scan may reach, s."""
+    engine: Engine = "numpy"
+
+    batched: ClassVar = True
+
+    def reads(self, sensor: str) -> bool:
+        """Whether the sensor's measurements update or start tracks."""
+        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+
+    def _after_scan(self, state: Any, scan: Scan, origins: Indices | None = None) -> tuple[Any, Any]:
+        """The state and the answer after a scan, late or not, at which the state advances."""
+        number = position(state.history, scan)
+        if number is not None and (self.late == "replay" or scan.time < state.time):
+            return self._after_late(state, scan, origins, number)
+        if scan.time < state.time:
+            return state, self._present(state)
+        before = state._replace(history=()) if state.history else state
+        after, answer = self._in_sequence(before, scan, origins)
+        if self.late in ("replay", "retrodiction") and self.lag_s > 0.0:
+            processed = ProcessedScan(before, scan, origins, answer)
+            after = after._replace(history=appended(self._in_sequence, state.history, processed, self.lag_s))
+        return after, answer
+
+    @abstractmethod
+    def _in_sequence(self, state: Any, scan: Scan, origins: Indices | None = None) -> tuple[Any, Any]:
+        """The state and the answer after a scan that is not older than the state."""
+
+    @abstractmethod
+    def _after_late(self, state: Any, scan: Scan, origins: Indices | None, number: int) -> tuple[Any, Any]:
+        """The state and the answer after a late scan that belongs at this index of the history."""
+
+    @abstractmethod
+    def _present(self, state: Any) -> Any:
+        """The answer at the time of the state."""

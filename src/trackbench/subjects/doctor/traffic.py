@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no_progress
-from trackbench.driving.tracks import TracksStepper, tracks_of_run
+from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Examination
@@ -29,6 +29,7 @@ from trackbench.subjects.doctor.findings import (
     rank,
 )
 from trackbench.subjects.doctor.site import simplified
+from trackbench.trackers.answers import tracks_of_run
 
 #: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.
 RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
@@ -37,7 +38,7 @@ OBJECTS = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3], [20, -60, 1, 9]]).T
 #: A track this near to an object is on it, m.
 NEAR = 5.0
 #: Gives a fresh tracker.
-Make = Callable[[], TracksStepper]
+Make = Callable[[], Stepper]
 
 
 @dataclass(frozen=True)

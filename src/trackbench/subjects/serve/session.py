@@ -178,7 +178,7 @@ class Session:
         """The tracker's estimate, checked as the runner checks estimates."""
         try:
             with np.errstate(all="ignore"):
-                estimate = self._stepper.step(scan)
+                estimate: Estimate | None = self._stepper.step(scan)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

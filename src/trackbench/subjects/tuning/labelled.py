@@ -21,7 +21,7 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.subjects.tuning.entry import Entry
 from trackbench.subjects.tuning.measures import CONDITIONS, Sums, condition_members
-from trackbench.trackers.in_order import log_likelihood
+from trackbench.trackers.filtered import log_likelihood
 
 Bytes = npt.NDArray[np.uint8]
 

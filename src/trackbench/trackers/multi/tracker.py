@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -10,14 +9,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
-from trackbench.engine.choice import Engine, compute_by, used
+from trackbench.engine.choice import compute_by, used
 from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, Filter, bare
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.builtin import filter_of
-from trackbench.trackers.config import AdvanceAt, AssumedSensors, FilterConfig
-from trackbench.trackers.initial import InitialConfig
-from trackbench.trackers.late import LateMethod, ProcessedScan, appended, position, replayed
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
 from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, associated, duplicates
 from trackbench.trackers.multi.gate import RunDetections, side_by_side
 from trackbench.trackers.multi.intensity import Undetected, intensity
@@ -52,27 +50,15 @@ class MultiObjectState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MultiObjectTracker:
+class MultiObjectTracker(ScanTracker):
     """Follows several objects by detections that nobody labelled, in one run or in many runs at once.
 
     The tracks of all runs lie side by side, ``(n, L)``, each with the number of its run: none waits unused, and a run
     may have as many as it needs.
     """
 
-    filter: Filter[Any]
-    associate: AssociateConfig
-    initial: InitialConfig
-    assumed: AssumedSensors = field(default_factory=AssumedSensors)
-    sensors: Collection[str] | None = None
-    """Names of the sensors whose detections it takes in; None: all."""
-    advance_at: AdvanceAt = "own_scans"
-    late: LateMethod = "replay"
-    """What becomes of a scan that is older than the state."""
-    lag_s: float = 1.0
-    """How far back a late scan may reach, s."""
-    engine: Engine = "numpy"
+    associate: AssociateConfig = field(kw_only=True)
 
-    batched: ClassVar = True
     multi_object: ClassVar = True
 
     @property
@@ -129,28 +115,31 @@ class MultiObjectTracker:
                 return None, self._tracks(state.table, scan.valid.shape[1])
         if self.late == "as_new" and not scan.asked:
             scan = scan._replace(time=scan.arrival_time)
-        own = self.sensors is None or scan.sensor in self.sensors or scan.sensor in (self.initial.sensors or ())
-        if scan.asked or not own:
+        if scan.asked or not self.reads(scan.sensor):
             ahead, answer = self._asked(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
-        number = position(state.history, scan)
-        if number is not None:
-            again = replayed(self._in_sequence, state.history, number, scan, origins)
-            return again.state._replace(history=again.history), _with_used(again.latest, again.late)
-        if scan.time < state.time:
-            return state, self._asked(state, state.time)[1]
-        before = state._replace(history=())
-        after, answer = self._in_sequence(before, scan, origins)
-        if self.late == "replay" and self.lag_s > 0.0:
-            processed = ProcessedScan(before, scan, origins, answer)
-            after = after._replace(history=appended(self._in_sequence, state.history, processed, self.lag_s))
-        return after, answer
+        return self._after_scan(state, scan, origins)
 
     def _in_sequence(
-        self, state: MultiObjectState, scan: Scan, origins: Indices | None
+        self, state: MultiObjectState, scan: Scan, origins: Indices | None = None
     ) -> tuple[MultiObjectState, Tracks]:
         expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
         return self._after(self._at(state, scan.time), expected, scan, origins)
+
+    def _after_late(
+        self, state: MultiObjectState, scan: Scan, origins: Indices | None, number: int
+    ) -> tuple[MultiObjectState, Tracks]:
+        again = replayed(self._in_sequence, state.history, number, scan, origins)
+        tracks, late = again.latest, again.late
+        assert late.used is not None
+        # The detections that were taken from the late scan, of which another answer tells.
+        used = np.full(tracks.ids.shape, NONE)
+        for ids, column in zip(late.ids, late.used, strict=True):
+            used = np.where((tracks.ids == ids) & (ids != NONE), column, used)
+        return again.state._replace(history=again.history), tracks._replace(used=used)
+
+    def _present(self, state: MultiObjectState) -> Tracks:
+        return self._asked(state, state.time)[1]
 
     def _asked(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
         ahead = self._predicted(state, time)
@@ -293,16 +282,7 @@ def _alone(tracks: Tracks) -> Tracks:
     return Tracks._make(None if part is None else part[..., 0] for part in tracks)
 
 
-def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
-    """The tracks with the detections that they took of the late scan, of which another answer tells."""
-    assert late.used is not None
-    result = np.full(tracks.ids.shape, NONE)
-    for ids, column in zip(late.ids, late.used, strict=True):
-        result = np.where((tracks.ids == ids) & (ids != NONE), column, result)
-    return tracks._replace(used=result)
-
-
 def build_multi(config: FilterConfig) -> MultiObjectTracker:
     """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
     assert config.associate is not None
-    return MultiObjectTracker(filter_of(config), config.associate, config.initial, **config.scan_options)
+    return MultiObjectTracker(filter_of(config), config.initial, associate=config.associate, **config.scan_options)
