@@ -11,10 +11,9 @@ import trackbench as tb
 from trackbench.base.execution import InProcess
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
-from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.runner.block import run_block
 from trackbench.runner.hidden_run import TrafficScores
-from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
 
@@ -48,8 +47,7 @@ def scenes() -> Array:
 
 def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval | None:
     """A metric of runs ``(runs, 2, paths)``, as a result makes it; None where no run tells it."""
-    total, count = sums[:, :, PATHS.index(path)].T
-    found = TRACK_METRICS[path].of_runs(total, count)
+    found = TRACK_METRICS[path].of_runs(*run_sums(sums, path))
     return found if found is None or scene is None else clustered(found, scene)
 
 
@@ -60,5 +58,6 @@ def _sums(changes: Mapping[str, object], number: int) -> Array:
     found = []
     for name in TRACKERS:
         scores = [block.outcomes[name] for block in blocks]
-        found.append([values for each in scores if isinstance(each, TrafficScores) for values in each.sums.values])
+        kept = [each.metrics[TRACKS.name] for each in scores if isinstance(each, TrafficScores)]
+        found.append(np.concatenate(kept))
     return np.array(found)

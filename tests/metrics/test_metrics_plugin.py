@@ -14,8 +14,7 @@ from tests.support.places import DOCS, ROOT
 
 from trackbench.base.errors import InputError
 from trackbench.compare.metrics import stored_metric
-from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.scenario import load_scenario

@@ -15,8 +15,7 @@ from tests.support.udacity import data_folder
 from trackbench.base.errors import InputError
 from trackbench.base.types import FieldOfView, RecordedDetections, Scan, Tracks
 from trackbench.cli.commands import cli
-from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result
 from trackbench.runner.run import run

@@ -32,8 +32,8 @@ MetricSums = dict[str, Any]
 class Evaluation:
     """The metrics of one tracker."""
 
-    scores: Scores
-    """What the built-in ones are made of."""
+    sums: MetricSums
+    """What they are made of."""
     values: dict[str, MetricValue] = field(default_factory=dict)
     """By dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
@@ -43,16 +43,22 @@ class Evaluation:
     broken: dict[str, str] = field(default_factory=dict)
     """By name, why a metric raised."""
 
+    @property
+    def scores(self) -> Scores:
+        """What the built-in metrics of estimates are made of."""
+        scores: Scores = self.sums[ESTIMATES.name]
+        return scores
+
     def per_run(self, path: str, runs: int) -> Array:
         """``(runs,)`` values whose mean is a metric with sums of its own; NaN where it is no mean over runs."""
-        found = self.own.get(path)
-        return np.full(runs, np.nan) if found is None else found.value + found.influence
+        interval = self.own.get(path)
+        return np.full(runs, np.nan) if interval is None else interval.value + interval.influence
 
 
 def evaluate(
     sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: TrackerSet = frozenset()
 ) -> Evaluation:
-    """The metrics from the sums of all runs.
+    """The metrics of estimates or of tracks from the sums of all runs.
 
     Args:
         sums: what :func:`merge_sums` gives.
@@ -60,45 +66,33 @@ def evaluate(
         metrics: those to compute.
         givers: the trackers that must all have given an estimate where errors count.
     """
-    scores: BlockScores = sums[ESTIMATES.name]
-    found = Evaluation(scores_of(scores, givers, scene))
+    evaluation = Evaluation(dict(sums))
+    sensors: list[str] = []
+    if ESTIMATES.name in sums:
+        blocks: BlockScores = sums[ESTIMATES.name]
+        sensors = list(blocks.nis)
+        evaluation.sums[ESTIMATES.name] = scores_of(blocks, givers, scene)
     for metric in metrics:
-        shared = metric.accumulator is ESTIMATES
-        own = found.scores if shared else sums[metric.accumulator.name]
-        parts = found.scores.per_part.shape[1] if shared else len(scene)
-        values, broken = finished(metric, own, list(scores.nis), parts)
-        if broken:
-            found.broken[metric.name] = broken
+        # The built-in ones of estimates rest on parts that are independent already.
+        by_part = metric.accumulator is ESTIMATES
+        parts = evaluation.scores.per_part.shape[1] if by_part else len(scene)
+        values = _guarded(_checked, metric, evaluation.sums[metric.accumulator.name], sensors, parts)
+        if isinstance(values, Broken):
+            evaluation.broken[metric.name] = values.cause
+            values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         for path, (value, interval) in values.items():
             if metric.shared is None:
-                found.own[path] = interval
-            if interval is not None and not shared:
-                interval = clustered(interval, scene)
-                value = interval.as_value(metric.unit)
-            found.values[path] = value
+                evaluation.own[path] = interval
             if interval is not None:
-                found.intervals[path] = interval
-    return found
+                if not by_part:
+                    interval = clustered(interval, scene)
+                    value = interval.as_value(metric.unit)
+                evaluation.intervals[path] = interval
+            evaluation.values[path] = value
+    return evaluation
 
 
-def finished(
-    metric: Metric, sums: Any, sensors: Sequence[str], parts: int
-) -> tuple[dict[str, tuple[MetricValue, Interval | None]], str]:
-    """By path, the values of a metric and what each part adds to them; and why there are none, where it raised.
-
-    Args:
-        metric: which.
-        sums: merged, of all runs.
-        sensors: those of which it may give values.
-        parts: how many independent ones an interval rests on.
-    """
-    values = _guarded(_checked, metric, sums, sensors, parts)
-    if isinstance(values, Broken):
-        return {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}, values.cause
-    return values, ""
-
-
-def no_metrics(reason: str, metrics: Sequence[Metric] = BUILT_IN) -> dict[str, MetricValue]:
+def no_metrics(reason: str, metrics: Iterable[Metric] = BUILT_IN) -> dict[str, MetricValue]:
     """The metrics of a tracker that has no sums."""
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
@@ -114,8 +108,8 @@ def health(scores: BlockScores) -> Health:
 
 def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
     """What sums for these metrics, each once; one that raises breaks its own metrics alone."""
-    found = {metric.accumulator.name: metric.accumulator for metric in metrics}
-    return {name: item if item is ESTIMATES else Guarded(item) for name, item in found.items()}
+    named = {metric.accumulator.name: metric.accumulator for metric in metrics}
+    return {name: item if item is ESTIMATES else Guarded(item) for name, item in named.items()}
 
 
 def merge_sums(blocks: Sequence[MetricSums], metrics: Sequence[Metric] = BUILT_IN) -> MetricSums:
@@ -160,7 +154,7 @@ class Guarded:
 
 
 def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
-    broken = next((one for one in arguments if isinstance(one, Broken)), None)
+    broken = next((item for item in arguments if isinstance(item, Broken)), None)
     if broken is not None:
         return broken
     try:
@@ -199,14 +193,6 @@ def _checked(
     return values
 
 
-def _check_influence(influence: Any, parts: int) -> None:
-    if not isinstance(influence, np.ndarray) or influence.shape != (parts,):
-        given = f"of shape {influence.shape}" if isinstance(influence, np.ndarray) else type(influence).__name__
-        raise ValueError(f"the influence of an interval must be an array of shape ({parts},), not {given}")
-    if not np.isfinite(influence).all():
-        raise ValueError("the influence of an interval must be finite")
-
-
 def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, Interval | None]:
     """An outcome as it stands in a result, null with a reason where it is no number; and what each run adds to it."""
     if isinstance(outcome, MetricValue):
@@ -217,7 +203,12 @@ def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, I
         return metric.no_value("it is not a number"), None
     if interval is None:
         return MetricValue(value=float(number), unit=metric.unit), None
-    _check_influence(interval.influence, parts)
+    influence: Any = interval.influence
+    if not isinstance(influence, np.ndarray) or influence.shape != (parts,):
+        what = f"of shape {influence.shape}" if isinstance(influence, np.ndarray) else type(influence).__name__
+        raise ValueError(f"the influence of an interval must be an array of shape ({parts},), not {what}")
+    if not np.isfinite(influence).all():
+        raise ValueError("the influence of an interval must be finite")
     return interval.as_value(metric.unit), interval
 
 

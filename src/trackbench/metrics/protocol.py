@@ -261,6 +261,8 @@ class Metric(Config):
     """How an expectation names the value; empty where it is the metric itself."""
     shared: ClassVar[Accumulator | None] = None
     """The sums that it is made of; None where they are its own."""
+    without_truth: ClassVar[bool] = False
+    """Whether it needs no truth."""
     at_least: ClassVar[float] = -np.inf
     """What its mean over runs cannot be below."""
     at_most: ClassVar[float] = np.inf

@@ -22,6 +22,16 @@ _HEALTH = (
 )
 
 
+def built_in_metrics(hidden: bool, truth: bool = True) -> tuple[Metric, ...]:
+    """The metrics of every run with known or hidden identities; ``truth``: whether there is one."""
+    if not hidden:
+        return BUILT_IN
+    # The scores of tracks take their time to import.
+    from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
+
+    return tuple((TRACK_METRICS if truth else DETECTION_METRICS).values())
+
+
 def metric_paths(own: Iterable[Metric | type[Metric]] = ()) -> list[Field]:
     """What an expectation may name of the built-in metrics and of others."""
     return [*(field for metric in (*BUILT_IN, *own) for field in entries(metric)), *_HEALTH]
@@ -46,18 +56,9 @@ def unfit_name(name: str, scores: str = "estimates") -> str | None:
     """Why no metric of one's own can have this name; None if one can. ``scores``: what it is of."""
     if not NAME.fullmatch(name):
         return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
-    if name in _taken_names(scores):
+    if name in {"health", "step_time", *(item.name.partition(".")[0] for item in built_in_metrics(scores == "tracks"))}:
         return f"its name {name!r} is that of a built-in one"
     return None
-
-
-def _taken_names(scores: str) -> set[str]:
-    if scores == "tracks":
-        # The scores of tracks take their time to import.
-        from trackbench.metrics.traffic import TRACK_METRICS
-
-        return {*TRACK_METRICS, "step_time", "health"}
-    return {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}
 
 
 def _lacks(found: Any) -> str | None:

@@ -51,7 +51,7 @@ class TrafficScores:
     steps: int
     """Number of scans of single runs that it took in this time."""
     metrics: MetricSums = field(default_factory=dict)
-    """By accumulator, the sums of the metrics that are not built in."""
+    """By accumulator."""
     recorded: TrackHistory | None = None
     """Its tracks of the recorded run."""
     taken: Indices | None = None
@@ -141,7 +141,7 @@ class HiddenRun(TrackerRun[Tracks]):
         steps = self._timed * len(runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
-        summing = accumulators(self._work.metrics) if self._truth.known else {}
+        summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
         options = TrafficScoreOptions(cutoff=self._work.cutoff or 5.0)
         scope = TrackScope(self.name, len(runs), options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
@@ -152,10 +152,10 @@ class HiddenRun(TrackerRun[Tracks]):
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
                 scores = score_run(truth, history, options, own)
-                tracked = TrackedRun(truth, history, own, scores)
-                sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
             else:
                 scores = without_truth(score_without_truth(self._judged_scans(run)))
+            tracked = TrackedRun(truth, history, own, scores)
+            sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
             number = self._work.number(self._piece.scene, runs.start + run)
             found.sums.add(number, scores, recorded=run == self._kept)
             found.reused_ids[run] = reused(history.ids)

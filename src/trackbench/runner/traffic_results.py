@@ -8,13 +8,12 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.engine.equations import ComputedBy
-from trackbench.metrics import merge_sums, no_metrics
+from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.differences import differences
-from trackbench.metrics.evaluate import finished, log_broken
-from trackbench.metrics.intervals import clustered, ratio, variance_shares
-from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.metrics.traffic.without_truth import NO_TRUTH
-from trackbench.results import Failure, Health, Result, Tables, TrackerResult
+from trackbench.metrics.evaluate import log_broken
+from trackbench.metrics.intervals import ratio, variance_shares
+from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
+from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
 from trackbench.runner.block import Block, failures_and_outcomes
@@ -23,12 +22,14 @@ from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_num
 from trackbench.runner.expectations import judge
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.summary import summarised, summary_of_metric
-from trackbench.runner.traffic_sums import NOTHING_DUE, TrafficEvaluation, track_metrics
+from trackbench.runner.traffic_sums import TrafficEvaluation
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
 
 HEADLINE = "gospa"
+#: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
+NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
 
 
 def assemble_traffic(
@@ -36,22 +37,18 @@ def assemble_traffic(
 ) -> Result:
     """The result of all blocks of a run."""
     scenario = loaded.config
-    failures, found = _evaluated(work, blocks)
+    failures, outcomes = failures_and_outcomes(work.trackers, blocks)
+    found = {name: _evaluation(work, items) for name, items in outcomes.items()}
     known = _known(work)
     ranked = list(found)
-    if all(HEADLINE in evaluation.intervals for evaluation in found.values()):
-        ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
+    compared = {name: evaluation.metrics.intervals for name, evaluation in found.items()}
+    if all(HEADLINE in intervals for intervals in compared.values()):
+        ranked.sort(key=lambda name: compared[name][HEADLINE].value)
+    compared = {name: compared[name] for name in ranked}
     margin = MarginSummary(**scenario.score.margin.model_dump())
-    compared = {
-        name: {
-            **found[name].intervals,
-            **{path: clustered(own, work.scene_of_run) for path, own in found[name].own_intervals.items()},
-        }
-        for name in ranked
-    }
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    metrics = [*track_metrics(known).values(), *work.metrics]
-    pairs = differences(compared, metrics, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
+    coverage = dict.fromkeys(ranked, 1.0)
+    pairs = differences(compared, work.metrics, margin, coverage, wanted, ranks=HEADLINE) if known else []
     engines = engines_of(work, blocks)
     for name, used in engines.items():
         log_left_to_numpy(work.scenario, name, used)
@@ -73,44 +70,29 @@ def assemble_traffic(
         reference=None,
         engine=engine_of_all(work, engines),
         common_share=None,
-        metrics=[summary_of_metric(metric) for metric in metrics],
+        metrics=[summary_of_metric(metric) for metric in work.metrics],
         trackers=trackers,
         ranking=[*ranked, *failures],
         differences=pairs,
         expectations=judge(scenario.expect, trackers, pairs, 0.0),
     )
-    log_broken(evaluation.broken for evaluation in found.values())
+    log_broken(evaluation.metrics.broken for evaluation in found.values())
     return Result(summary, Tables(traffic_tables.tables(work, blocks, found)))
 
 
-def _evaluated(work: Work, blocks: Sequence[Block]) -> tuple[dict[str, Failure], dict[str, TrafficEvaluation]]:
-    failures, outcomes = failures_and_outcomes(work.trackers, blocks)
-    return failures, {name: _evaluation(work, items) for name, items in outcomes.items()}
-
-
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
+    known, metrics = _known(work), [metric for metric in work.metrics if _known(work) or metric.without_truth]
+    evaluation = Evaluation(merge_sums([block.metrics for block in blocks], metrics))
+    if known and not run_sums(evaluation.sums[TRACKS.name], "matched_share")[1].any():
+        evaluation.values = no_metrics(NOTHING_DUE, work.metrics)
+    else:
+        evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics)
+        if not known:
+            evaluation.values |= no_metrics("there is no truth", _of_truth(work))
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
+    evaluation.values["step_time"] = MetricValue(value=1e6 * seconds / max(steps, 1), unit="us")
     reused = int(sum(block.reused_ids.sum() for block in blocks))
-    known = _known(work)
-    found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
-    for path, metric in track_metrics(known).items() if not found.nothing_due else ():
-        interval = metric.finish(found.sums(path))
-        if interval is not None:
-            found.intervals[path] = clustered(interval, work.scene_of_run)
-    if not known or found.nothing_due:
-        found.own = no_metrics(NOTHING_DUE if known else NO_TRUTH, work.metrics)
-        return found
-    sums = merge_sums([block.metrics for block in blocks], work.metrics)
-    for own in work.metrics:
-        values, broken = finished(own, sums[own.accumulator.name], (), len(work.scene_of_run))
-        if broken:
-            found.broken[own.name] = broken
-        for path, (value, influence) in values.items():
-            found.own[path] = value
-            if influence is not None:
-                found.own_intervals[path] = influence
-                found.own[path] = clustered(influence, work.scene_of_run).as_value(own.unit)
-    return found
+    return TrafficEvaluation([block.sums for block in blocks], evaluation, reused)
 
 
 def _tracker(
@@ -125,20 +107,18 @@ def _tracker(
     method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"
-        metrics = {path: metric.no_value(reason) for path, metric in TRACK_METRICS.items()}
-        metrics |= no_metrics(reason, work.metrics)
         return TrackerResult(
             name=name,
             describe=described,
             association=method,
             engine=engine,
             failed=failures[name],
-            metrics=metrics,
+            metrics=no_metrics(reason, _of_truth(work)),
             health=Health(),
         )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
-    ranked = HEADLINE in evaluation.intervals
+    ranked = HEADLINE in evaluation.metrics.intervals
     shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if ranked else None
     return TrackerResult(
         name=name,
@@ -146,10 +126,15 @@ def _tracker(
         association=method,
         engine=engine,
         failed=None,
-        metrics=evaluation.values,
+        metrics=evaluation.metrics.values,
         health=health,
         scene_share=None if shares is None else shares.scene,
     )
+
+
+def _of_truth(work: Work) -> list[Metric]:
+    """The metrics that need a truth."""
+    return [*TRACK_METRICS.values(), *(metric for metric in work.metrics if not metric.without_truth)]
 
 
 def _known(work: Work) -> bool:

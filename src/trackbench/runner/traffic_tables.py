@@ -10,10 +10,9 @@ import pyarrow as pa
 
 from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.metrics.protocol import run_column
-from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TrackHistory
 from trackbench.metrics.traffic.events import STATES
 from trackbench.metrics.traffic.track_quality import BINS
-from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
@@ -67,7 +66,7 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
             for block in evaluation.blocks:
                 values = block.gospa.sum(axis=0) if part == "total" else block.gospa[PARTS.index(part)]
                 total[: len(values)] += values
-                count[: len(values)] += len(block.values)
+                count[: len(values)] += block.runs
             columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(
                 total / np.where(count > 0, count, np.nan)
             )
@@ -79,17 +78,16 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     """Of each run the total and the count of each metric, for paired comparisons."""
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
-    paths = list(dict.fromkeys(path for item in found.values() for path in item.intervals))
     metrics = TRACK_METRICS | DETECTION_METRICS
-    own = list(dict.fromkeys(path for item in found.values() for path in item.own_intervals))
+    known = dict.fromkeys(path for item in found.values() for path in item.metrics.intervals)
+    paths, own = [path for path in known if path in metrics], [path for path in known if path not in metrics]
     parts: list[Columns] = []
     for name, item in found.items():
         values = {
             column: sums for path in paths for column, sums in zip(metrics[path].columns, item.sums(path), strict=True)
         }
         for path in own:
-            mean = item.own_intervals.get(path)
-            values[run_column(path)] = np.full(rows, np.nan) if mean is None else mean.value + mean.influence
+            values[run_column(path)] = item.metrics.per_run(path, rows)
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
     return stacked(parts)

@@ -18,6 +18,7 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
+from trackbench.metrics.registry import built_in_metrics
 from trackbench.results import Failure
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
@@ -186,6 +187,7 @@ def work_of(
     scenario = loaded.config
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
     every = [item.truth for item in truths]
+    hidden = scenario.sensing.identities == "hidden"
     acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
     if acceleration is None:
         acceleration = typical_acceleration(every) if driven is None else driven
@@ -205,9 +207,8 @@ def work_of(
         velocity_sigma=entry_velocity(every) if velocity is None else velocity,
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
-        # Those of tracks that are built in are computed in any case.
-        metrics=(*(BUILT_IN if scenario.sensing.identities == "known" else ()), *scenario.score.metrics),
+        metrics=(*built_in_metrics(hidden, all(truth.known for truth in every)), *scenario.score.metrics),
         isolation=isolation,
-        cutoff=scenario.score.cutoff_m if scenario.sensing.identities == "hidden" else None,
+        cutoff=scenario.score.cutoff_m if hidden else None,
     )
     return replace(work, engine=chosen(engine, work.steps))

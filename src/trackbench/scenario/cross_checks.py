@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest
 from trackbench.metrics import Field, Metric
-from trackbench.metrics.registry import HEALTH, by_path, entries
+from trackbench.metrics.registry import HEALTH, built_in_metrics, by_path, entries
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
@@ -216,11 +216,7 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
 
 def traffic_paths(truth: bool, own: Iterable[Metric | type[Metric]] = ()) -> dict[str, Field]:
     """What an expectation may name with hidden identities, by path: metrics of tracks with or without a truth."""
-    # Few scenarios are of this kind, and the scores of tracks take their time to import.
-    from trackbench.metrics.traffic import TRACK_METRICS
-    from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
-
-    metrics = [*(TRACK_METRICS if truth else DETECTION_METRICS).values(), *own]
+    metrics = [*built_in_metrics(True, truth), *own]
     fields = {field.name: field for metric in metrics for field in entries(metric)}
     reused = HEALTH + "reused_ids"
     return {**fields, reused: Field(reused, "identities that were used again after their track had ended")}

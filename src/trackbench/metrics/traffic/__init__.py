@@ -6,9 +6,11 @@ means.
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
 from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, TrafficScoreOptions, score_run
-from trackbench.metrics.traffic.table import TRACK_METRICS, RunRatio
+from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS, TRACKS, RunRatio, run_sums
 
 __all__ = [
+    "DETECTION_METRICS",
+    "TRACKS",
     "TRACK_METRICS",
     "Associations",
     "RunRatio",
@@ -18,5 +20,6 @@ __all__ = [
     "TrackedRun",
     "TrafficScoreOptions",
     "TruthHistory",
+    "run_sums",
     "score_run",
 ]

@@ -3,23 +3,57 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import new_class
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+
 from trackbench.base.types import Array
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.metrics.protocol import Direction, Metric
+from trackbench.metrics.protocol import Accumulator, Direction, Metric, Outcome
 
 Combine = Literal["ratio", "root", "mean"]
+
+
+class TrackSums:
+    """The accumulator of the built-in metrics of tracks: what each run adds to each of ``PATHS``."""
+
+    name = "built-in tracks"
+
+    def init(self, scope: Any) -> list[Array]:
+        return []
+
+    def update(self, sums: list[Array], run: Any) -> list[Array]:
+        """``run``: a :class:`~trackbench.metrics.traffic.TrackedRun`."""
+        sums.append(np.array([run.scores.values.get(path, (0.0, 0.0)) for path in PATHS]).T)
+        return sums
+
+    def close(self, sums: list[Array]) -> Array:
+        """``(runs, 2, paths)`` total and count."""
+        return np.array(sums)
+
+    def merge(self, blocks: Sequence[Array]) -> Array:
+        return np.concatenate(blocks)
+
+
+TRACKS = TrackSums()
 
 
 class RunRatio(Metric):
     """A metric of tracks that is the ratio of two sums of each run: of a total and the number of its terms."""
 
     scores = "tracks"
+    shared: ClassVar[Accumulator | None] = TRACKS
     combine: ClassVar[Combine] = "ratio"
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
     at_least: ClassVar[float] = 0.0
+    missing: ClassVar[str] = "no run tells it"
+    """Why there is no value where no run has a term."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Its class has no name in this module.
+        return _of_name, (self.name,)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -32,71 +66,69 @@ class RunRatio(Metric):
         quotient = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
         return root(quotient) if self.combine == "root" else quotient
 
-    def finish(self, sums: Array) -> Interval | None:
-        """``sums``: ``(2, runs)`` total and count of each run."""
-        return self.of_runs(*sums)
+    def finish(self, sums: Array) -> Outcome:
+        return self.of_runs(*run_sums(sums, self.name)) or self.no_value(self.missing)
 
 
-def run_ratio(
-    name: str,
-    unit: str,
-    meaning: str,
-    better: Direction | None,
-    combine: Combine = "ratio",
-    at_least: float = 0.0,
-    at_most: float = math.inf,
-) -> RunRatio:
-    """A metric of the class that these make."""
-    members: dict[str, Any] = {
-        "name": name,
-        "unit": unit,
-        "meaning": meaning,
-        "better": better,
-        "combine": combine,
-        "at_least": at_least,
-        "at_most": at_most,
-        "__module__": __name__,
-    }
+def run_sums(sums: Array, path: str) -> Array:
+    """``(2, runs)`` total and count of each run of a metric, from the sums of all of them ``(runs, 2, paths)``."""
+    return np.asarray(sums[:, :, PATHS.index(path)].T)
+
+
+def run_ratio(name: str, unit: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
+    """A metric; the options are class variables of :class:`RunRatio`."""
+    members = {"name": name, "unit": unit, "meaning": meaning, "better": better, "__module__": __name__, **options}
     metric: RunRatio = new_class(name, (RunRatio,), {}, lambda body: body.update(members))()
     return metric
 
 
-def share(name: str, meaning: str, better: Direction | None, combine: Combine = "ratio") -> RunRatio:
+def share(name: str, meaning: str, better: Direction | None, **options: Any) -> RunRatio:
     """A metric from 0 to 1."""
-    return run_ratio(name, "1", meaning, better, combine, at_most=1.0)
+    return run_ratio(name, "1", meaning, better, at_most=1.0, **options)
+
+
+def root_of(name: str, unit: str, meaning: str) -> RunRatio:
+    """An error: the root of a mean square."""
+    return run_ratio(name, unit, meaning, "smaller", combine="root")
+
+
+def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
+    """A metric of which neither direction is better, that needs no truth."""
+    return run_ratio(name, unit, meaning, None, without_truth=True, **options)
 
 
 def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
     return {metric.name: metric for metric in metrics}
 
 
+#: Why there is no value where a tracker does not say, or is not asked.
+NOT_SAID = {"missing": "the tracker does not say which detections it used"}
+NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
+#: Those of runs with a truth.
 TRACK_METRICS = by_name(
-    run_ratio("gospa", "m", "error in position, missed objects and false tracks in one number", "smaller", "root"),
-    run_ratio("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks", "smaller", "root"),
-    run_ratio("gospa_missed", "m", "part of GOSPA from objects without a track", "smaller", "root"),
-    run_ratio("gospa_false", "m", "part of GOSPA from tracks without an object", "smaller", "root"),
-    run_ratio("gospa_switch", "m", "part of T-GOSPA from switches of tracks", "smaller", "root"),
-    run_ratio("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", "smaller", "root"),
-    run_ratio("ospa", "m", "error per object in position and number", "smaller", "root"),
-    run_ratio("ospa2", "m", "error per trajectory in position, number and identity", "smaller", "root"),
-    share("hota", "detection and association in one number", "larger", "mean"),
-    share("deta", "detection part of HOTA", "larger", "mean"),
-    share("assa", "association part of HOTA", "larger", "mean"),
+    root_of("gospa", "m", "error in position, missed objects and false tracks in one number"),
+    root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks"),
+    root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
+    root_of("gospa_false", "m", "part of GOSPA from tracks without an object"),
+    root_of("gospa_switch", "m", "part of T-GOSPA from switches of tracks"),
+    root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too"),
+    root_of("ospa", "m", "error per object in position and number"),
+    root_of("ospa2", "m", "error per trajectory in position, number and identity"),
+    share("hota", "detection and association in one number", "larger", combine="mean"),
+    share("deta", "detection part of HOTA", "larger", combine="mean"),
+    share("assa", "association part of HOTA", "larger", combine="mean"),
     share("idf1", "share of time that one track each covers of the objects", "larger"),
-    run_ratio(
-        "mota",
-        "1",
-        "one minus misses, false tracks and switches per due instant",
-        "larger",
-        at_least=-math.inf,
-        at_most=1.0,
-    ),
+    share("mota", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf),
     run_ratio("motp", "m", "mean distance of matched tracks", "smaller"),
     run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller"),
     run_ratio("fragmentations", "1/min", "times a lost object is tracked again, per minute of an object", "smaller"),
     run_ratio("false_tracks", "1/min", "tracks that never are on an object, per minute", "smaller"),
     run_ratio(
-        "confirm_latency", "s", "time that objects wait for their first track, per object that gets one", "smaller"
+        "confirm_latency",
+        "s",
+        "time that objects wait for their first track, per object that gets one",
+        "smaller",
+        missing="no object was ever tracked",
     ),
     share("never_confirmed", "share of the due objects that are never tracked", "smaller"),
     share("lost_time_share", "share of the time after its first track that an object has none", "smaller"),
@@ -106,13 +138,61 @@ TRACK_METRICS = by_name(
     share("siap_spuriousness", "share of the tracks on no object", "smaller"),
     run_ratio("siap_position", "m", "mean distance of tracks to the nearest object", "smaller"),
     run_ratio("siap_velocity", "m/s", "mean difference of their velocities", "smaller"),
-    run_ratio("position_rmse", "m", "root mean square error of the position of matched tracks", "smaller", "root"),
-    run_ratio("velocity_rmse", "m/s", "root mean square error of the velocity of matched tracks", "smaller", "root"),
+    root_of("position_rmse", "m", "root mean square error of the position of matched tracks"),
+    root_of("velocity_rmse", "m/s", "root mean square error of the velocity of matched tracks"),
     run_ratio("nees", "1", "normalised estimation error squared of matched tracks, 4 when consistent", None),
     share("nees_inside", "share of them within the 95 % bound of chi-square, 0.95 when consistent", None),
     share("matched_share", "share of the due instants with a matched track", "larger"),
-    share("association_right", "share of associations with the track's own object", "larger"),
-    share("association_wrong_object", "share of associations with another object", "smaller"),
-    share("association_clutter", "share of associations with a false alarm", "smaller"),
-    share("association_missed", "share of associations left out although the object was detected", "smaller"),
+    share("association_right", "share of associations with the track's own object", "larger", **NOT_SAID),
+    share("association_wrong_object", "share of associations with another object", "smaller", **NOT_SAID),
+    share("association_clutter", "share of associations with a false alarm", "smaller", **NOT_SAID),
+    share(
+        "association_missed", "share of associations left out although the object was detected", "smaller", **NOT_SAID
+    ),
 )
+#: Those of runs without one.
+DETECTION_METRICS = by_name(
+    of_detections("track_count", "1", "mean number of tracks after a scan"),
+    of_detections("track_length", "s", "time from a track's first scan to its last, the median", combine="mean"),
+    of_detections("new_tracks", "1/min", "tracks that begin, per minute"),
+    of_detections("used_share", "1", "share of the detections that a track used", at_most=1.0, **NOT_SAID),
+    of_detections(
+        "nis",
+        "1",
+        "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent",
+        **NOT_ASKED,
+    ),
+    of_detections(
+        "track_breaks",
+        "1/min",
+        "times the sensor's own track goes on and has another track, per minute of its tracks",
+        **NOT_SAID,
+    ),
+    of_detections(
+        "own_track_breaks",
+        "1/min",
+        "times a track goes on and the sensor's own track is another, per minute of tracks",
+        **NOT_SAID,
+    ),
+    of_detections(
+        "track_swaps",
+        "1/min",
+        "times a track changes between two of the sensor's own that both go on, per minute of tracks",
+        **NOT_SAID,
+    ),
+    of_detections(
+        "prediction_score",
+        "1",
+        "logarithm of the predicted density of detections, per detection (nats)",
+        at_least=-math.inf,
+        **NOT_ASKED,
+    ),
+)
+
+
+def _of_name(name: str) -> RunRatio:
+    return (TRACK_METRICS | DETECTION_METRICS)[name]
+
+
+#: Every metric that a run may have.
+PATHS = (*TRACK_METRICS, *DETECTION_METRICS)

@@ -10,52 +10,8 @@ import numpy as np
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.traffic.run import RunScores, RunSums
 from trackbench.metrics.traffic.set_distances import GospaParts
-from trackbench.metrics.traffic.table import by_name, run_ratio, share
 
 NONE = -1
-#: Why every metric of ``TRACK_METRICS`` is missing there.
-NO_TRUTH = "there is no truth"
-
-DETECTION_METRICS = by_name(
-    run_ratio("track_count", "1", "mean number of tracks after a scan", None),
-    run_ratio("track_length", "s", "time from a track's first scan to its last, the median", None, "mean"),
-    run_ratio("new_tracks", "1/min", "tracks that begin, per minute", None),
-    share("used_share", "share of the detections that a track used", None),
-    run_ratio(
-        "nis",
-        "1",
-        "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent",
-        None,
-    ),
-    run_ratio(
-        "track_breaks",
-        "1/min",
-        "times the sensor's own track goes on and has another track, per minute of its tracks",
-        None,
-    ),
-    run_ratio(
-        "own_track_breaks",
-        "1/min",
-        "times a track goes on and the sensor's own track is another, per minute of tracks",
-        None,
-    ),
-    run_ratio(
-        "track_swaps",
-        "1/min",
-        "times a track changes between two of the sensor's own that both go on, per minute of tracks",
-        None,
-    ),
-    run_ratio(
-        "prediction_score",
-        "1",
-        "logarithm of the predicted density of detections, per detection (nats)",
-        None,
-        at_least=-np.inf,
-    ),
-)
-#: Those that need a tracker that says which detections it used, and one that can be asked for predictions.
-OF_USE = ("used_share", "track_breaks", "own_track_breaks", "track_swaps")
-OF_PREDICTIONS = ("nis", "prediction_score")
 
 
 class UnlabelledScan(NamedTuple):
@@ -157,6 +113,6 @@ def _lengths(scans: Iterable[tuple[float, Iterable[Hashable]]]) -> Array:
     """How long each of what is there is seen, s."""
     spans: dict[Hashable, tuple[float, float]] = {}
     for time, there in scans:
-        for one in there:
-            spans[one] = (spans.get(one, (time, time))[0], time)
+        for item in there:
+            spans[item] = (spans.get(item, (time, time))[0], time)
     return np.array([last - first for first, last in spans.values()])

@@ -21,8 +21,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.report.numbers import fixed, margin_words, percent
 from trackbench.report.run import tables
 from trackbench.report.run.document import differences_section, framed, standings

@@ -19,11 +19,11 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, chosen
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Metric
+from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome
-from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
@@ -260,10 +260,10 @@ def _score_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums |
     if isinstance(scores, Failure):
         return scores.cause, engine
     assert isinstance(scores, TrafficScores)
-    values = np.array(scores.sums.values)
-    measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in PATHS}
+    measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
     measures["prediction_score"] = "log_likelihood"
-    sums = Sums({name: values[:, :, PATHS.index(path)].T for path, name in measures.items()})
+    values = scores.metrics[TRACKS.name]
+    sums = Sums({name: run_sums(values, path) for path, name in measures.items()})
     return sums if scene.metric is None else sums.with_metric(scene.metric, scores.metrics), engine
 
 

@@ -13,7 +13,7 @@ from trackbench.metrics import Metric, evaluate, merge_sums
 from trackbench.metrics.breakdown import DOF, band_name
 from trackbench.metrics.built_in.basic import Coverage
 from trackbench.metrics.conditions import AGES, BANDS, MANOEUVRES, SHAPE, Classes
-from trackbench.metrics.evaluate import MetricSums, finished
+from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, SMALLEST_SHARE
@@ -99,13 +99,8 @@ class Sums:
         return clustered(root(mean) if name.endswith("_rmse") else mean, scene)
 
     def _of_metric(self, metric: Metric, scene: Indices) -> Interval | None:
-        if metric.scores == "estimates":
-            metrics = metrics_of_trial(metric)
-            return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(metric.name)
-        sums = merge_sums(self.blocks, [metric])[metric.accumulator.name]
-        values, _ = finished(metric, sums, (), len(scene))
-        _, interval = values[metric.name]
-        return None if interval is None else clustered(interval, scene)
+        metrics = metrics_of_trial(metric)
+        return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(metric.name)
 
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""
@@ -134,8 +129,8 @@ class Sums:
 
 
 def metrics_of_trial(metric: Metric) -> tuple[Metric, ...]:
-    """What a block computes for a metric: that, and the sums that any block has."""
-    return Coverage(), metric
+    """What a block computes for a metric: that, and of estimates the sums that any block has."""
+    return (Coverage(), metric) if metric.scores == "estimates" else (metric,)
 
 
 #: Each manoeuvre, each range band and the first second.
