@@ -24,7 +24,8 @@ import numpy as np
 
 from doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
 from doctor.traffic import rates as traffic
-from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.subject import SENSORS
 
 PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"

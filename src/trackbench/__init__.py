@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from trackbench.base.errors import InputError, TrackbenchError
     from trackbench.base.types import Estimate, Scan, Tracks, Truth
     from trackbench.scenario import Scenario
-    from trackbench.subjects.doctor.api import ReportableExamination as Examination
     from trackbench.subjects.doctor.api import doctor
+    from trackbench.subjects.doctor.report import Examination
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
     from trackbench.subjects.tuning.api import tune

@@ -13,8 +13,8 @@ import pytest
 from trackbench.document.html import to_html
 from trackbench.report.run.document import run_document
 from trackbench.results import Result
-from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, Finding
+from trackbench.subjects.doctor.report import Examination
 
 Cli = Callable[..., Any]
 

@@ -15,9 +15,10 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.models import models
 from trackbench.subjects.doctor.drives import drive_configs
-from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import CHECKS, COMMON, KINDS, TRAFFIC_CHECKS, Finding, faults_of, rank
 from trackbench.subjects.doctor.probes import GENERAL, Probes, varied
+from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS, subject
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest

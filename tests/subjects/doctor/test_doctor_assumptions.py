@@ -19,7 +19,7 @@ from trackbench.models.sensors import Mount, Radar
 from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.drives import Setting, simulate_drives
-from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import (
     CHECKS,
     CheckResult,
@@ -30,7 +30,7 @@ from trackbench.subjects.doctor.findings import (
     questions,
 )
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
-from trackbench.subjects.doctor.report import text, verdict
+from trackbench.subjects.doctor.report import Examination, text, verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
 from trackbench.subjects.doctor.site import Carrier, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.subject import SENSORS, subject

@@ -14,9 +14,8 @@ from rerun.chunk import RrdReader
 from tests.report.test_report import Page
 from tests.support.places import DOCS
 
-from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.report import text
+from trackbench.subjects.doctor.report import Examination, text
 
 pytestmark = pytest.mark.slow
 

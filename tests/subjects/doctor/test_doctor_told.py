@@ -18,7 +18,6 @@ from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, sho
 from trackbench.subjects.doctor.examine import (
     NO_PREDICTION,
     Doctor,
-    Examination,
     StepCount,
     evidence_steps,
     reference,
@@ -26,7 +25,7 @@ from trackbench.subjects.doctor.examine import (
 )
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes
-from trackbench.subjects.doctor.report import text
+from trackbench.subjects.doctor.report import Examination, text
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.session import Examined, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS

@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass, field, fields
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from trackbench import results
-from trackbench.api.result import Report
 from trackbench.base.errors import InputError
-from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress, no_progress
-from trackbench.document.html import to_html
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.assumptions import require_known
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.evidence import EvidenceRun
-from trackbench.subjects.doctor.examine import Doctor, Examination
-from trackbench.subjects.doctor.replay import examination_replay
-from trackbench.subjects.doctor.report import examination_document, text
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import ExaminedTracker, subject
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
@@ -60,50 +54,6 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
     return f"{target} follows several objects: choose hidden" if answers(of_several) else ""
 
 
-@dataclass(frozen=True)
-class ReportableExamination(Examination):
-    """The findings and checks of one tracker. A notebook shows them as a page, ``print`` as text."""
-
-    evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
-    """The test drives that show the findings; none of a tracker of several objects."""
-    notes: tuple[str, ...] = ()
-    """How the examination differs from the scenario."""
-
-    @classmethod
-    def of(cls, examination: Examination, evidence: Sequence[EvidenceRun], notes: tuple[str, ...]) -> Self:
-        """The same examination, as one that shows itself."""
-        values = {item.name: getattr(examination, item.name) for item in fields(Examination)}
-        return cls(**values, evidence=tuple(evidence), notes=notes)
-
-    def report(self) -> Report:
-        """The report, as ``trackbench doctor`` writes it."""
-        return Report(examination_document(self, self.evidence))
-
-    def save(self, folder: Path | str) -> list[str]:
-        """Write the findings, the report, and the replays that are offered; returns the names of the files.
-
-        Raises:
-            TrackbenchError: the folder cannot be written, or holds something else.
-        """
-        place = Path(folder)
-        results.require_replaceable(place, EXAMINATION)
-        files: dict[str, Callable[[Path], object]] = {
-            EXAMINATION: partial(results.write_file, results.to_json(self.json())),
-            "report.html": partial(results.write_file, to_html(self.report().document)),
-        }
-        if self.evidence:
-            replay = examination_replay(self, self.evidence)
-            files |= {name: partial(resolve(write), replay) for name, write in offered("replays")}
-        results.save_files(files, place, EXAMINATION)
-        return list(files)
-
-    def __str__(self) -> str:
-        return text(self)
-
-    def _repr_html_(self) -> str:
-        return self.report()._repr_html_()
-
-
 def doctor(
     tracker: str,
     *,
@@ -117,7 +67,7 @@ def doctor(
     tracker_timeout: float = ISOLATED.timeout,
     out: Path | str | None = None,
     progress: Progress = no_progress,
-) -> ReportableExamination:
+) -> Examination:
     """Find the faults of a tracker, with evidence.
 
     Args:
@@ -147,7 +97,11 @@ def doctor(
             examined = subject(tracker, values, path, isolation, identities)
         except TrackFault as fault:
             raise InputError(f"{tracker!r} does not start: {fault}") from fault
-        _require_fit(examined, no_misses, skip)
+        if not examined.multi_object:
+            require_known(skip, examined.sensors)
+        elif no_misses or skip:
+            key = "no_misses" if no_misses else "skip"
+            raise InputError("only for a tracker of one object; this one follows several", key=key)
         if out is not None:
             results.require_replaceable(Path(out), EXAMINATION)
             results.require_writable(Path(out).parent)
@@ -163,21 +117,12 @@ def doctor(
     return examination
 
 
-def _require_fit(examined: ExaminedTracker, no_misses: bool, skip: Sequence[str]) -> None:
-    """Refuse assumptions that an examination of several objects does not have, and unknown checks."""
-    if not examined.multi_object:
-        require_known(skip, examined.sensors)
-    elif no_misses or skip:
-        key = "no_misses" if no_misses else "skip"
-        raise InputError("only for a tracker of one object; this one follows several", key=key)
-
-
 def _examine(
     examined: ExaminedTracker, static_sensors: bool, no_misses: bool, skip: Sequence[str], progress: Progress
-) -> ReportableExamination:
+) -> Examination:
     if examined.multi_object:
         result = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
-        return ReportableExamination.of(result, (), examined.notes)
+        return replace(result, notes=examined.notes)
     ready = Doctor(
         examined.sensors,
         observer=examined.observer,
@@ -186,7 +131,8 @@ def _examine(
         skip=skip,
     )
     result = ready.examine(examined.name, examined.make, progress)
-    return ReportableExamination.of(result, ready.evidence(result, examined.make, progress), examined.notes)
+    evidence = ready.evidence(result, examined.make, progress)
+    return replace(result, evidence=tuple(evidence), notes=examined.notes)
 
 
 @contextmanager

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
-from trackbench.base.files import read_bytes
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.models.sensors import Sensor
@@ -25,8 +19,10 @@ from trackbench.subjects.doctor.checks.stated_covariance import stated_covarianc
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of, rank
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, PartResult, checks_of, rank
+from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
+from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import Examined
 from trackbench.subjects.doctor.site import Carrier, simplified, site_of
@@ -80,48 +76,6 @@ def steps_of(drives: Sequence[TestDrive], *, batched: bool) -> int:
 def evidence_steps(drives: Sequence[TestDrive]) -> int:
     """Steps of a tracker in one run of drives, with the differences for the innovation of each measurement."""
     return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
-
-
-@dataclass(frozen=True)
-class Examination:
-    """The findings and checks of one tracker."""
-
-    tracker: str
-    findings: list[Finding]
-    checks: list[CheckResult]
-
-    @property
-    def healthy(self) -> bool:
-        """Whether there is no finding and no failed check."""
-        return not self.findings and all(check.passed is not False for check in self.checks)
-
-    def json(self) -> dict[str, Any]:
-        """As ``--json`` prints it."""
-        return {
-            "tracker": self.tracker,
-            "healthy": self.healthy,
-            "findings": [finding.json() for finding in self.findings],
-            "checks": [check.json() for check in self.checks],
-        }
-
-    @classmethod
-    def load(cls, file: Path) -> Examination:
-        """The examination in a file of :meth:`json`.
-
-        Raises:
-            InputError: it cannot be read, or is no examination.
-        """
-        try:
-            found = json.loads(read_bytes(file))
-            findings = [Finding.from_json(entry) for entry in found["findings"]]
-            checks = TypeAdapter(list[CheckResult]).validate_python(found["checks"])
-            return cls(str(found["tracker"]), findings, checks)
-        except ValidationError as invalid:
-            first = invalid.errors()[0]
-            where = ".".join(map(str, first["loc"]))
-            raise InputError(f"not a readable examination: {where}: {first['msg']}", file=file) from None
-        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise InputError(f"not a readable examination: {error}", file=file) from error
 
 
 def reference() -> Tracker:
@@ -185,6 +139,7 @@ class Doctor:
         return [drive for drive in simulate_drives(self.sensors, self._seed, self._setting) if drive.name not in skip]
 
     @one_blas_thread()
+    @quiet()
     def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = no_progress) -> Examination:
         """Make all checks of a tracker.
 
@@ -196,12 +151,6 @@ class Doctor:
         Raises:
             CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
         """
-        # The checks look for numbers that are not finite; NumPy's warnings of them say nothing more.
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return self._examine(name, make, progress)
-
-    def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
         in_drives = steps_of([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
         count = StepCount(progress, round((1.0 + OTHERS) * in_drives))
         tracker = TrackerUnderTest(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +18,14 @@ SINGULAR = ("at_sensor", "on_the_sensor")
 
 #: Negative eigenvalue that rounding does not explain, of a covariance scaled to unit variances.
 NEGATIVE = 1e-6
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without warnings of numbers that are not finite: the checks look for them."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 @dataclass(frozen=True)

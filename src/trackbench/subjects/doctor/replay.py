@@ -20,8 +20,6 @@ from trackbench.document.replay import (
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.evidence import EvidenceRun, run_errors
-from trackbench.subjects.doctor.examine import Examination
-from trackbench.subjects.doctor.findings import Finding, known_faults
 
 #: Colour of the tracker and of the reference, as in the report.
 COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
@@ -30,14 +28,15 @@ PATH_WIDTHS = {"reference": 1.5, "tracker": 0.5}
 LINE_WIDTHS = {"reference": 3.0, "tracker": 1.5}
 MARGIN_M = 6.0
 IN_THE_PICTURES = (
+    "## In the pictures\n\n"
     "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.5 s. Ellipses: 95 % of"
     " the position by the estimate's covariance. Innovations: orange, applied by the tracker; blue, expected from the"
     " same prediction by the right measurement model; grey, two standard deviations of the noise."
 )
 
 
-def examination_replay(examination: Examination, evidence: Sequence[EvidenceRun]) -> Replay:
-    """The replay of an examination; a scene for each evidence run, which is named after its drive."""
+def examination_replay(tracker: str, report: str, evidence: Sequence[EvidenceRun]) -> Replay:
+    """The replay of an examination with its report in Markdown; a scene for each run, named after its drive."""
     sensors = sensor_colours(scan.sensor for run in evidence for scan in run.scans)
     legend = (
         *(NamedColour(name, colour) for name, colour in COLOURS.items()),
@@ -46,7 +45,7 @@ def examination_replay(examination: Examination, evidence: Sequence[EvidenceRun]
         *(NamedColour(name, colour, "dot") for name, colour in sensors.items()),
     )
     scenes = tuple(_scene(run, sensors) for run in evidence)
-    return Replay(examination.tracker, "trackbench doctor", "Findings", findings_text(examination), legend, scenes)
+    return Replay(tracker, "trackbench doctor", "Findings", f"{report}\n{IN_THE_PICTURES}", legend, scenes)
 
 
 def _scene(run: EvidenceRun, sensors: Mapping[str, str]) -> ReplayScene:
@@ -120,26 +119,3 @@ def _line(of: str, time: Array, values: Array, name: str) -> ChartLine:
 
 def _bound(side: str, time: Array, value: float, name: str) -> ChartLine:
     return ChartLine(("bounds", side), name, BOUND_COLOUR, time, np.full(len(time), value))
-
-
-def findings_text(examination: Examination) -> str:
-    """The findings with their evidence, the failed checks and those not made, as Markdown."""
-    lines = [f"## {examination.tracker}", "", "No fault found." if examination.healthy else ""]
-    for finding in examination.findings:
-        lines += _finding(finding)
-    for heading, passed in (("Failed checks", False), ("Checks not made", None)):
-        checks = [check for check in examination.checks if check.passed is passed]
-        if checks:
-            lines += ["", f"### {heading}", "", *(f"- **{check.name}**: {check.result}" for check in checks)]
-    return "\n".join([*lines, "", "### In the pictures", "", IN_THE_PICTURES])
-
-
-def _finding(finding: Finding) -> Iterator[str]:
-    fault = known_faults()[finding.fault]
-    of = "" if finding.sensor is None else f", {finding.sensor}"
-    yield from ("", f"### {fault.title}{of}", "")
-    yield f"`{finding.fault}`, confidence {100 * finding.confidence:.0f} %: {finding.evidence}"
-    if finding.consequence_of is not None:
-        yield f"\nProbably a consequence of `{finding.consequence_of}`."
-        return
-    yield f"\n{fault.where} {fault.fix}"

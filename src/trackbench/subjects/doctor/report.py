@@ -1,12 +1,22 @@
-"""The report of an examination: as a document, and as text for a terminal of 80 columns."""
+"""An examination with its report: as a document, and as text for a terminal of 80 columns."""
 
 from __future__ import annotations
 
+import json
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from trackbench.base.errors import counted
+from pydantic import TypeAdapter, ValidationError
+
+from trackbench import results
+from trackbench.api.result import Report
+from trackbench.base.errors import InputError, counted
+from trackbench.base.files import read_bytes
+from trackbench.base.subjects import offered, resolve
 from trackbench.document import (
     Block,
     Cell,
@@ -21,19 +31,107 @@ from trackbench.document import (
     Table,
     Tone,
 )
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
 from trackbench.report.numbers import percent
+from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.drive_figures import figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
-from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
+from trackbench.subjects.doctor.replay import examination_replay
 
 WIDTH = 80
 
 
+@dataclass(frozen=True)
+class Examination:
+    """The findings and checks of one tracker. A notebook shows them as a page, ``print`` as text."""
+
+    tracker: str
+    findings: list[Finding]
+    checks: list[CheckResult]
+    evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
+    """The test drives that show the findings; none of a tracker of several objects."""
+    notes: tuple[str, ...] = ()
+    """How the examination differs from the scenario."""
+
+    @property
+    def healthy(self) -> bool:
+        """Whether there is no finding and no failed check."""
+        return not self.findings and all(check.passed is not False for check in self.checks)
+
+    @property
+    def causes(self) -> list[Finding]:
+        """The findings that are no consequence of another."""
+        return [finding for finding in self.findings if finding.consequence_of is None]
+
+    @property
+    def consequences(self) -> list[Finding]:
+        """The others."""
+        return [finding for finding in self.findings if finding.consequence_of is not None]
+
+    def json(self) -> dict[str, Any]:
+        """As ``--json`` prints it."""
+        return {
+            "tracker": self.tracker,
+            "healthy": self.healthy,
+            "findings": [finding.json() for finding in self.findings],
+            "checks": [check.json() for check in self.checks],
+        }
+
+    @classmethod
+    def load(cls, file: Path) -> Examination:
+        """The examination in a file of :meth:`json`.
+
+        Raises:
+            InputError: it cannot be read, or is no examination.
+        """
+        try:
+            values = json.loads(read_bytes(file))
+            findings = [Finding.from_json(entry) for entry in values["findings"]]
+            checks = TypeAdapter(list[CheckResult]).validate_python(values["checks"])
+            return cls(str(values["tracker"]), findings, checks)
+        except ValidationError as invalid:
+            first = invalid.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise InputError(f"not a readable examination: {where}: {first['msg']}", file=file) from None
+        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise InputError(f"not a readable examination: {error}", file=file) from error
+
+    def report(self) -> Report:
+        """The report, as ``trackbench doctor`` writes it."""
+        return Report(examination_document(self))
+
+    def save(self, folder: Path | str) -> list[str]:
+        """Write the findings, the report, and the replays that are offered; returns the names of the files.
+
+        Raises:
+            TrackbenchError: the folder cannot be written, or holds something else.
+        """
+        place = Path(folder)
+        results.require_replaceable(place, EXAMINATION)
+        document = self.report().document
+        files: dict[str, Callable[[Path], object]] = {
+            EXAMINATION: partial(results.write_file, results.to_json(self.json())),
+            "report.html": partial(results.write_file, to_html(document)),
+        }
+        if self.evidence:
+            replay = examination_replay(self.tracker, to_markdown(document), self.evidence)
+            files |= {name: partial(resolve(write), replay) for name, write in offered("replays")}
+        results.save_files(files, place, EXAMINATION)
+        return list(files)
+
+    def __str__(self) -> str:
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+
 def verdict(examination: Examination) -> str:
     """The result in one sentence."""
-    causes, failed = _roots(examination), sum(check.passed is False for check in examination.checks)
+    causes, failed = examination.causes, sum(check.passed is False for check in examination.checks)
     if causes:
         return f"{examination.tracker}: {counted(len(causes), 'fault')} found"
     if failed:
@@ -49,15 +147,6 @@ def verdict(examination: Examination) -> str:
         f"{examination.tracker}: healthy in {len(requested) - len(not_made)} of {counted(len(requested), 'check')}; "
         f"{len(not_made)} not made: {', '.join(not_made)}{and_skipped}"
     )
-
-
-def _roots(examination: Examination) -> list[Finding]:
-    """The findings that are no consequence of another."""
-    return [finding for finding in examination.findings if finding.consequence_of is None]
-
-
-def _consequences(examination: Examination) -> list[Finding]:
-    return [finding for finding in examination.findings if finding.consequence_of is not None]
 
 
 def _facts(finding: Finding) -> str:
@@ -92,15 +181,14 @@ def text(examination: Examination, every_check: bool = False) -> str:
         every_check: all checks with their results, instead of the failed ones only.
     """
     lines = [*_wrapped(verdict(examination))]
-    for number, finding in enumerate(_roots(examination), start=1):
+    for number, finding in enumerate(examination.causes, start=1):
         fault = known_faults()[finding.fault]
         lines += ["", *_wrapped(f"{number}. {fault.title}", "   "), *_wrapped(f"   {_facts(finding)}", "   ")]
         for label, sentence in (("evidence", finding.evidence), ("look at", fault.where), ("fix", fault.fix)):
             lines += _wrapped(f"   {label:<9} {sentence}", " " * 13)
-    caused = _consequences(examination)
-    if caused:
+    if examination.consequences:
         lines += ["", "Probably consequences; check them again after the fix:"]
-        for finding in caused:
+        for finding in examination.consequences:
             lines += _wrapped(f"  {finding.fault} (of {finding.consequence_of}): {finding.evidence}", "    ")
     return "\n".join([*lines, "", *_checks(examination, every_check)])
 
@@ -128,13 +216,8 @@ def _wrapped(line: str, indent: str = "") -> list[str]:
     return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
-def examination_document(examination: Examination, evidence: Sequence[EvidenceRun] = ()) -> Document:
-    """The report of an examination.
-
-    Args:
-        examination: the findings and checks.
-        evidence: the runs that show the findings, of which the figures are drawn; a saved examination has none.
-    """
+def examination_document(examination: Examination) -> Document:
+    """The report of an examination, with the figures of the runs that show its findings; a saved one has no runs."""
     tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: ""}
     rows = [
         (Cell(_mark(check), tone=tones[check.passed]), Cell(check.name), Cell(check.question), Cell(check.result))
@@ -144,7 +227,7 @@ def examination_document(examination: Examination, evidence: Sequence[EvidenceRu
     sections = [
         Section("Verdict", tuple(_verdict(examination))),
         *([Section("Findings", tuple(_findings(examination)))] if examination.findings else []),
-        *(Section(f"Drive: {run.description}", tuple(_drive(run))) for run in evidence),
+        *(Section(f"Drive: {run.description}", tuple(_drive(run))) for run in examination.evidence),
         Section("All checks", (Table("checks", columns, tuple(rows)),)),
     ]
     return Document("examination", examination.tracker, tuple(sections))
@@ -163,7 +246,7 @@ def _verdict(examination: Examination) -> Iterator[Block]:
 
 def _findings(examination: Examination) -> Iterator[Block]:
     faults = known_faults()
-    for number, finding in enumerate(_roots(examination), 1):
+    for number, finding in enumerate(examination.causes, 1):
         fault = faults[finding.fault]
         advice: Block = Items(
             (Item(finding.evidence, "Evidence"), Item(fault.where, "Where to look"), Item(fault.fix, "Fix"))
@@ -173,7 +256,7 @@ def _findings(examination: Examination) -> Iterator[Block]:
         yield Section(f"{number}. {fault.title}", (Paragraph(_facts(finding)), advice))
     caused = [
         Item(f"{finding.evidence} (of {finding.consequence_of})", faults[finding.fault].title)
-        for finding in _consequences(examination)
+        for finding in examination.consequences
     ]
     if caused:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))

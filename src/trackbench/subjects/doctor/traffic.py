@@ -5,7 +5,6 @@ A scene has objects that move straight and steadily about a sensor at rest. The 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,16 +17,16 @@ from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.examine import Examination
 from trackbench.subjects.doctor.findings import (
     TRAFFIC_CHECKS,
     CheckResult,
-    DoctorCheck,
     Finding,
     PartResult,
     checks_of,
     rank,
 )
+from trackbench.subjects.doctor.output_checks import quiet
+from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.site import simplified
 from trackbench.trackers.answers import tracks_of_run
 
@@ -48,13 +47,11 @@ class Site:
     name: str
     sensor: Sensor
 
-    def ideal(self, objects: Array, time: float = 0.0) -> Array:
-        """``(m, n)`` measurements without noise of objects ``(4, n)`` that were there at time 0."""
-        return self.sensor.measure(moved(objects, time), np.zeros(3), np.zeros(2))
-
-    def detections(self, objects: Array, time: float, random: np.random.Generator) -> Array:
-        """``(m, n)`` noisy measurements of objects ``(4, n)`` that were there at time 0."""
-        ideal = self.ideal(objects, time)
+    def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
+        """``(m, n)`` measurements of objects ``(4, n)`` that were there at time 0; without ``random`` without noise."""
+        ideal = self.sensor.measure(moved(objects, time), np.zeros(3), np.zeros(2))
+        if random is None:
+            return ideal
         return ideal + np.array(self.sensor.sigmas())[:, None] * random.standard_normal(ideal.shape)
 
     def scan(self, time: float, detections: Array, random: np.random.Generator) -> Scan:
@@ -76,19 +73,27 @@ class Site:
             field_of_view=FieldOfView(np.pi, RANGE),
         )
 
-    def exact(self, objects: Array, seconds: float) -> list[Scan]:
-        """Every object detected in every scan, without noise."""
-        times, random = np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(0)
-        return [self.scan(float(t), self.ideal(objects, float(t)), random) for t in times]
+    def scans(
+        self,
+        objects: Array,
+        seconds: float,
+        random: np.random.Generator | None = None,
+        *,
+        start: float = 0.0,
+        origin: float = 0.0,
+    ) -> list[Scan]:
+        """Every object ``(4, n)`` detected in every scan.
 
-    def scans(self, objects: Array, start: float, seconds: float, random: np.random.Generator) -> list[Scan]:
-        """Every object detected in every scan."""
+        Args:
+            objects: where they are ``start`` seconds before the first scan.
+            seconds: length.
+            random: of the noise and of the order of the detections; None: without noise.
+            start: time of the first scan after ``origin``, s.
+            origin: time at which the objects are where they are, s.
+        """
         times = start + np.arange(round(seconds * RATE)) / RATE
-        return [self.scan(float(t), self.detections(objects, float(t), random), random) for t in times]
-
-    def none(self, start: float, seconds: float, random: np.random.Generator) -> list[Scan]:
-        """Empty scans."""
-        return self.scans(OBJECTS[:, :0], start, seconds, random)
+        order = random or np.random.default_rng(0)
+        return [self.scan(float(t) + origin, self.detections(objects, float(t), random), order) for t in times]
 
     def expected(self, tracks: Tracks, column: int) -> tuple[Array, Array, Array]:
         """The measurement that a track expects at its own time, its covariance, and the gain of a Kalman filter."""
@@ -96,7 +101,7 @@ class Site:
         slope = self.sensor.jacobian(mean, np.zeros(3), np.zeros(2))
         covariance = slope @ prior @ slope.T + self.sensor.noise_covariance()
         gain = np.asarray(np.linalg.solve(covariance, slope @ prior).T, dtype=float)
-        return self.ideal(mean), covariance, gain
+        return self.detections(mean), covariance, gain
 
 
 class MultiObjectSession:
@@ -160,6 +165,7 @@ class TrafficDoctor:
         self._sites = list(kinds.values())
 
     @one_blas_thread()
+    @quiet()
     def examine(self, name: str, make: Make, progress: Progress = no_progress) -> Examination:
         """Make all checks of a tracker, with each sensor whose detections alone give it tracks.
 
@@ -171,25 +177,25 @@ class TrafficDoctor:
         Raises:
             CannotRun: the tracker fails in a scene.
         """
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            used = [site for site in self._sites if _played("begins", _begins, make, site)] or self._sites[:1]
-            records = checks_of(TRAFFIC_CHECKS)
-            scenes = [(record, [site]) for site in used for record in records if record.least_sensors == 1]
-            scenes += [(record, used) for record in records if 1 < record.least_sensors <= len(used)]
-            why = "no track comes of its detections alone; nothing was tried with it"
-            question = "Does an object that this sensor detects become a track?"
-            left_out = [site.name for site in self._sites if site not in used]
-            checks = [CheckResult(f"confirmation.{sensor}", question, None, why) for sensor in left_out]
-            findings: dict[str, list[Finding]] = {}
-            for done, (record, sites) in enumerate(scenes, start=1):
-                result = _played(record.name, record.make, make, sites[0] if record.least_sensors == 1 else sites)
-                # A check with one of several sensors names it.
-                sensor = sites[0].name if len(sites) < len(used) else None
-                checks += _with_questions(result.checks, record, sensor)
-                for finding in result.findings:
-                    findings.setdefault(finding.fault, []).append(replace(finding, sensor=sensor))
-                progress(done, len(scenes))
+        used = [site for site in self._sites if _played("begins", _begins, make, site)] or self._sites[:1]
+        records = checks_of(TRAFFIC_CHECKS)
+        scenes = [(record, [site]) for site in used for record in records if record.least_sensors == 1]
+        scenes += [(record, used) for record in records if 1 < record.least_sensors <= len(used)]
+        why = "no track comes of its detections alone; nothing was tried with it"
+        question = "Does an object that this sensor detects become a track?"
+        left_out = [site.name for site in self._sites if site not in used]
+        checks = [CheckResult(f"confirmation.{sensor}", question, None, why) for sensor in left_out]
+        findings: dict[str, list[Finding]] = {}
+        for done, (record, sites) in enumerate(scenes, start=1):
+            result = _played(record.name, record.make, make, sites[0] if record.least_sensors == 1 else sites)
+            # A check with one of several sensors names it.
+            sensor = sites[0].name if len(sites) < len(used) else None
+            ending = "" if sensor is None else f".{sensor}"
+            asks = {question.name: question.asks for question in record.questions}
+            checks += [replace(check, name=check.name + ending, question=asks[check.name]) for check in result.checks]
+            for finding in result.findings:
+                findings.setdefault(finding.fault, []).append(replace(finding, sensor=sensor))
+            progress(done, len(scenes))
         # Each fault once; of no sensor in particular where all show it.
         once = [replace(same[0], sensor=None) if len(same) >= len(used) else same[0] for same in findings.values()]
         return Examination(name, rank(once, TRAFFIC_CHECKS), checks)
@@ -198,7 +204,7 @@ class TrafficDoctor:
 def _begins(make: Make, site: Site) -> bool:
     """Whether detections of one object make a track at all."""
     session = MultiObjectSession(make)
-    return any(len(session.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
+    return any(len(session.step(scan).ids) for scan in site.scans(OBJECTS[:, :1], 4.0))
 
 
 def _played(scene: str, play: Callable[..., Any], make: Make, sites: Site | list[Site]) -> Any:
@@ -206,9 +212,3 @@ def _played(scene: str, play: Callable[..., Any], make: Make, sites: Site | list
         return play(make, sites)
     except Exception as error:
         raise CannotRun(f"in the scene {scene}: {error or type(error).__name__}") from error
-
-
-def _with_questions(checks: list[CheckResult], record: DoctorCheck[Any], sensor: str | None) -> list[CheckResult]:
-    asks = {question.name: question.asks for question in record.questions}
-    ending = "" if sensor is None else f".{sensor}"
-    return [replace(check, name=check.name + ending, question=asks[check.name]) for check in checks]

@@ -74,7 +74,7 @@ def _steps(make: Make, site: Site, objects: Array, distance: float, alone: bool 
 def _step(make: Make, site: Site, target: Array, component: int, distance: float) -> tuple[float, int]:
     """The longest step of the tracks on an object, and how many there are."""
     session, left = MultiObjectSession(make), round(SETTLED * RATE)
-    for scan in site.exact(target[:, None], AWAITED):
+    for scan in site.scans(target[:, None], AWAITED):
         tracks = session.step(scan)
         column = nearest(tracks, moved(target, scan.time))
         left -= column is not None
@@ -158,7 +158,7 @@ class _Track:
     @classmethod
     def of_one_object(cls, make: Make, site: Site) -> _Track | None:
         """As late as its existence is not certain; None: there is none."""
-        scans, session, track = site.exact(OBJECTS[:, :1], FOLLOWED), MultiObjectSession(make), None
+        scans, session, track = site.scans(OBJECTS[:, :1], FOLLOWED), MultiObjectSession(make), None
         for count, scan in enumerate(scans, start=1):
             tracks = session.step(scan)
             column = nearest(tracks, moved(OBJECTS[:, 0], scan.time))

@@ -34,7 +34,7 @@ EMPTY, COMING = 3, 8
 
 def following(make: Make, site: Site) -> PartResult:
     """Three objects far apart, each detected in every scan."""
-    scans = site.scans(OBJECTS, 0.0, 3.0, np.random.default_rng(1))
+    scans = site.scans(OBJECTS, 3.0, np.random.default_rng(1))
     count = _on_objects(MultiObjectSession(make).follow(scans), scans)
     first = np.array([np.argmax(own > 0) if own.any() else len(own) for own in count.T])
     waited, never = float(np.median(first)) / RATE, bool(np.median(first) == len(scans))
@@ -46,7 +46,7 @@ def following(make: Make, site: Site) -> PartResult:
 def together(make: Make, sites: Sequence[Site]) -> PartResult:
     """The same objects, seen by sensors in turn."""
     random, seconds = np.random.default_rng(2), 2.0
-    parts = (site.scans(OBJECTS, k / RATE / len(sites), seconds, random) for k, site in enumerate(sites))
+    parts = (site.scans(OBJECTS, seconds, random, start=k / RATE / len(sites)) for k, site in enumerate(sites))
     scans = [scan for instant in zip(*parts, strict=True) for scan in instant]
     return _single_tracks(
         PartResult(), "double_tracks.together", _on_objects(MultiObjectSession(make).follow(scans), scans)
@@ -70,13 +70,13 @@ def leaving(make: Make, site: Site) -> PartResult:
     """An object goes and others stay; they go; twice others come elsewhere."""
     random, stay, away = np.random.default_rng(4), 2.0, LONGEST + 0.5
     session, result = MultiObjectSession(make), PartResult()
-    before = session.follow(site.scans(OBJECTS, 0.0, stay, random))[-1]
+    before = session.follow(site.scans(OBJECTS, stay, random))[-1]
     if not len(before.ids):
         return result
-    others = _later(site.scans(moved(OBJECTS[:, 1:], stay), 0.0, away, random), stay)
+    others = site.scans(moved(OBJECTS[:, 1:], stay), away, random, origin=stay)
     fewer = session.follow(others)
     stale = [(~_on(tracks, moved(OBJECTS[:, 1:], scan.time))).any() for tracks, scan in zip(fewer, others, strict=True)]
-    none = _until_none(session, site.none(stay + away, away, random))
+    none = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=stay + away))
     lasted = [sum(stale) / RATE, sum(len(tracks.ids) > 0 for tracks in none) / RATE]
     text = (
         f"it is there for {lasted[0]:.1f} s of {away:g} s without a detection while others are detected, "
@@ -88,8 +88,8 @@ def leaving(make: Make, site: Site) -> PartResult:
     for turn in (0.0, 0.4):
         angle = turn + 2 * np.pi * np.arange(COMING) / COMING
         ring = np.array([70 * np.cos(angle), 70 * np.sin(angle), 5 * np.cos(angle), 5 * np.sin(angle)])
-        wave = session.follow(_later(site.scans(ring, 0.0, LATEST, random), time))
-        gone = _until_none(session, site.none(time + LATEST, away, random))
+        wave = session.follow(site.scans(ring, LATEST, random, origin=time))
+        gone = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=time + LATEST))
         ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved(ring, LATEST / 2))].tolist()}
         again, count = again + len(ids & earlier), count + len(ids)
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
@@ -101,14 +101,14 @@ def leaving(make: Make, site: Site) -> PartResult:
 
 def order(make: Make, site: Site) -> PartResult:
     """Objects side by side, their detections in two random orders."""
-    detection = site.scan(0.0, site.ideal(np.array([[40.0], [10], [0], [0]])), np.random.default_rng(0))
+    detection = site.scan(0.0, site.detections(np.array([[40.0], [10], [0], [0]])), np.random.default_rng(0))
     variances = np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2))
     changed = ""
     for number, spacing in enumerate(SPACINGS):
         by = spacing * float(np.sqrt(variances.max()))
         close = np.array([[40.0, 10, -5, 0], [40, 10 + by, -5, 0], [40 + by, 10 + by / 2, -5, 0]]).T
         random = np.random.default_rng(5 + number)
-        scans = site.scans(close, 0.0, 1.5, random)
+        scans = site.scans(close, 1.5, random)
         # Not only the other way round: a track that takes the detection in its own column would not tell.
         mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
         changed = changed or _difference(MultiObjectSession(make).follow(scans), MultiObjectSession(make).follow(mixed))
@@ -133,12 +133,12 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
 def empty_scan(make: Make, site: Site) -> PartResult:
     """A few empty scans after objects that every scan detected."""
     session = MultiObjectSession(make)
-    scans = site.exact(OBJECTS, 2.0)
+    scans = site.scans(OBJECTS, 2.0)
     last = session.follow(scans)[-1]
     if not len(last.ids):
         return PartResult()
     worst, text = -1.0, "at empty scans there are no tracks"
-    for scan in site.none(scans[-1].time + 1 / RATE, EMPTY / RATE, np.random.default_rng(0)):
+    for scan in site.scans(OBJECTS[:, :0], EMPTY / RATE, start=scans[-1].time + 1 / RATE):
         tracks, elapsed = session.step(scan), scan.time - scans[-1].time
         if not len(tracks.ids):
             continue
@@ -184,10 +184,6 @@ def _until_none(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Trac
         if not len(answers[-1].ids):
             break
     return answers
-
-
-def _later(scans: Sequence[Scan], by: float) -> list[Scan]:
-    return [scan._replace(time=scan.time + by, arrival_time=scan.arrival_time + by) for scan in scans]
 
 
 CHECKS = (
