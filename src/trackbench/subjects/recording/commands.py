@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -19,9 +18,8 @@ from trackbench.results import to_json
 
 if TYPE_CHECKING:
     from trackbench.scenario import Scenario
-    from trackbench.subjects.recording.focus import Opening
     from trackbench.subjects.recording.live import Live
-    from trackbench.subjects.recording.viewer import Viewer
+    from trackbench.subjects.recording.viewer import Playable, Viewer
 
 TRACKER = click.option(
     "--tracker",
@@ -41,37 +39,25 @@ class MomentCommand(click.Command):
 
 
 def worst_option(help: str) -> Callable[[Any], Any]:
-    """``--worst [N]``"""
     return click.option("--worst", type=click.IntRange(1), metavar="[N]", help=help)
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``--at``, ``--worst``, ``--vehicle`` and ``--tracker`` of a command that shows a recording; it gets ``where``."""
-
-    @wraps(command)
-    def with_opening(
-        *, at: float | None, worst: int | None, vehicle: str | None, tracker: str | None, **rest: Any
-    ) -> Any:
-        if at is not None and worst is not None:
-            raise click.UsageError("--at and --worst are two times: give one of them")
-        from trackbench.subjects.recording.focus import Opening
-
-        return command(**rest, where=Opening(at, worst, vehicle, tracker))
-
+    """``--at``, ``--worst``, ``--vehicle`` and ``--tracker`` of a command that shows a recording."""
     for option in (
         TRACKER,
         click.option("--vehicle", metavar="NAME", help="Scene and plots of this vehicle; with --worst: its moments."),
         worst_option("Stop at the moment of the largest position error, or of the Nth largest, at its vehicle."),
         click.option("--at", type=float, metavar="T", help="Stop at this time, in seconds."),
     ):
-        with_opening = option(with_opening)
-    return with_opening
+        command = option(command)
+    return command
 
 
 @click.command("view", cls=MomentCommand)
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN...")
 @opening_options
-def view_command(runs: tuple[Path, ...], where: Opening) -> None:
+def view_command(runs: tuple[Path, ...], **opening: Any) -> None:
     """Open runs in the Rerun viewer.
 
     RUN is a recording (.rrd) or the folder of a run; several of the same traffic are laid over each other.
@@ -82,24 +68,37 @@ def view_command(runs: tuple[Path, ...], where: Opening) -> None:
       trackbench view results/highway --worst --tracker ekf_cv
       trackbench view before/highway after/highway --at 12.4 --vehicle v3
     """
-    open_viewer(runs, where)
+    open_viewer(runs, **opening)
 
 
-def open_viewer(runs: tuple[Path, ...], where: Opening) -> None:
+def open_viewer(runs: tuple[Path, ...], **opening: Any) -> None:
     """Open the viewer in a window, which stays when this program ends."""
     from trackbench.subjects.recording import viewer
+
+    with _playable(runs, **opening) as ready:
+        viewer.start().open(ready.files, ready.time_s)
+
+
+@contextmanager
+def _playable(
+    runs: Sequence[Path], at: float | None, worst: int | None, vehicle: str | None, tracker: str | None
+) -> Iterator[Playable]:
+    """Files for the viewer; notes on them go to stderr."""
+    if at is not None and worst is not None:
+        raise click.UsageError("--at and --worst are two times: give one of them")
+    from trackbench.subjects.recording.focus import Opening
     from trackbench.subjects.recording.viewer import playable
 
-    with playable(runs, where) as ready:
+    with playable(runs, Opening(at, worst, vehicle, tracker)) as ready:
         for note in ready.notes:
             click.echo(note, err=True)
-        viewer.start().open(ready.files, ready.time_s)
+        yield ready
 
 
 @click.command("snapshot", cls=MomentCommand)
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN... OUT.png")
 @opening_options
-def snapshot_command(paths: tuple[Path, ...], where: Opening) -> None:
+def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
     """Save a picture of a run, at a time or at its worst moment.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run; several of the same
@@ -117,14 +116,11 @@ def snapshot_command(paths: tuple[Path, ...], where: Opening) -> None:
         raise click.UsageError(f"the picture is a PNG: name it {out.stem}.png, not {out.name}")
     if not runs:
         raise click.UsageError(f"name the run before the picture: RUN {out}")
-    if where.at_s is None and where.worst is None:
+    if opening["at"] is None and opening["worst"] is None:
         raise click.UsageError("a picture needs a time: give --at or --worst")
     from trackbench.subjects.recording import viewer
-    from trackbench.subjects.recording.viewer import playable
 
-    with playable(runs, where) as ready:
-        for note in ready.notes:
-            click.echo(note, err=True)
+    with _playable(runs, **opening) as ready:
         assert ready.time_s is not None
         results.write_bytes(out, viewer.picture(ready.files, ready.time_s))
     click.echo(out)
@@ -162,7 +158,7 @@ def inspect_command(
     if vehicle is not None and worst is None and not opened:
         raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
     from trackbench.subjects.recording.data import read
-    from trackbench.subjects.recording.focus import Opening, require_worst
+    from trackbench.subjects.recording.focus import require_worst
     from trackbench.subjects.recording.inspection import inspect
     from trackbench.subjects.recording.printing import print_inspection
 
@@ -176,7 +172,7 @@ def inspect_command(
     else:
         print_inspection(inspection, Console(highlight=False, markup=False, emoji=False))
     if opened:
-        open_viewer((run,), Opening(at, None if at is not None else 1, vehicle, tracker))
+        open_viewer((run,), at=at, worst=None if at is not None else 1, vehicle=vehicle, tracker=tracker)
 
 
 NAMES = ("live", "connect", "serve", "host")
@@ -238,7 +234,13 @@ def _follow(values: OptionValues) -> Iterator[Live | None]:
         if stream.lost:
             click.echo("the viewer was lost; the run went on without it", err=True)
         if serve and viewer is not None:
-            _until_interrupted(viewer)
+            click.echo("Ctrl-C ends the server of the viewer", err=True)
+            try:
+                viewer.process.wait()
+            except KeyboardInterrupt:
+                click.echo(err=True)
+            finally:
+                viewer.stop()
 
 
 def _place(connect: str | None, host: str | None) -> tuple[str, Viewer | None]:
@@ -267,16 +269,6 @@ def _address(url: str) -> tuple[str, int]:
     except ValueError:
         pass
     raise InputError(f"write rerun+http://HOST:PORT/proxy, not {url!r}", key="--connect")
-
-
-def _until_interrupted(viewer: Viewer) -> None:
-    click.echo("Ctrl-C ends the server of the viewer", err=True)
-    try:
-        viewer.process.wait()
-    except KeyboardInterrupt:
-        click.echo(err=True)
-    finally:
-        viewer.stop()
 
 
 RUN_OPTIONS = RunOptions(_add, _check, _follow)

@@ -51,6 +51,8 @@ class Contents:
     """Markdown."""
     best: str | None = None
     """The best tracker."""
+    unlabelled: Result | None = None
+    """The result of a run with hidden identities."""
 
     @property
     def hold(self) -> float:
@@ -63,6 +65,16 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
     summary = result.summary
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
+    tables = result.tables
+    if len(names) < len(summary.trackers):
+        tables = Tables(
+            {
+                name: table.filter(pc.is_in(table["tracker"], pa.array(names)))
+                if "tracker" in table.column_names
+                else table
+                for name, table in tables.items()
+            }
+        )
     return Contents(
         name=result.name,
         runs=str(summary.runs),
@@ -70,22 +82,12 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         vehicles=list(summary.truth.objects),
         colours=colours_of(names, colours),
         sensors=summary.sensors,
-        tables=_of_trackers(result.tables, names) if len(names) < len(summary.trackers) else result.tables,
+        tables=tables,
         reference="" if summary.reference is None else summary.reference.label,
-        ranking=ranking(result) if summary.identities == "known" else track_ranking(result),
+        ranking=ranking(result),
         about=about(result),
         best=result.contenders[0].name if result.scored else None,
-    )
-
-
-def _of_trackers(tables: Tables, names: Sequence[str]) -> Tables:
-    """The tables with the rows of these trackers, and of what has to do with none."""
-    kept = pa.array(names)
-    return Tables(
-        {
-            name: table.filter(pc.is_in(table["tracker"], kept)) if "tracker" in table.column_names else table
-            for name, table in tables.items()
-        }
+        unlabelled=result if summary.identities == "hidden" else None,
     )
 
 
@@ -136,8 +138,15 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         table: _joined({label: result.tables.if_there(table) for label, result in named.items()}, column)
         for table, column in parts.items()
     }
-    called = {result.summary.held_against.label for result in named.values()}
+    references = {result.summary.held_against.label for result in named.values()}
     name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
+    lines = [truth(first.summary)]
+    for label, result in named.items():
+        summary = result.summary
+        run = f"run {summary.recorded_run} of {summary.runs}, seed {summary.seed}"
+        lines.append(f"- **{label}**: {run}, measurements `{summary.fingerprint}`; `{summary.command}`")
+    if len({result.summary.fingerprint for result in named.values()}) > 1:
+        lines += ["", "The scores are over different measurements: a small difference between two may be chance."]
     return Contents(
         name=name,
         runs=runs,
@@ -146,22 +155,10 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         colours=tracker_colours(tracker.name for tracker in trackers),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
-        reference=called.pop() if len(called) == 1 else "reference",
+        reference=references.pop() if len(references) == 1 else "reference",
         ranking="\n".join(ranked(name, runs, sorted(trackers, key=_error))),
-        about="\n".join([*_about(named), *legend(trackers, sensors)]),
+        about="\n".join([*lines, *legend(trackers, sensors)]),
     )
-
-
-def _about(named: Mapping[str, Result]) -> list[str]:
-    """What each of the runs is, and whether their scores can be held against each other."""
-    lines = [truth(next(iter(named.values())).summary)]
-    for label, result in named.items():
-        summary = result.summary
-        of = f"run {summary.recorded_run} of {summary.runs}, seed {summary.seed}"
-        lines.append(f"- **{label}**: {of}, measurements `{summary.fingerprint}`; `{summary.command}`")
-    if len({result.summary.fingerprint for result in named.values()}) > 1:
-        lines += ["", "The scores are over different measurements: a small difference between two may be chance."]
-    return lines
 
 
 def _each(numbers: Any) -> str:
@@ -224,41 +221,42 @@ INTERVALS = {"gospa": "GOSPA m", "hota": "HOTA"}
 
 
 def ranking(result: Result) -> str:
-    """The trackers by position RMSE, and whether the scenario's expectations were met."""
+    """The trackers by position RMSE or GOSPA, and whether the scenario's expectations were met."""
     summary = result.summary
-    lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
-    return "\n".join([*lines, *_mixed(result.scored), *expectations(summary)])
-
-
-def expectations(summary: Summary) -> Iterator[str]:
-    """Whether those of the scenario were met."""
+    if summary.identities == "hidden":
+        lines = [f"## {result.name}", f"{all_runs(str(summary.runs))}, ranked by GOSPA", ""]
+        lines += _table(result.scored, METRICS, lambda metric: number(metric.value))
+        if any(metric.ci95 for tracker in result.scored for metric in tracker.metrics.values()):
+            lines += ["", "### 95 % intervals", "", *_table(result.scored, INTERVALS, _interval)]
+        lines += _failed({tracker.name: result.why_unscored(tracker) for tracker in result.unscored})
+    else:
+        lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
+        mixed = [tracker for tracker in result.scored if tracker.nees.verdict == "mixed"]
+        if mixed:
+            lines += ["", f"*mixed*: {MEANING['mixed']}. NEES where {mixed[0].nees.dof} is right:", ""]
+            lines += [f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in mixed]
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
-        yield from ("", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations))
+        lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]
+    return "\n".join(lines)
 
 
-def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[str]:
+def ranked(name: str, runs: str, trackers: Sequence[TrackerResult]) -> list[str]:
     """A table of trackers in the order given, then those that failed."""
-    yield f"## {name}"
-    yield f"{all_runs(runs)}, ranked by position RMSE, ± 95 %"
-    yield ""
-    yield "| tracker | RMSE m | / ref | NEES | covariance |"
-    yield "|:--|--:|--:|--:|:--|"
-    failures = []
-    for tracker in trackers:
-        yield _row(tracker)
-        if tracker.failed is not None:
-            failures.append(f"- **{tracker.name}**: {tracker.failed}")
-    if failures:
-        yield from ("", "### Failed", "", *failures)
+    return [
+        f"## {name}",
+        f"{all_runs(runs)}, ranked by position RMSE, ± 95 %",
+        "",
+        "| tracker | RMSE m | / ref | NEES | covariance |",
+        "|:--|--:|--:|--:|:--|",
+        *map(_row, trackers),
+        *_failed({tracker.name: tracker.failed for tracker in trackers if tracker.failed is not None}),
+    ]
 
 
-def _mixed(trackers: Iterable[TrackerResult]) -> Iterator[str]:
-    """Under which conditions each mixed covariance is off."""
-    mixed = [tracker for tracker in trackers if tracker.nees.verdict == "mixed"]
-    if mixed:
-        yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {mixed[0].nees.dof} is right:", "")
-        yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in mixed)
+def _failed(causes: Mapping[str, object]) -> list[str]:
+    lines = [f"- **{name}**: {cause}" for name, cause in causes.items()]
+    return ["", "### Failed", "", *lines] if lines else []
 
 
 def all_runs(runs: str) -> str:
@@ -349,18 +347,6 @@ def number(value: float | None) -> str:
     if value is None:
         return NOT_AVAILABLE
     return f"{value:#.3g}" if abs(value) < 100 else f"{value:.0f}"
-
-
-def track_ranking(result: Result) -> str:
-    """The trackers by GOSPA, and whether the scenario's expectations were met."""
-    lines = [f"## {result.name}", f"{all_runs(str(result.summary.runs))}, ranked by GOSPA", ""]
-    lines += _table(result.scored, METRICS, lambda metric: number(metric.value))
-    if any(metric.ci95 for tracker in result.scored for metric in tracker.metrics.values()):
-        lines += ["", "### 95 % intervals", "", *_table(result.scored, INTERVALS, _interval)]
-    failed = [f"- **{tracker.name}**: {result.why_unscored(tracker)}" for tracker in result.unscored]
-    if failed:
-        lines += ["", "### Failed", "", *failed]
-    return "\n".join([*lines, *expectations(result.summary)])
 
 
 def _table(

@@ -145,7 +145,6 @@ def _beside(path: Path, cause: str) -> Recorded:
     Raises:
         InputError: there are none.
     """
-    folder = path.parent
-    if not (folder / SUMMARY).is_file():
+    if not (path.parent / SUMMARY).is_file():
         raise InputError(f"{cause}, and there is no {SUMMARY} beside it to read instead", file=path)
-    return Recorded(Result.load(folder), folder, None, f"{path}: {cause}")
+    return Recorded(Result.load(path.parent), path.parent, None, f"{path}: {cause}")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.moments import EstimateMoment, distinct, require_name, require_time, worst
-from trackbench.metrics.recorded_run import RecordedRun, recorded_run
+from trackbench.metrics.moments import distinct, require_name, require_time, worst
+from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
 from trackbench.results.columns import split
@@ -53,11 +53,24 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
     if opening.vehicle is not None:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
     if opening.worst is not None and summary.identities == "hidden":
-        event = nth_event(results[0], opening.worst, opening.tracker, opening.vehicle)
+        events = costly_events(results[0], opening.tracker, opening.vehicle)
+        if len(events) < opening.worst:
+            raise InputError(f"only {len(events)} such events: no other costs anything", key="--worst")
+        event = events[opening.worst - 1]
         vehicle, beside = _vehicle_at(results[0], event)
         return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
     if opening.worst is not None:
-        moment = _worst([recorded_run(result) for result in results], opening.worst, opening)
+        runs = [recorded_run(result) for result in results]
+        names = list(dict.fromkeys(name for run in runs for name in run.tracks))
+        trackers = names if opening.tracker is None else [require_name(opening.tracker, names, "tracker")]
+        moments = distinct(
+            moment
+            for run in runs
+            for moment in worst(run, [name for name in trackers if name in run.tracks], opening.worst, opening.vehicle)
+        )
+        if len(moments) < opening.worst:
+            raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
+        moment = moments[opening.worst - 1]
         return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
     if opening.at_s is not None:
         for result in results:
@@ -88,17 +101,10 @@ def require_worst(result: Result, worst: int | None, tracker: str | None) -> Non
         raise InputError("names whose worst moments are meant: give --worst with it", key="--tracker")
 
 
-def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | None) -> TrackEvent:
-    """The event of the recorded run that is the Nth in the order of cost.
-
-    Raises:
-        InputError: there are fewer events that cost something.
-    """
-    every = events_of(result, tracker, result.summary.recorded_run, vehicle)
-    costly = [event for event in every if event.cost_m2 > 0]
-    if len(costly) < number:
-        raise InputError(f"only {len(costly)} such events: no other costs anything", key="--worst")
-    return costly[number - 1]
+def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> list[TrackEvent]:
+    """The events of the recorded run that cost something, the costliest first."""
+    events = events_of(result, tracker, result.summary.recorded_run, vehicle)
+    return [event for event in events if event.cost_m2 > 0]
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
@@ -110,16 +116,3 @@ def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, fl
             away[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
     vehicle = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
     return vehicle, away[vehicle]
-
-
-def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> EstimateMoment:
-    names = list(dict.fromkeys(name for run in runs for name in run.tracks))
-    trackers = names if opening.tracker is None else [require_name(opening.tracker, names, "tracker")]
-    moments = distinct(
-        moment
-        for run in runs
-        for moment in worst(run, [name for name in trackers if name in run.tracks], number, opening.vehicle)
-    )
-    if len(moments) < number:
-        raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
-    return moments[number - 1]

@@ -17,10 +17,11 @@ from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
-from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.metrics.track_events import TrackEvent
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
 from trackbench.subjects.recording.data import Recorded, read
+from trackbench.subjects.recording.focus import costly_events
 
 #: By tracker that has several motion models, by vehicle and by mode.
 Modes = dict[str, dict[str, dict[str, float]]]
@@ -129,7 +130,14 @@ class Inspection:
         }
         if summary.identities == "known":
             scored = {tracker.name: tracker for tracker in self.scored}
-            values["trackers"] = [_tracker_json(scored.get(tracker.name, tracker)) for tracker in summary.trackers]
+            plain: Any = {"name", "describe", "failed"}
+            full: Any = {**dict.fromkeys(plain, True), "metrics": True, "health": {"diverged_runs"}}
+            values["trackers"] = [
+                scored.get(tracker.name, tracker).model_dump(
+                    mode="json", include=full if tracker.failed is None else plain
+                )
+                for tracker in summary.trackers
+            ]
             values |= {"checked": self.checked and asdict(self.checked), "modes": self.modes}
         else:
             values["trackers"] = [tracker.model_dump(mode="json") for tracker in summary.trackers]
@@ -167,10 +175,7 @@ def inspect(
     if result.summary.identities == "hidden":
         if vehicle is not None:
             require_name(vehicle, result.summary.truth.objects, "vehicle")
-        events = None
-        if count is not None:
-            every = events_of(result, tracker, result.summary.recorded_run, vehicle)
-            events = [event for event in every if event.cost_m2 > 0][:count]
+        events = None if count is None else costly_events(result, tracker, vehicle)[:count]
         moment = None if at is None else _tracks_at(result, at, tracker)
         return Inspection(recorded, list(result.scored), at=moment, worst=events)
     run = recorded_run(result)
@@ -202,13 +207,6 @@ def _modes(result: Result, trackers: list[str], vehicle: str | None, at: float |
         if len(probability) and tracker in trackers and vehicle in (None, name):
             modes.setdefault(tracker, {}).setdefault(name, {})[mode] = float(probability.mean())
     return modes
-
-
-def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
-    included: Any = {"name", "describe", "failed"}
-    if tracker.failed is None:
-        included = {**dict.fromkeys(included, True), "metrics": True, "health": {"diverged_runs"}}
-    return tracker.model_dump(mode="json", include=included)
 
 
 def _checked(recorded: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
@@ -327,12 +325,12 @@ def _take(
 
 def _reached(tracker: TrackerResult, scorer: Scorer, together: frozenset[str]) -> TrackerResult:
     sums = scorer.close()
-    known = evaluate(sums, np.zeros(1, dtype=np.intp), givers=together).values
+    values = evaluate(sums, np.zeros(1, dtype=np.intp), givers=together).values
     return TrackerResult(
         name=tracker.name,
         describe=tracker.describe,
         failed=tracker.failed,
-        metrics={path: value for path, value in known.items() if path.partition(".")[0] not in NOT_RECORDED},
+        metrics={path: value for path, value in values.items() if path.partition(".")[0] not in NOT_RECORDED},
         health=Health(diverged_runs=health(sums[ESTIMATES.name]).diverged_runs),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
@@ -28,7 +28,7 @@ WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
-def entries(trackers: Mapping[str, str], sensors: list[str], hidden: bool = False) -> list[NamedColour]:
+def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = False) -> list[NamedColour]:
     """What is in the scene and the plots: trackers by their colours, measurements of each sensor, truth, observer.
 
     With ``hidden`` identities the colours of the trackers are those of the plots alone.
@@ -114,15 +114,6 @@ def send_chart(stream: Stream, chart: Chart) -> None:
             send_line(stream, entity, line.time, logarithm, line.name, line.colour, line.width)
 
 
-def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Focus) -> rrb.Container:
-    """A tab for all runs, one for the recorded run, and one for each of ``vehicles``; that in focus is open."""
-    runs = _page(charts.all_runs, all_runs(contents.runs))
-    recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
-    own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
-    tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
-    return rrb.Tabs(runs, recorded, *own, active_tab=tab)
-
-
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
     """Errors of position and velocity, NEES and the NIS of the sensors, each with its logarithms where it needs them.
 
@@ -164,11 +155,15 @@ EVENTS = "events"
 
 
 def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
-    """The layout of a recording."""
+    """The layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
     vehicles = _shown(contents.vehicles, focus)
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
-    main = rrb.Vertical(scene, plots(contents, charts, vehicles, focus), row_shares=[4, 5])
-    return opened(beside(main, entries(contents.colours, list(contents.sensors)), _texts()), focus)
+    runs = _page(charts.all_runs, all_runs(contents.runs))
+    recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
+    own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
+    tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
+    main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *own, active_tab=tab), row_shares=[4, 5])
+    return _opened(main, contents, focus)
 
 
 def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
@@ -198,7 +193,7 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
     )
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
-    return opened(beside(main, entries(contents.colours, list(contents.sensors), hidden=True), _texts()), focus)
+    return _opened(main, contents, focus)
 
 
 def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
@@ -211,18 +206,13 @@ def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bo
     return scene_view(window, name, shown, *others(), *(f"+ {entity}" for entity in own))
 
 
-def _texts() -> rrb.Container:
-    return rrb.Tabs(
+def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Blueprint:
+    texts = rrb.Tabs(
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-
-
-def opened(container: rrb.Container, focus: Focus = WHOLE) -> rrb.Blueprint:
-    """A layout that stops at the time in focus, or plays from the start, again and again."""
-    if focus.time_s is None:
-        return _blueprint(container, play_state="playing", loop_mode="all")
-    return _blueprint(container, play_state="paused")
+    shown = entries(contents.colours, list(contents.sensors), contents.unlabelled is not None)
+    return opened(beside(main, shown, texts), "playing" if focus.time_s is None else "paused")
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
@@ -231,7 +221,7 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     below = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
     main = rrb.Vertical(scene, below, row_shares=[3, 2])
-    return _blueprint(beside(main, entries(colours, list(sensors))), play_state="following")
+    return opened(beside(main, entries(colours, list(sensors))), "following")
 
 
 def _shown(vehicles: list[str], focus: Focus) -> list[str]:
@@ -249,6 +239,8 @@ def beside(
     return rrb.Horizontal(main, side, column_shares=[3, 1])
 
 
-def _blueprint(container: rrb.Container, **playing: Any) -> rrb.Blueprint:
-    time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, **playing)
+def opened(container: rrb.Container, play_state: Literal["playing", "paused", "following"]) -> rrb.Blueprint:
+    """A layout with its time panel; what plays starts again at its end."""
+    loop: dict[str, Any] = {"loop_mode": "all"} if play_state == "playing" else {}
+    time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=play_state, **loop)
     return rrb.Blueprint(container, time, collapse_panels=True, auto_views=False)

@@ -42,21 +42,19 @@ class Painter:
     def take(self, batch: Iterable[LiveRun | list[Scan] | RecordedInstant | Result]) -> None:
         """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
-            same_kind = list(items)
-            instants = [item for item in same_kind if isinstance(item, RecordedInstant)]
+            instants = []
+            for item in items:
+                if isinstance(item, LiveRun):
+                    self.finish()
+                    self._run = _Run(self._url, item)
+                elif isinstance(item, RecordedInstant):
+                    instants.append(item)
+                elif isinstance(item, Result) and self._run is not None:
+                    send(self._run.recording, item, self._run.live.colours)
+                elif isinstance(item, list) and self._run is not None:
+                    self._run.sense(item)
             if instants and self._run is not None:
                 self._run.estimate(instants)
-            for item in same_kind:
-                self._change(item)
-
-    def _change(self, item: LiveRun | list[Scan] | RecordedInstant | Result) -> None:
-        if isinstance(item, LiveRun):
-            self.finish()
-            self._run = _Run(self._url, item)
-        elif isinstance(item, Result) and self._run is not None:
-            self._run.complete(item)
-        elif isinstance(item, list) and self._run is not None:
-            self._run.sense(item)
 
     def finish(self) -> None:
         """Wait until the viewer has everything."""
@@ -69,7 +67,7 @@ class _Run:
     """One run on the viewer."""
 
     def __init__(self, url: str, live: LiveRun) -> None:
-        self._live = live
+        self.live = live
         self._motion = truth_table(live.truth, 0)
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
@@ -84,13 +82,9 @@ class _Run:
         views.send_scales(self._stream, self._wide, vehicles)
         layout.send_legend(self._stream, layout.entries(live.colours, live.sensors))
 
-    def complete(self, result: Result) -> None:
-        """The whole recording."""
-        send(self.recording, result, self._live.colours)
-
     def sense(self, scans: list[Scan]) -> None:
         """The measurements, which are drawn as far as the trackers have come."""
-        truth = self._live.truth
+        truth = self.live.truth
         self._measurements = measurements_table(scans, truth.ids)
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
@@ -98,19 +92,19 @@ class _Run:
         """The estimates of all trackers at some instants; one that has failed has none."""
         if not len(self._steps):
             return
-        truth, nothing = self._live.truth, pa.table({})
+        truth, nothing = self.live.truth, pa.table({})
         none = Gaussian(np.full((4, len(truth.ids)), np.nan), np.full((4, 4, len(truth.ids)), np.nan))
         steps = self._steps[[item.number for item in instants]]
         self._advance(float(truth.time[steps[-1]]))
         recorded = {}
-        for tracker in self._live.colours:
+        for tracker in self.live.colours:
             beliefs = [item.estimates.get(tracker, none) for item in instants]
             mean = np.stack([belief.mean for belief in beliefs], axis=1)
             covariance = np.stack([belief.covariance for belief in beliefs], axis=2)
             recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
         estimates = estimates_table(recorded, truth, steps, 0)
-        scene.send_estimates(self._stream, estimates, self._motion, self._live.colours)
-        for chart in series.recorded_run(estimates, nothing, nothing, nothing, self._live.colours).all:
+        scene.send_estimates(self._stream, estimates, self._motion, self.live.colours)
+        for chart in series.recorded_run(estimates, nothing, nothing, nothing, self.live.colours).all:
             send_chart(self._stream, chart)
 
     def _advance(self, time: float) -> None:
@@ -122,7 +116,7 @@ class _Run:
             for table in (self._motion, self._measurements)
         )
         scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
-        scene.send_measurements(self._stream, measurements, sensor_colours(self._live.sensors))
+        scene.send_measurements(self._stream, measurements, sensor_colours(self.live.sensors))
         self._drawn = time
 
 

@@ -142,24 +142,19 @@ def trails(trackers: Iterable[str]) -> list[str]:
 
 def send_trails(stream: Stream, truth: pa.Table, estimates: pa.Table, colours: Mapping[str, str], hold: float) -> None:
     """At each instant the piece of line from the one before, at most ``hold`` (s) ago; a view puts them together."""
-    send_true_trails(stream, truth, hold)
-    by_tracker: dict[str, list[Columns]] = {}
-    for (tracker, _), rows in split(estimates, "tracker", "object").items():
-        by_tracker.setdefault(tracker, []).append(rows)
-    for number, (tracker, tracks) in enumerate(by_tracker.items()):
-        _send(stream, path(*ESTIMATED, tracker), tracks, colours[tracker], 0.5, 10.0 + 0.1 * number, hold)
-
-
-def send_true_trails(stream: Stream, truth: pa.Table, hold: float) -> None:
-    """Those of the vehicles."""
     vehicles = []
     for rows in split(truth, "object").values():
         alive = rows["alive"].astype(bool)
         vehicles.append({name: values[alive] for name, values in rows.items()})
-    _send(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
+    _send_trail(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
+    by_tracker: dict[str, list[Columns]] = {}
+    for (tracker, _), rows in split(estimates, "tracker", "object").items():
+        by_tracker.setdefault(tracker, []).append(rows)
+    for number, (tracker, tracks) in enumerate(by_tracker.items()):
+        _send_trail(stream, path(*ESTIMATED, tracker), tracks, colours[tracker], 0.5, 10.0 + 0.1 * number, hold)
 
 
-def _send(
+def _send_trail(
     stream: Stream, entity: str, tracks: list[Columns], colour: str, size: float, order: float, hold: float
 ) -> None:
     times, pieces = [], []

@@ -67,8 +67,8 @@ class Viewer:
             InputError: it ended, for want of a screen or of a driver.
             TrackbenchError: it does not answer.
         """
-        client = self._patiently(lambda: ViewerClient.connect(self.url))
-        self._patiently(client.get_state)
+        client = self.patiently(lambda: ViewerClient.connect(self.url))
+        self.patiently(client.get_state)
         return client
 
     def open(self, files: Sequence[Path], at: float | None = None) -> ViewerClient:
@@ -80,10 +80,10 @@ class Viewer:
         """
         client = self.wait()
         for file in reversed(files):
-            self._patiently(partial(client.open, str(file.resolve())))
-        self._patiently(lambda: client.get_state().loading == [] or None)
+            self.patiently(partial(client.open, str(file.resolve())))
+        self.patiently(lambda: client.get_state().loading == [] or None)
         if at is not None:
-            self._patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
+            self.patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
         return client
 
     def stop(self) -> None:
@@ -94,7 +94,7 @@ class Viewer:
         self.process.wait()
         self.log.close()
 
-    def _patiently(self, ask: Callable[[], Answer | None]) -> Answer:
+    def patiently(self, ask: Callable[[], Answer | None], verb: str = "answer") -> Answer:
         """Ask until there is an answer: a viewer that starts or loads does not answer at once."""
         limit = time.monotonic() + PATIENCE
         while True:
@@ -109,7 +109,7 @@ class Viewer:
                 raise ended(self.log)
             if time.monotonic() > limit:
                 self.stop()
-                raise TrackbenchError(f"the viewer did not answer within {PATIENCE:g} s{cause}")
+                raise TrackbenchError(f"the viewer did not {verb} within {PATIENCE:g} s{cause}")
             time.sleep(0.1)
 
 
@@ -130,14 +130,7 @@ def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewe
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
     )  # fmt: skip
     viewer = Viewer(process, host, port, log)
-    limit = time.monotonic() + PATIENCE
-    while not listens(LOOPBACK if host in EVERYWHERE else host, port):
-        if process.poll() is not None:
-            raise ended(log)
-        if time.monotonic() > limit:
-            viewer.stop()
-            raise TrackbenchError(f"the viewer did not start within {PATIENCE:g} s")
-        time.sleep(0.05)
+    viewer.patiently(lambda: listens(LOOPBACK if host in EVERYWHERE else host, port) or None, "start")
     return viewer
 
 
@@ -249,8 +242,8 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
     Raises:
         InputError: one of them cannot be read or lacks what the viewer should open with.
     """
-    examined = _examination(paths[0]) if len(paths) == 1 else None
-    if examined is not None:
+    examined = paths[0] / RECORDING if paths[0].is_dir() else paths[0]
+    if len(paths) == 1 and examined.is_file() and (examined.parent / EXAMINATION).is_file():
         if opening != Opening(at_s=opening.at_s):
             raise InputError("an examination has one target and is not scored by moments: give --at", file=paths[0])
         yield Playable([examined], [], opening.at_s)
@@ -261,11 +254,11 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
     same = len(runs) == 1 or same_traffic(results)
     if not same and opening != Opening(at_s=opening.at_s):
         raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
-    known = all(result.summary.identities == "known" for result in results)
+    labelled = all(result.summary.identities == "known" for result in results)
     focus = focus_of(results, opening)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
         names = labels(paths)
-        if len(runs) > 1 and same and known:
+        if len(runs) > 1 and same and labelled:
             file = Path(folder) / f"{' over '.join(names)}.rrd"
             write_overlay(laid_over(dict(zip(names, results, strict=True))), file, focus)
             files = [file]
@@ -273,7 +266,7 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
             files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]
         if not same:
             notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
-        elif len(runs) > 1 and not known:
+        elif len(runs) > 1 and not labelled:
             notes.append("their identities are hidden: the viewer has them one beside the other, not laid over")
         yield Playable(files, notes, focus.time_s)
 
@@ -288,9 +281,3 @@ def _file(run: Recorded, made: Path, opening: Opening) -> Path:
     else:
         return run.file
     return made
-
-
-def _examination(path: Path) -> Path | None:
-    """The recording of an examination by its file or its folder; None if it is something else."""
-    file = path / RECORDING if path.is_dir() else path
-    return file if file.is_file() and (file.parent / EXAMINATION).is_file() else None

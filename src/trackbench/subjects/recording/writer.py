@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +68,7 @@ def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
     def send_all(recording: rr.RecordingStream) -> None:
         contents = contents_of(result)
         wide = views.wide_window(contents.tables.truth)
-        recording.send_blueprint(_blueprint(contents, wide, focus, result.summary.identities == "hidden")[0])
+        recording.send_blueprint(_blueprint(contents, wide, focus)[0])
         recording.send_chunks(RrdReader(file).stream())
 
     write_recording(path, application(result.name), send_all)
@@ -119,7 +119,7 @@ def send(
 ) -> None:
     """Everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result, colours)
-    draw(recording, contents, focus, None if result.summary.identities == "known" else result)
+    draw(recording, contents, focus)
     summary = result.summary
     properties = rr.AnyValues(
         scenario=summary.scenario.name,
@@ -134,30 +134,27 @@ def send(
     send_data(Stream(recording), result)
 
 
-def draw(
-    recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE, hidden: Result | None = None
-) -> None:
-    """Everything that is shown, and its layout; ``hidden`` is the result of a run whose identities are."""
+def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE) -> None:
+    """Everything that is shown, and its layout."""
     stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    wide = views.wide_window(tables.truth)
-    blueprint, charts = _blueprint(contents, wide, focus, hidden is not None)
+    wide, hidden = views.wide_window(tables.truth), contents.unlabelled is not None
+    blueprint, charts = _blueprint(contents, wide, focus)
     recording.send_blueprint(blueprint)
     recording.send_recording_name(contents.name)
     stream.markdown("ranking", contents.ranking)
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    layout.send_legend(stream, layout.entries(colours, list(contents.sensors), hidden is not None))
-    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden is not None)
+    layout.send_legend(stream, layout.entries(colours, list(contents.sensors), hidden))
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
-    if hidden is None:
-        scene.send_estimates(stream, tables.estimates, tables.truth, colours, contents.hold)
-        scene.send_trails(stream, tables.truth, tables.estimates, colours, contents.hold)
-    else:
-        scene.send_true_trails(stream, tables.truth, contents.hold)
+    estimates = tables.if_there("estimates")
+    scene.send_estimates(stream, estimates, tables.truth, colours, contents.hold)
+    scene.send_trails(stream, tables.truth, estimates, colours, contents.hold)
+    if contents.unlabelled is not None:
         for tracker in colours:
             _draw_tracks(stream, tables, tracker)
-            _draw_events(stream, hidden, tracker, wide.metres_per_pixel)
+            _draw_events(stream, contents.unlabelled, tracker, wide.metres_per_pixel)
     for chart in charts:
         send_chart(stream, chart)
 
@@ -185,14 +182,14 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
     send_marks(stream, tracker, events, metres_per_pixel)
     if events:
         levels = ["WARN" if event.kind in MARKED else "INFO" for event in events]
-        texts = [f"{tracker}: {', '.join(_event_parts(event))}" for event in events]
+        texts = [f"{tracker}: {', '.join(filter(None, _event_parts(event)))}" for event in events]
         log = rr.TextLog.columns(text=texts, level=levels)
         stream.columns(path(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
 
 
-def _blueprint(contents: Contents, wide: views.Window, focus: Focus, hidden: bool) -> tuple[rrb.Blueprint, list[Chart]]:
+def _blueprint(contents: Contents, wide: views.Window, focus: Focus) -> tuple[rrb.Blueprint, list[Chart]]:
     """The layout, and the charts that are in it."""
-    if hidden:
+    if contents.unlabelled is not None:
         track_charts = charts_of_tracks(contents)
         return layout.track_blueprint(contents, track_charts, wide, focus), track_charts
     charts = charts_of(contents)
@@ -200,15 +197,14 @@ def _blueprint(contents: Contents, wide: views.Window, focus: Focus, hidden: boo
     return layout.blueprint(contents, charts, wide, focus), every
 
 
-def _event_parts(event: TrackEvent) -> Iterator[str]:
-    yield event.kind
-    if event.object:
-        yield f"vehicle {event.object}"
-    if event.track is not None:
-        yield f"track {event.track}"
-    yield event.reason
-    if event.cost_m2:
-        yield f"{event.cost_m2:.3g} m²"
+def _event_parts(event: TrackEvent) -> tuple[str | None, ...]:
+    return (
+        event.kind,
+        f"vehicle {event.object}" if event.object else None,
+        None if event.track is None else f"track {event.track}",
+        event.reason,
+        f"{event.cost_m2:.3g} m²" if event.cost_m2 else None,
+    )
 
 
 #: How long a measurement is shown, s.
@@ -231,7 +227,7 @@ def write_replay(replay: Replay, file: Path) -> None:
     def send(recording: rr.RecordingStream) -> None:
         scenes = rrb.Tabs(*(_scene_tab(part) for part in replay.scenes), active_tab=0)
         text = rrb.TextDocumentView(origin=replay.title.lower(), name=replay.title)
-        recording.send_blueprint(opened(beside(scenes, list(replay.legend), text)))
+        recording.send_blueprint(opened(beside(scenes, list(replay.legend), text), "playing"))
         recording.send_recording_name(replay.name)
         stream = Stream(recording)
         stream.markdown(replay.title.lower(), replay.text)
