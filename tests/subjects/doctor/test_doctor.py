@@ -16,7 +16,16 @@ from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.models import models
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import CHECKS, COMMON, KINDS, TRAFFIC_CHECKS, Finding, faults_of, rank
+from trackbench.subjects.doctor.findings import (
+    CHECKS,
+    COMMON,
+    KINDS,
+    TRAFFIC_CHECKS,
+    Finding,
+    faults_of,
+    known_faults,
+    rank,
+)
 from trackbench.subjects.doctor.probes import GENERAL, Probes, varied
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
@@ -152,15 +161,15 @@ def test_a_tracker_of_one_sensor_has_nothing() -> None:
 def test_every_fault_has_a_fix_and_a_drive() -> None:
     faults = faults_of(CHECKS)
     assert sorted(faults) == sorted(NAMES)
-    assert {fault.drive for fault in faults.values()} <= set(drive_configs())
+    assert {fault.role.drive for fault in faults.values()} <= set(drive_configs())
 
 
 @pytest.mark.parametrize("package", [CHECKS, TRAFFIC_CHECKS])
 def test_kinds_and_consequences_are_known(package: str) -> None:
     faults = faults_of(package)
-    named = {name for fault in faults.values() for name in (*fault.consequences, *fault.always)}
+    named = {name for fault in faults.values() for name in f"{fault.role.causes} {fault.role.always}".split()}
     assert named <= {"every", *faults, *KINDS, *COMMON}
-    assert {item for items in COMMON.values() for item in items} <= {*faults_of(CHECKS), *KINDS}
+    assert {item for items in COMMON.values() for item in items} <= {*known_faults(), *KINDS}
     assert {kind for fault in faults.values() for kind in fault.kinds} <= set(KINDS)
 
 

@@ -25,25 +25,23 @@ from trackbench.subjects.doctor.traffic import TrafficDoctor
 DRIVES = tuple(drive_configs())
 #: A check of trackers of one object, and one of several.
 ONE = """
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 
 
 def handedness(tracker):
     text = "it is right-handed"
-    return PartResult([CheckResult("hand", "Is it left-handed?", False, text)], [Finding("right_handed", 0.99, text)])
+    return PartResult().add("hand", False, text, Finding("right_handed", 0.99, text))
 
 
-CHECKS = (
-    DoctorCheck(
-        handedness,
-        place=5,
-        questions=(Question("hand", "Is it left-handed?"),),
-        faults={
-            "right_handed": KnownFault(
-                "the hand is the wrong one", "At the wrist.", "Turn it round.", rank=1, consequences=("gain",)
-            )
-        },
-    ),
+RECORD = DoctorCheck(
+    handedness,
+    place=5,
+    questions=(Question("hand", "Is it left-handed?"),),
+    faults={
+        "right_handed": KnownFault(
+            "the hand is the wrong one", "At the wrist.", "Turn it round.", Role(rank=1, causes="gain")
+        )
+    },
 )
 """
 SEVERAL = """
@@ -57,13 +55,11 @@ def hands(make, site):
     return result
 
 
-CHECKS = (
-    DoctorCheck(
-        hands,
-        place=5,
-        questions=(Question("hands", "Are they left-handed?"),),
-        faults={"hands_wrong": KnownFault("the hands are wrong", "At the wrists.", "Turn them round.")},
-    ),
+RECORD = DoctorCheck(
+    hands,
+    place=5,
+    questions=(Question("hands", "Are they left-handed?"),),
+    faults={"hands_wrong": KnownFault("the hands are wrong", "At the wrists.", "Turn them round.")},
 )
 """
 

@@ -93,8 +93,11 @@ def test_the_steps_of_drives_and_of_their_evidence() -> None:
 def test_a_check_without_a_prediction_points_to_no_misses() -> None:
     tracker = under_test(SilentAtMisses)
     assert tracker.silent_at_misses
-    for module, names in ((prediction, ["prediction"]), (process_noise, ["process_noise", "noise_per_step"])):
-        made = Doctor(SENSORS)._made(module.CHECKS[0], tracker)
+    for check, names in (
+        (prediction.PREDICTION_CHECK, ["prediction"]),
+        (process_noise.PROCESS_NOISE_CHECK, ["process_noise", "noise_per_step"]),
+    ):
+        made = Doctor(SENSORS)._made(check, tracker)
         assert [(check.name, check.passed, check.result) for check in made.checks] == [
             (name, None, NO_PREDICTION) for name in names
         ]
@@ -129,7 +132,7 @@ def test_an_eigenvalue_that_rounding_explains_is_zero(least: float, said: str) -
 
 def test_the_evidence_is_of_the_drive_that_is_named_or_that_failed() -> None:
     drives = simulate_drives(SENSORS, 0)
-    visible = {fault.drive: name for name, fault in faults_of(CHECKS).items()}
+    visible = {fault.role.drive: name for name, fault in faults_of(CHECKS).items()}
     showing = [drive for drive in drives if drive.name in visible]
     fault = visible[showing[-1].name]
     failed = [CheckResult(showing[-1].name, "", False, "")]

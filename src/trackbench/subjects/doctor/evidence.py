@@ -96,7 +96,7 @@ def _drive_of(finding: Finding, failed: Collection[str], drives: Sequence[TestDr
     """The drive that the finding names, or the first that failed and has such faults to show."""
     if any(drive.name == finding.shown_by for drive in drives):
         return finding.shown_by
-    shown_in = known_faults()[finding.fault].drive
+    shown_in = known_faults()[finding.fault].role.drive
     return next((one.name for one in drives if one.name in failed and one.name == shown_in), None)
 
 

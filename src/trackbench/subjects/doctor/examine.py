@@ -189,7 +189,8 @@ class Doctor:
             why = "the covariance that is returned is not the tracker's own (stated_covariance)"
             return PartResult(self._not_made(check, why))
         made = check.make(tracker)
-        if check.asks_at_misses and tracker.silent_at_misses:
+        made.checks = check.with_questions(made.checks)
+        if (check.asks_at_misses or check.of_filters) and tracker.silent_at_misses:
             made.checks = [replace(one, result=NO_PREDICTION) if one.passed is None else one for one in made.checks]
         return self._assumptions.applied(made, left_out, check)
 

@@ -1,7 +1,7 @@
 """The records of checks and faults, the findings of an examination and the results of its checks.
 
-A check is one module of ``checks/``: its function, and its record in ``CHECKS`` with all that is known of it and of the
-faults that it names.
+A check is one module of ``checks/``: its function, and its record, a :class:`DoctorCheck` with all that is known of it
+and of the faults that it names.
 """
 
 from __future__ import annotations
@@ -51,7 +51,26 @@ COMMON = {
     "covariance": ("gain", "noise", "growth", "step", "azimuth_not_wrapped", "overconfident_start"),
     # Of swapped or mirrored axes.
     "axes": _AXES,
+    # Of a wrong assignment of detections to tracks.
+    "tracks": ("double_tracks", "confirms_too_late", "confirms_too_soon", "never_deletes", "empty_scan_not_predicted"),
+    # Of wrong sums over sigma points.
+    "sums": ("numerical", "course_not_wrapped", "angle_mean_not_circular"),
 }
+
+
+class Role(NamedTuple):
+    """The part of a fault in a diagnosis. Names are separated by blanks."""
+
+    kinds: str = ""
+    """Of ``KINDS``."""
+    rank: int = 100
+    """Its place among the causes; those with a lower one are tried first."""
+    causes: str = ""
+    """Names and kinds of the faults that it can cause of the same sensor, and names of ``COMMON``."""
+    always: str = ""
+    """The same, whatever their sensor and although they are exact. ``every``: all but those that are a ``root``."""
+    drive: str | None = None
+    """The test drive in which it is visible."""
 
 
 class KnownFault(NamedTuple):
@@ -63,30 +82,18 @@ class KnownFault(NamedTuple):
     """Where in the tracker's code to look."""
     fix: str
     """How to fix it."""
-    kinds: tuple[str, ...] = ()
-    """Of ``KINDS``."""
-    rank: int = 100
-    """Its place among the causes; those with a lower one are tried first."""
-    consequences: tuple[str, ...] = ()
-    """Names and kinds of the faults that it can cause of the same sensor, and names of ``COMMON``."""
-    always: tuple[str, ...] = ()
-    """The same, whatever their sensor and although they are exact. ``every``: all but those that are a ``root``."""
-    drive: str | None = None
-    """The test drive in which it is visible."""
+    role: Role = Role()
 
-    def causes(self, name: str, fault: KnownFault) -> bool:
-        """Whether it can cause another fault of the same sensor."""
-        return _includes(self.consequences, name, fault) or self.always_causes(name, fault)
-
-    def always_causes(self, name: str, fault: KnownFault) -> bool:
-        """Whether it can cause another fault of any sensor."""
-        return _includes(self.always, name, fault)
+    @property
+    def kinds(self) -> list[str]:
+        """Of ``KINDS``."""
+        return self.role.kinds.split()
 
 
-def _includes(faults: tuple[str, ...], name: str, fault: KnownFault) -> bool:
-    if "every" in faults:
+def _includes(faults: str, name: str, fault: KnownFault) -> bool:
+    if faults == "every":
         return "root" not in fault.kinds
-    included = {item for entry in faults for item in COMMON.get(entry, (entry,))}
+    included = {item for entry in faults.split() for item in COMMON.get(entry, (entry,))}
     return not included.isdisjoint({name, *fault.kinds})
 
 
@@ -95,6 +102,8 @@ class Question(NamedTuple):
 
     name: str
     asks: str
+    full: str = ""
+    """The same in a result, where it is longer there; with ``{sensor}`` for the name of the sensor."""
     each_sensor: bool = False
     """Whether it is asked for each sensor: its name is followed by a dot and that of the sensor."""
     misses: bool = False
@@ -119,7 +128,8 @@ class DoctorCheck(Generic[P]):
     of_own_covariance: bool = False
     """Whether it takes the covariance that is returned for the tracker's own."""
     asks_at_misses: bool = False
-    """Whether it asks for the estimate at a missed scan: the prediction that updates are compared with."""
+    """Whether it asks for the estimate at a missed scan, as all checks of filters do: the prediction that updates are
+    compared with."""
     least_sensors: int = 1
     every_drive: bool = False
     """Whether it takes the tracker through every test drive."""
@@ -132,6 +142,15 @@ class DoctorCheck(Generic[P]):
     def name(self) -> str:
         return self.make.__name__
 
+    def with_questions(self, checks: Iterable[CheckResult]) -> list[CheckResult]:
+        """The results of its function, each with the question that it answers."""
+        full = {question.name: question.full or question.asks for question in self.questions}
+        results = []
+        for check in checks:
+            name, _, sensor = check.name.partition(".")
+            results.append(replace(check, question=check.question or full[name].format(sensor=sensor)))
+        return results
+
 
 def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
     """The records in all modules of a package, in the order in which the checks are made."""
@@ -141,7 +160,8 @@ def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
 @cache
 def _checks_in(package: str, folders: tuple[str, ...]) -> tuple[DoctorCheck[Any], ...]:
     modules = [import_module(f"{package}.{module.name}") for module in pkgutil.iter_modules(folders)]
-    return tuple(sorted((check for module in modules for check in module.CHECKS), key=lambda check: check.place))
+    records = (value for module in modules for value in vars(module).values() if isinstance(value, DoctorCheck))
+    return tuple(sorted(records, key=lambda check: check.place))
 
 
 def faults_of(package: str) -> dict[str, KnownFault]:
@@ -237,7 +257,7 @@ def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
             unique[key] = finding
     ordered = sorted(
         unique.values(),
-        key=lambda one: (one.confidence < SURE, "driven" in faults[one.fault].kinds, faults[one.fault].rank),
+        key=lambda one: (one.confidence < SURE, "driven" in faults[one.fault].kinds, faults[one.fault].role.rank),
     )
     ranked: list[Finding] = []
     for finding in ordered:
@@ -259,9 +279,11 @@ def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -
         return False
     if "driven" in fault.kinds and "driven" not in cause.kinds:
         return not _at_sensor(root)
-    if cause.always_causes(finding.fault, fault):
+    if _includes(cause.role.always, finding.fault, fault):
         return True
-    if not cause.causes(finding.fault, fault) or ("exact" in fault.kinds and finding.confidence >= CERTAIN):
+    if not _includes(cause.role.causes, finding.fault, fault):
+        return False
+    if "exact" in fault.kinds and finding.confidence >= CERTAIN:
         return False
     if "motion" in fault.kinds or (finding.fault == "jacobian_wrong" and finding.sensor is None):
         return root.sensor is None
@@ -298,3 +320,11 @@ class PartResult:
 
     checks: list[CheckResult] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+
+    def add(
+        self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
+    ) -> PartResult:
+        """Append the result of a check and what it found; its question is that of its record unless given."""
+        self.checks.append(CheckResult(name, question, passed, result))
+        self.findings += [finding for finding in findings if finding is not None]
+        return self

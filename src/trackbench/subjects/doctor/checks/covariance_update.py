@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Covariances, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import named, reduction_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
@@ -33,11 +33,10 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
     """Compare the covariances before and after a measurement, at the regular probes."""
     result = PartResult()
     for name, trials in tracker.trials.items():
-        question = f"Does a measurement of {name} reduce the predicted covariance?"
         updates = [update for trial in trials if (update := _clear(trial)) is not None]
         if len(updates) < 3 or not any(_grows(tracker, update.trial) for update in updates):
             text = "no measurement moves the estimate" if len(updates) < 3 else "its covariance does not grow with time"
-            result.checks.append(CheckResult(f"covariance_update.{name}", question, None, text))
+            result.add(f"covariance_update.{name}", None, text)
             continue
         finding = _kept(name, updates) or _noise_again(tracker, name, updates)
         ratios = [_position_sigma(update) / _predicted_sigma(update) for update in updates]
@@ -45,9 +44,7 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
             f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of "
             f"the one before ({len(updates)} trials)"
         )
-        result.checks.append(CheckResult(f"covariance_update.{name}", question, finding is None, text))
-        if finding is not None:
-            result.findings.append(finding)
+        result.add(f"covariance_update.{name}", finding is None, text, finding)
     return result
 
 
@@ -150,51 +147,45 @@ def _predicted_sigma(update: TrialUpdate) -> float:
     return float(np.sqrt(np.trace(update.trial.prediction.covariance[:2, :2])))
 
 
-CHECKS = (
-    DoctorCheck(
-        covariance_update,
-        place=160,
-        questions=(
-            Question(
-                "covariance_update",
-                "Does a measurement reduce the predicted covariance?",
-                each_sensor=True,
-                misses=True,
+COVARIANCE_UPDATE_CHECK = DoctorCheck(
+    covariance_update,
+    place=160,
+    questions=(
+        Question(
+            "covariance_update",
+            "Does a measurement reduce the predicted covariance?",
+            "Does a measurement of {sensor} reduce the predicted covariance?",
+            each_sensor=True,
+            misses=True,
+        ),
+    ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "covariance_not_reduced": KnownFault(
+            "measurements do not reduce the covariance",
+            "Where the covariance is updated after a measurement, and where it is stored.",
+            "P = (I - K H) P, or Joseph's form, in every update, and store it; a copy that is changed is not the "
+            "state's.",
+            Role(
+                "step",
+                rank=16,
+                causes="stepped",
+                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
+                drive="own_model",
             ),
         ),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "covariance_not_reduced": KnownFault(
-                "measurements do not reduce the covariance",
-                "Where the covariance is updated after a measurement, and where it is stored.",
-                "P = (I - K H) P, or Joseph's form, in every update, and store it; a copy that is changed is not the "
-                "state's.",
-                kinds=("step",),
-                rank=16,
-                consequences=("stepped", "wrong_dt"),
-                always=(
-                    "wrong_dt",
-                    "process_noise_omitted",
-                    "q_too_small",
-                    "q_too_large",
-                    "q_constant_per_step",
-                    "q_wrong_power_of_dt",
-                ),
-                drive="own_model",
-            ),
-            "process_noise_twice": KnownFault(
-                "the process noise is added twice",
-                "Where Q is added in the prediction, and again before the update.",
-                "Add Q once, in the prediction; sigma points that have the noise in an augmented state need none "
-                "besides.",
-                kinds=("gain", "growth"),
+        "process_noise_twice": KnownFault(
+            "the process noise is added twice",
+            "Where Q is added in the prediction, and again before the update.",
+            "Add Q once, in the prediction; sigma points that have the noise in an augmented state need none besides.",
+            Role(
+                "gain growth",
                 rank=38,
-                consequences=("gain_inconsistent", "covariance_update_wrong", "q_too_large"),
-                always=("q_too_large",),
+                causes="gain_inconsistent covariance_update_wrong",
+                always="q_too_large",
                 drive="own_model",
             ),
-        },
-    ),
+        ),
+    },
 )

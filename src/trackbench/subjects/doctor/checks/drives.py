@@ -12,7 +12,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import TestDrive, drive_configs
 from trackbench.subjects.doctor.evidence import SensorInnovations, evidence_run
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
@@ -88,7 +88,6 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     judged = []
     for drive, reference in tracker.drives:
-        question = _question(drive.config.description)
         try:
             estimates = rollout(tracker.make, drive.scans, tracker.output_checks, drive.name)
         except StepFailed as failure:
@@ -96,26 +95,22 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
             text = f"the tracker failed at {failure.scan.time:g} s: {failure}"
             # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
             passed = None if drive.name in SINGULAR else False
-            result.checks.append(CheckResult(drive.name, question, passed, text))
+            result.add(drive.name, passed, text)
             continue
         if drive.name in SINGULAR:
             text = "the tracker went through; a radar's range and azimuth have no linearisation there"
-            result.checks.append(CheckResult(drive.name, question, True, text))
+            result.add(drive.name, True, text)
             continue
         one = _judged(drive, estimates, reference)
         if not np.isfinite(one.rms[0]):
-            result.checks.append(CheckResult(drive.name, question, None, "there is no estimate to judge"))
+            result.add(drive.name, None, "there is no estimate to judge")
             continue
         passed = one.far <= 1.0 and all(one.unbelievable(part) <= 1.0 for part in PARTS)
-        result.checks.append(CheckResult(drive.name, question, passed, _text(one)))
+        result.add(drive.name, passed, _text(one))
         judged.append(one)
     if judged:
         result.findings += _too_far_off(judged) + _covariance_unbelievable(judged)
     return result
-
-
-def _question(description: str) -> str:
-    return f"Is the tracker as near to its target as it states ({description})?"
 
 
 def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:
@@ -251,20 +246,24 @@ def _errors(estimates: Rollout, drive: TestDrive) -> Errors:
 
 #: The drive in which the azimuth passes pi.
 DRIVE = "azimuth_crossing"
-QUESTION = "Are all angles in the innovations wrapped where the azimuth passes pi?"
 
 
 def innovations(tracker: TrackerUnderTest) -> PartResult:
     """Mean, NIS, autocorrelation and unwrapped angles of the innovations of each sensor."""
     found = next((pair for pair in tracker.drives if pair[0].name == DRIVE), None)
+    result = PartResult()
     if found is None:
-        skipped = [f"innovations.{name}" for name in tracker.sensors]
-        return PartResult([CheckResult(name, QUESTION, None, f"its drive {DRIVE} is skipped") for name in skipped])
+        question = "Are all angles in the innovations wrapped where the azimuth passes pi?"
+        for name in tracker.sensors:
+            result.add(f"innovations.{name}", None, f"its drive {DRIVE} is skipped", question=question)
+        return result
     drive, reference = found
-    return PartResult([_check(one) for one in evidence_run(tracker.make, drive, reference, []).innovations])
+    for of in evidence_run(tracker.make, drive, reference, []).innovations:
+        _check(result, of)
+    return result
 
 
-def _check(of: SensorInnovations) -> CheckResult:
+def _check(result: PartResult, of: SensorInnovations) -> None:
     model = SENSOR_MODELS[of.kind]
     mean = np.nanmean(of.applied / of.sigma[:, None], axis=1)
     unwrapped = sum(int(np.sum(np.abs(of.applied[i]) > np.pi)) for i in model.angular)
@@ -278,9 +277,8 @@ def _check(of: SensorInnovations) -> CheckResult:
     ]
     if model.angular:
         parts.append(f"{unwrapped} of {of.applied.shape[1]} larger than pi")
-    question = f"Are all angles in the innovations of {of.sensor} wrapped where the azimuth passes pi?"
     # The motion model alone can give the innovations a mean and a correlation in this drive; they are only reported.
-    return CheckResult(f"innovations.{of.sensor}", question, unwrapped == 0, "; ".join(parts))
+    result.add(f"innovations.{of.sensor}", unwrapped == 0, "; ".join(parts))
 
 
 def _autocorrelation(whitened: Array) -> float:
@@ -292,41 +290,45 @@ def _autocorrelation(whitened: Array) -> float:
     return float(np.sum(now[:, both] * before[:, both])) / power if power > 0.0 else 0.0
 
 
-CHECKS = (
-    DoctorCheck(
-        drives,
-        place=230,
-        every_drive=True,
-        questions=tuple(
-            Question(name, _question(drive.description), motion=drive.carrier.moves)
-            for name, drive in drive_configs().items()
+DRIVES_CHECK = DoctorCheck(
+    drives,
+    place=230,
+    every_drive=True,
+    questions=tuple(
+        Question(
+            name,
+            f"Is the tracker as near to its target as it states ({drive.description})?",
+            motion=drive.carrier.moves,
+        )
+        for name, drive in drive_configs().items()
+    ),
+    faults={
+        "too_far_off": KnownFault(
+            "the estimate is too far off",
+            "In the named drive at the named time; first at the checks that fail besides.",
+            "Run that drive (the report shows it), and compare the predicted with the measured values at that time.",
+            Role("driven", rank=49, causes="covariance_unbelievable", drive="manoeuvre"),
         ),
-        faults={
-            "too_far_off": KnownFault(
-                "the estimate is too far off",
-                "In the named drive at the named time; first at the checks that fail besides.",
-                "Run that drive (the report shows it), and compare the predicted with the measured values at that "
-                "time.",
-                kinds=("driven",),
-                rank=49,
-                consequences=("covariance_unbelievable",),
-                drive="manoeuvre",
-            ),
-            "covariance_unbelievable": KnownFault(
-                "the stated covariance does not fit the errors",
-                "At Q and R, and at what happens to the covariance in the named drive at the named time.",
-                "Compare the variance that is stated with the squared errors; what is not predicted has to add its "
-                "share to it.",
-                kinds=("driven",),
-                drive="long_gap",
-            ),
-        },
+        "covariance_unbelievable": KnownFault(
+            "the stated covariance does not fit the errors",
+            "At Q and R, and at what happens to the covariance in the named drive at the named time.",
+            "Compare the variance that is stated with the squared errors; what is not predicted has to add its share "
+            "to it.",
+            Role("driven", drive="long_gap"),
+        ),
+    },
+)
+
+INNOVATIONS_CHECK = DoctorCheck(
+    innovations,
+    place=210,
+    questions=(
+        Question(
+            "innovations",
+            "Are all angles in the innovations wrapped?",
+            "Are all angles in the innovations of {sensor} wrapped where the azimuth passes pi?",
+            each_sensor=True,
+        ),
     ),
-    DoctorCheck(
-        innovations,
-        place=210,
-        questions=(Question("innovations", "Are all angles in the innovations wrapped?", each_sensor=True),),
-        of_filters=True,
-        asks_at_misses=True,
-    ),
+    of_filters=True,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -29,59 +29,50 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         if not trials:
-            result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
+            result.add(f"expectation.{sensor}", None, "there was no estimate")
             continue
         _examine(sensor, trials, ZERO + ERRORS * tracker.once(sampling_noise), result)
-    if not tracker.assumptions.still:
-        result.checks.append(_ego_motion(tracker, result.findings))
-    else:
-        result.findings = [_of_standing(finding) for finding in result.findings]
-    return result
-
-
-def _ego_motion(tracker: TrackerUnderTest, findings: Sequence[Finding]) -> CheckResult:
-    question = "Do the measurements of a moving observer count for where it is and how it moves?"
+    ego_motion = [finding for finding in result.findings if finding.fault == "ego_motion_ignored"]
+    if tracker.assumptions.still:
+        # Of a sensor that stands still the pose alone can be left out.
+        result.findings = [
+            replace(finding, fault="sensor_pose_ignored") if finding in ego_motion else finding
+            for finding in result.findings
+        ]
+        return result
     moving = {probe.name for probe in tracker.probes.regular if probe.observer.moves}
     trials = [trial for of in tracker.trials.values() for trial in of if trial.name in moving]
     if not trials:
-        return CheckResult("ego_motion", question, None, "there was no estimate")
+        return result.add("ego_motion", None, "there was no estimate")
     largest = max(_innovation(trial, trial.predicted_measurement) for trial in trials)
     text = f"from moving observers the largest innovation of the predicted measurement is {largest:.2f} sigma"
-    return CheckResult("ego_motion", question, not any(one.fault == "ego_motion_ignored" for one in findings), text)
-
-
-def _of_standing(finding: Finding) -> Finding:
-    """Of a sensor that stands still the pose alone can be left out."""
-    return replace(finding, fault="sensor_pose_ignored") if finding.fault == "ego_motion_ignored" else finding
+    return result.add("ego_motion", not ego_motion, text)
 
 
 def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:
-    kind = trials[0].scan.kind
+    kind, name = trials[0].scan.kind, f"expectation.{sensor}"
     answered = [trial for trial in trials if _answers(trial)]
     if not answered:
         text = f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials"
-        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, text))
+        result.add(name, None, text)
         return
     if not any(_moves(trial, kind) for trial in answered):
         text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
         exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
-        result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
-        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
+        result.add(name, False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
         return
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
     if float(np.mean(innovations < zero)) >= MOST:
         text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
-        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), True, text))
+        result.add(name, True, text)
         return
-    found = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
+    finding = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
     worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
         f"in {np.sum(~(innovations < zero))} of {len(trials)} trials the predicted measurement has an innovation, of "
         f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
     )
-    result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
-    if found is not None:
-        result.findings.append(found)
+    result.add(name, False, text, finding)
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
@@ -142,104 +133,75 @@ def _moves(trial: Trial, kind: str) -> bool:
     )
 
 
-def _question(sensor: str) -> str:
-    return f"Does the tracker predict the right measurement of {sensor} for its own estimate?"
-
-
-CHECKS = (
-    DoctorCheck(
-        expectation,
-        place=130,
-        questions=(
-            Question("expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True),
-            Question(
-                "ego_motion",
-                "Do the measurements of a moving observer count for where it is and how it moves?",
-                motion=True,
-                finds=("ego_motion_ignored",),
-            ),
+EXPECTATION_CHECK = DoctorCheck(
+    expectation,
+    place=130,
+    questions=(
+        Question(
+            "expectation",
+            "Is the right measurement predicted for the own estimate?",
+            "Does the tracker predict the right measurement of {sensor} for its own estimate?",
+            each_sensor=True,
         ),
-        of_filters=True,
-        asks_at_misses=True,
-        faults={
-            "doppler_sign": KnownFault(
-                "the range rate has the wrong sign",
-                "Where the range rate is predicted, and where the measurement is read.",
-                "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the "
-                "sensor.",
-                kinds=("exact",),
-                rank=13,
-                consequences=("measured",),
-                drive="radial_approach",
-            ),
-            "speed_for_range_rate": KnownFault(
-                "the range rate is predicted as the speed",
-                "Where the third component of a radar's measurement is predicted.",
-                "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its "
-                "length.",
-                kinds=("exact",),
-                rank=14,
-                consequences=("measured",),
-                drive="tangential_pass",
-            ),
-            "degrees_for_radians": KnownFault(
-                "degrees and radians are mixed up",
-                "Where azimuths, yaws and their standard deviations are read.",
-                "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at "
-                "all.",
-                kinds=("exact",),
-                rank=9,
-                consequences=("measured", "noise", "angle", "arctan_quadrant"),
-                drive="azimuth_crossing",
-            ),
-            "ego_motion_ignored": KnownFault(
-                "the sensor's own pose or velocity is left out",
-                "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
-                "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
-                "target's velocity.",
-                kinds=("exact", "ego"),
-                rank=10,
-                consequences=("measured", "noise", "arctan_quadrant"),
-                drive="moving_observer",
-            ),
-            "sensor_pose_ignored": KnownFault(
-                "the pose of a sensor that stands still is left out",
-                "Where measurements are converted to the fixed frame, and where they are predicted.",
-                "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
-                "mounting together.",
-                kinds=("exact", "ego"),
-                rank=11,
-                consequences=("measured", "noise", "angle", "polar_start", "arctan_quadrant"),
-                drive="stationary",
-            ),
-            "measurement_ignored": KnownFault(
-                "the measurements of a sensor are never used",
-                "Where the tracker chooses its update by the sensor's name or kind.",
-                "Check that scan.kind is compared with the right word, that the gain is not zero, and that no gate "
-                "rejects all.",
-                kinds=("exact",),
-                rank=44,
-                consequences=("nonfinite",),
-                drive="manoeuvre",
-            ),
-            "sensor_bias": KnownFault(
-                "the measurements of a sensor have a constant bias",
-                "Where the measurements of this sensor are read, and where its mounting is applied.",
-                "Look for an offset that is added or missing (calibration, mounting), and correct it.",
-                kinds=("offset",),
-                rank=31,
-                consequences=("numerical", "gain", "overconfident_start"),
-                drive="own_model",
-            ),
-            "scale_error": KnownFault(
-                "the measurements of a sensor are scaled by a constant",
-                "Where the measurements of this sensor are read, and where units are converted.",
-                "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
-                kinds=("offset",),
-                rank=32,
-                consequences=("numerical", "gain", "overconfident_start"),
-                drive="radial_approach",
-            ),
-        },
+        Question(
+            "ego_motion",
+            "Do the measurements of a moving observer count for where it is and how it moves?",
+            motion=True,
+            finds=("ego_motion_ignored",),
+        ),
     ),
+    of_filters=True,
+    faults={
+        "doppler_sign": KnownFault(
+            "the range rate has the wrong sign",
+            "Where the range rate is predicted, and where the measurement is read.",
+            "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the sensor.",
+            Role("exact", rank=13, causes="measured", drive="radial_approach"),
+        ),
+        "speed_for_range_rate": KnownFault(
+            "the range rate is predicted as the speed",
+            "Where the third component of a radar's measurement is predicted.",
+            "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its length.",
+            Role("exact", rank=14, causes="measured", drive="tangential_pass"),
+        ),
+        "degrees_for_radians": KnownFault(
+            "degrees and radians are mixed up",
+            "Where azimuths, yaws and their standard deviations are read.",
+            "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at all.",
+            Role("exact", rank=9, causes="measured noise angle arctan_quadrant", drive="azimuth_crossing"),
+        ),
+        "ego_motion_ignored": KnownFault(
+            "the sensor's own pose or velocity is left out",
+            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
+            "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
+            "target's velocity.",
+            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
+        ),
+        "sensor_pose_ignored": KnownFault(
+            "the pose of a sensor that stands still is left out",
+            "Where measurements are converted to the fixed frame, and where they are predicted.",
+            "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
+            "mounting together.",
+            Role("exact ego", rank=11, causes="measured noise angle polar_start arctan_quadrant", drive="stationary"),
+        ),
+        "measurement_ignored": KnownFault(
+            "the measurements of a sensor are never used",
+            "Where the tracker chooses its update by the sensor's name or kind.",
+            "Check that scan.kind is compared with the right word, that the gain is not zero, and that no gate rejects "
+            "all.",
+            Role("exact", rank=44, causes="nonfinite", drive="manoeuvre"),
+        ),
+        "sensor_bias": KnownFault(
+            "the measurements of a sensor have a constant bias",
+            "Where the measurements of this sensor are read, and where its mounting is applied.",
+            "Look for an offset that is added or missing (calibration, mounting), and correct it.",
+            Role("offset", rank=31, causes="numerical gain overconfident_start", drive="own_model"),
+        ),
+        "scale_error": KnownFault(
+            "the measurements of a sensor are scaled by a constant",
+            "Where the measurements of this sensor are read, and where units are converted.",
+            "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
+            Role("offset", rank=32, causes="numerical gain overconfident_start", drive="radial_approach"),
+        ),
+    },
 )

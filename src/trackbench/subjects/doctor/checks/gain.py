@@ -12,7 +12,7 @@ from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -36,10 +36,10 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     """Compute the implied Jacobian and noise at the regular probes, and compare with the right ones."""
     result = PartResult()
     for sensor, trials in tracker.trials.items():
-        name, question = f"gain.{sensor}", f"Do the gains for {sensor} fit its geometry and its stated noise?"
+        name = f"gain.{sensor}"
         if sensor in tracker.once(update_faults):
             why = "the mean and the covariance do not change by one gain, so that no model follows from them"
-            result.checks.append(CheckResult(name, question, None, why))
+            result.add(name, None, why)
             continue
         linear = [trial for trial in trials if trial.nearly_linear]
         rows, errors = _implied(tracker, sensor, linear)
@@ -47,7 +47,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             why = (
                 "the predictions are too uncertain" if len(linear) < 3 else "the gains are not those of a Kalman filter"
             )
-            result.checks.append(CheckResult(name, question, None, why))
+            result.add(name, None, why)
             continue
         findings = [*_jacobian(tracker, sensor, rows, errors), *_noise(sensor, rows, errors)]
         passed: bool | None = not findings
@@ -58,8 +58,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
         elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
             passed = None
             text = f"{_sampling(errors)}: a smaller error of a row cannot be told from it; {text}"
-        result.findings += findings
-        result.checks.append(CheckResult(name, question, passed, text))
+        result.add(name, passed, text, *findings)
     return result
 
 
@@ -274,74 +273,61 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
 
 
-CHECKS = (
-    DoctorCheck(
-        gain,
-        place=150,
-        questions=(
-            Question("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
+GAIN_CHECK = DoctorCheck(
+    gain,
+    place=150,
+    questions=(
+        Question(
+            "gain",
+            "Do the gains fit the geometry and the stated noise?",
+            "Do the gains for {sensor} fit its geometry and its stated noise?",
+            each_sensor=True,
+            misses=True,
         ),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "jacobian_wrong": KnownFault(
-                "a Jacobian is wrong",
-                "Where the derivative of the measurement model or of the motion model is written out.",
-                "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
-                kinds=("gain",),
-                rank=41,
-                consequences=("numerical", "noise", "growth", "angle"),
-                drive="tangential_pass",
-            ),
-            "r_too_small": KnownFault(
-                "the measurement noise is too small",
-                "Where R of this sensor is set.",
-                "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, "
-                "rad and m/s.",
-                kinds=("noise",),
-                rank=46,
-                consequences=("numerical", "overconfident_start"),
-                drive="own_model",
-            ),
-            "r_too_large": KnownFault(
-                "the measurement noise is too large",
-                "Where R of this sensor is set.",
-                "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, "
-                "rad and m/s.",
-                kinds=("noise",),
-                rank=47,
-                consequences=("numerical",),
-                drive="own_model",
-            ),
-            "measurement_noise_omitted": KnownFault(
-                "the measurement noise is missing from the innovation covariance",
-                "Where the innovation covariance S is computed.",
-                "S = H P H^T + R, or the sum over the sigma points plus R.",
-                kinds=("noise",),
-                rank=15,
-                consequences=("stepped", "polar_start", "wrong_dt"),
-                drive="own_model",
-            ),
-            "measurement_noise_twice": KnownFault(
-                "the measurement noise is added twice",
-                "Where the innovation covariance S is computed, and where R is handed to it.",
-                "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
-                kinds=("noise",),
-                rank=43,
-                consequences=("numerical",),
-                drive="own_model",
-            ),
-            "sigma_points_not_redrawn": KnownFault(
-                "the update uses sigma points without the process noise",
-                "Between the prediction and the update, where the moved points are used again.",
-                "Draw new points from the predicted mean and covariance, or let the noise be part of the points "
-                "(augmented state).",
-                kinds=("gain",),
-                rank=37,
-                consequences=("numerical", "noise", "growth", "gain_inconsistent", "jacobian_wrong"),
-                drive="uneven_steps",
-            ),
-        },
     ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "jacobian_wrong": KnownFault(
+            "a Jacobian is wrong",
+            "Where the derivative of the measurement model or of the motion model is written out.",
+            "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
+            Role("gain", rank=41, causes="numerical noise growth angle", drive="tangential_pass"),
+        ),
+        "r_too_small": KnownFault(
+            "the measurement noise is too small",
+            "Where R of this sensor is set.",
+            "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, rad and "
+            "m/s.",
+            Role("noise", rank=46, causes="numerical overconfident_start", drive="own_model"),
+        ),
+        "r_too_large": KnownFault(
+            "the measurement noise is too large",
+            "Where R of this sensor is set.",
+            "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, rad and "
+            "m/s.",
+            Role("noise", rank=47, causes="numerical", drive="own_model"),
+        ),
+        "measurement_noise_omitted": KnownFault(
+            "the measurement noise is missing from the innovation covariance",
+            "Where the innovation covariance S is computed.",
+            "S = H P H^T + R, or the sum over the sigma points plus R.",
+            Role("noise", rank=15, causes="stepped polar_start wrong_dt", drive="own_model"),
+        ),
+        "measurement_noise_twice": KnownFault(
+            "the measurement noise is added twice",
+            "Where the innovation covariance S is computed, and where R is handed to it.",
+            "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
+            Role("noise", rank=43, causes="numerical", drive="own_model"),
+        ),
+        "sigma_points_not_redrawn": KnownFault(
+            "the update uses sigma points without the process noise",
+            "Between the prediction and the update, where the moved points are used again.",
+            "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
+            "state).",
+            Role(
+                "gain", rank=37, causes="numerical noise growth gain_inconsistent jacobian_wrong", drive="uneven_steps"
+            ),
+        ),
+    },
 )

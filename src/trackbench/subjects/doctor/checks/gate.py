@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -42,32 +42,27 @@ class Return(NamedTuple):
 
 def gate(tracker: TrackerUnderTest) -> PartResult:
     """Let targets be elsewhere after a gap, and measure them there."""
-    question = "Is a target that is elsewhere after a gap taken up again?"
     returns = [one for probe in tracker.probes.general[:2] if (one := _return(tracker, probe)) is not None]
     if not returns:
-        return PartResult([CheckResult("gate", question, None, "there was no estimate")])
+        return PartResult().add("gate", None, "there was no estimate")
     worst = max(returns, key=lambda one: one.left / one.away)
     text = (
         f"of {worst.probe.description}, {worst.away:.3g} m from its prediction after {GAP:g} s without a measurement, "
         f"the estimate is {worst.left:.3g} m away at the nearest in {AFTER:g} s of measurements"
     )
     lost = worst.left > (1.0 - TAKEN_UP) * worst.away
-    result = PartResult([CheckResult("gate", question, not lost, text)])
-    if lost:
-        text += f"; its prediction stated a standard deviation of {worst.sigma:.3g} m"
-        exhibit = _shown(worst)
-        result.findings.append(Finding("gate_never_reopens", 0.95, text, shown_by="gap_in_a_turn", exhibit=exhibit))
-    return result
-
-
-def _shown(one: Return) -> OverTime:
-    distance = np.array(one.distances)
-    taken_up = np.full(len(distance), (1.0 - TAKEN_UP) * one.away)
-    course = Course(
-        "distance from the target, m", distance, None, (np.zeros(len(distance)), taken_up), "taken up again"
-    )
+    if not lost:
+        return PartResult().add("gate", True, text)
+    distance = np.array(worst.distances)
+    taken_up = np.full(len(distance), (1.0 - TAKEN_UP) * worst.away)
+    bounds = np.zeros(len(distance)), taken_up
+    course = Course("distance from the target, m", distance, None, bounds, "taken up again")
     time = np.asarray(0.1 * np.arange(len(distance)))
-    return OverTime(f"After a gap of {GAP:g} s: {one.probe.description}", "time of measurements, s", time, (course,))
+    title = f"After a gap of {GAP:g} s: {worst.probe.description}"
+    exhibit = OverTime(title, "time of measurements, s", time, (course,))
+    evidence = f"{text}; its prediction stated a standard deviation of {worst.sigma:.3g} m"
+    finding = Finding("gate_never_reopens", 0.95, evidence, shown_by="gap_in_a_turn", exhibit=exhibit)
+    return PartResult().add("gate", False, text, finding)
 
 
 def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
@@ -111,21 +106,18 @@ def _moved(probe: Probe, error: np.ndarray, away: float) -> Probe:
     return probe._replace(target=(px + shift[0], py + shift[1], vx, vy))
 
 
-CHECKS = (
-    DoctorCheck(
-        gate,
-        place=200,
-        questions=(Question("gate", "Is a target that is elsewhere after a gap taken up again?"),),
-        asks_at_misses=True,
-        faults={
-            "gate_never_reopens": KnownFault(
-                "a gate that has rejected the target rejects it for ever",
-                "Where a measurement is held against a gate.",
-                "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
-                "again.",
-                kinds=("step",),
-                drive="gap_in_a_turn",
-            ),
-        },
-    ),
+GATE_CHECK = DoctorCheck(
+    gate,
+    place=200,
+    questions=(Question("gate", "Is a target that is elsewhere after a gap taken up again?"),),
+    asks_at_misses=True,
+    faults={
+        "gate_never_reopens": KnownFault(
+            "a gate that has rejected the target rejects it for ever",
+            "Where a measurement is held against a gate.",
+            "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
+            "again.",
+            Role("step", drive="gap_in_a_turn"),
+        ),
+    },
 )

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named, update_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -30,14 +30,12 @@ def instants(tracker: TrackerUnderTest) -> PartResult:
     """Give measurements of two sensors at one instant, and ask for the estimate of one instant by each sensor."""
     result = PartResult()
     if len(tracker.sensors) > 1:
-        for one in (_same_instant(tracker), _same_time(tracker)):
-            result.checks += one.checks
-            result.findings += one.findings
+        _same_instant(tracker, result)
+        _same_time(tracker, result)
     return result
 
 
-def _same_instant(tracker: TrackerUnderTest) -> PartResult:
-    question = "Do two sensors' measurements of one instant both count?"
+def _same_instant(tracker: TrackerUnderTest, result: PartResult) -> None:
     kept: dict[tuple[str, str], list[bool]] = {}
     for probe in tracker.probes.general[:3]:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
@@ -47,26 +45,19 @@ def _same_instant(tracker: TrackerUnderTest) -> PartResult:
                 if counts is not None:
                     kept.setdefault((first, second), []).append(counts)
     dropped = [pair for pair, counts in kept.items() if not any(counts)]
-    if not kept:
-        return PartResult([CheckResult("same_instant", question, None, "there was no estimate")])
     if not dropped:
-        text = f"yes, in {len(kept)} orders of two sensors"
-        return PartResult([CheckResult("same_instant", question, True, text)])
+        passed, text = (True, f"yes, in {len(kept)} orders of two sensors") if kept else (None, "there was no estimate")
+        result.add("same_instant", passed, text)
+        return
     first, second = dropped[0]
     text = (
         f"a measurement of {second} that comes after one of {first} with the same time does not move the estimate "
         f"({len(kept[dropped[0]])} of {len(kept[dropped[0]])} trials); it does if it comes alone"
     )
     sensor = second if len({pair[1] for pair in dropped}) == 1 else None
-    finding = Finding(
-        "second_measurement_dropped",
-        0.98,
-        text,
-        sensor=sensor,
-        shown_by="uneven_steps",
-        exhibit=_dropped_shown(tracker, first, second),
-    )
-    return PartResult([CheckResult("same_instant", question, False, text)], [finding])
+    fault, exhibit = "second_measurement_dropped", _dropped_shown(tracker, first, second)
+    finding = Finding(fault, 0.98, text, sensor=sensor, shown_by="uneven_steps", exhibit=exhibit)
+    result.add("same_instant", False, text, finding)
 
 
 def _dropped_shown(tracker: TrackerUnderTest, first: str, second: str) -> Predictions | None:
@@ -107,9 +98,8 @@ def _beside(scan: Scan) -> Scan:
     return scan._replace(measurement=scan.measurement + ASIDE * np.sqrt(np.diag(scan.noise_covariance)))
 
 
-def _same_time(tracker: TrackerUnderTest) -> PartResult:
+def _same_time(tracker: TrackerUnderTest, result: PartResult) -> None:
     """Ask for the estimate of one instant by missed scans of each sensor."""
-    question = "Is the estimate of one instant the same, whichever sensor's scan asks for it?"
     names = tuple(tracker.sensors)
     lags: dict[str, list[float]] = {name: [] for name in names[1:]}
     shown: dict[str, Predictions] = {}
@@ -128,17 +118,15 @@ def _same_time(tracker: TrackerUnderTest) -> PartResult:
                     shown.setdefault(name, Predictions(title, None, own, other))
     known = {name: np.array(found) for name, found in lags.items() if len(found) >= 3}
     if not known:
-        return PartResult([CheckResult("same_time", question, None, "there was no moving estimate")])
+        result.add("same_time", None, "there was no moving estimate")
+        return
     name = max(known, key=lambda item: abs(float(np.median(known[item]))))
     lag = float(np.median(known[name]))
     text = f"by a scan of {name} the target is {1e3 * lag:+.3g} ms of its motion from where it is by one of {names[0]}"
     apart = abs(lag) > APART and float(np.mean(np.abs(known[name] - lag) < 0.3 * abs(lag))) > 0.7
-    result = PartResult([CheckResult("same_time", question, not apart, text)])
-    if apart:
-        words = f"{text} (median of {len(known[name])} trials): the times of one of the two sensors are off by that"
-        finding = Finding("time_offset", 0.97, words, shown_by="tangential_pass", exhibit=shown[name])
-        result.findings.append(finding)
-    return result
+    words = f"{text} (median of {len(known[name])} trials): the times of one of the two sensors are off by that"
+    finding = Finding("time_offset", 0.97, words, shown_by="tangential_pass", exhibit=shown[name])
+    result.add("same_time", not apart, text, finding if apart else None)
 
 
 def _lag(one: Array, other: Array) -> list[float]:
@@ -147,46 +135,36 @@ def _lag(one: Array, other: Array) -> list[float]:
     return [float((other - one)[:2] @ one[2:]) / speed**2] if speed > MOVING else []
 
 
-CHECKS = (
-    DoctorCheck(
-        instants,
-        place=170,
-        questions=(
-            Question(
-                "same_instant",
-                "Do two sensors' measurements of one instant both count?",
-                finds=("second_measurement_dropped",),
-            ),
-            Question(
-                "same_time",
-                "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
-                misses=True,
-                finds=("time_offset",),
-            ),
+INSTANTS_CHECK = DoctorCheck(
+    instants,
+    place=170,
+    questions=(
+        Question(
+            "same_instant",
+            "Do two sensors' measurements of one instant both count?",
+            finds=("second_measurement_dropped",),
         ),
-        of_filters=True,
-        least_sensors=2,
-        asks_at_misses=True,
-        faults={
-            "second_measurement_dropped": KnownFault(
-                "of two measurements at one instant only the first is used",
-                "Where a scan with the time of the last one (a time step of zero) returns early.",
-                "With a time step of zero leave out the prediction alone, and make the update.",
-                kinds=("exact",),
-                rank=28,
-                consequences=("measurement_ignored",),
-                always=("measurement_ignored",),
-                drive="uneven_steps",
-            ),
-            "time_offset": KnownFault(
-                "the time of a sensor's measurements is off by a constant",
-                "Where the time of a scan is read, and where a latency is taken off or added.",
-                "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
-                kinds=("offset",),
-                rank=27,
-                consequences=("measured", "growth", "angle", "sensor_bias", "scale_error"),
-                drive="tangential_pass",
-            ),
-        },
+        Question(
+            "same_time",
+            "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
+            misses=True,
+            finds=("time_offset",),
+        ),
     ),
+    of_filters=True,
+    least_sensors=2,
+    faults={
+        "second_measurement_dropped": KnownFault(
+            "of two measurements at one instant only the first is used",
+            "Where a scan with the time of the last one (a time step of zero) returns early.",
+            "With a time step of zero leave out the prediction alone, and make the update.",
+            Role("exact", rank=28, always="measurement_ignored", drive="uneven_steps"),
+        ),
+        "time_offset": KnownFault(
+            "the time of a sensor's measurements is off by a constant",
+            "Where the time of a scan is read, and where a latency is taken off or added.",
+            "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
+            Role("offset", rank=27, causes="measured growth angle sensor_bias scale_error", drive="tangential_pass"),
+        ),
+    },
 )

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -27,19 +27,17 @@ def late(tracker: TrackerUnderTest) -> PartResult:
     """Give old scans without noise, of sensors that the scenario says are late: they add nothing that is not known."""
     result = PartResult()
     for name, latency in tracker.late.items():
-        question = f"Are late measurements of {name} held against where the target was?"
         age = float(np.clip(latency, LEAST, MOST))
         try:
             moves = [_moves(tracker, probe, name, age) for probe in tracker.probes.regular]
         except StepFailed as failure:
             text = f"it raises at a scan that is older by {age:g} s than the one before: {failure}"
-            result.checks.append(CheckResult(f"late.{name}", question, None, text))
+            result.add(f"late.{name}", None, text)
             continue
         clear = [move for move in moves if move is not None and np.hypot(*move.new) > CLEAR]
         as_new = [move for move in clear if np.hypot(*(move.late - move.new)) < NEAR * np.hypot(*move.new)]
         if not clear:
-            text = "no scan of it moves the estimate"
-            result.checks.append(CheckResult(f"late.{name}", question, None, text))
+            result.add(f"late.{name}", None, "no scan of it moves the estimate")
             continue
         faulty = 2 * len(as_new) > len(clear)
         shown = max(as_new if faulty else clear, key=lambda move: float(np.hypot(*move.new)))
@@ -48,12 +46,9 @@ def late(tracker: TrackerUnderTest) -> PartResult:
             f"{np.hypot(*shown.late):.2f} m from where it was without; if the scan were new that would be "
             f"{np.hypot(*shown.new):.2f} m ({len(as_new)} of {len(clear)} probes as if new)"
         )
-        result.checks.append(CheckResult(f"late.{name}", question, not faulty, text))
-        if faulty:
-            where, exhibit = shown.probe.name, shown.exhibit(age)
-            result.findings.append(
-                Finding("late_processed_as_new", 0.95, text, sensor=name, shown_by=where, exhibit=exhibit)
-            )
+        where, exhibit = shown.probe.name, shown.exhibit(age)
+        finding = Finding("late_processed_as_new", 0.95, text, sensor=name, shown_by=where, exhibit=exhibit)
+        result.add(f"late.{name}", not faulty, text, finding if faulty else None)
     return result
 
 
@@ -99,22 +94,26 @@ def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerU
     return session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
 
 
-CHECKS = (
-    DoctorCheck(
-        late,
-        place=220,
-        questions=(
-            Question("late", "Are late measurements held against where the target was?", each_sensor=True, misses=True),
+LATE_CHECK = DoctorCheck(
+    late,
+    place=220,
+    questions=(
+        Question(
+            "late",
+            "Are late measurements held against where the target was?",
+            "Are late measurements of {sensor} held against where the target was?",
+            each_sensor=True,
+            misses=True,
         ),
-        late_sensors=True,
-        faults={
-            "late_processed_as_new": KnownFault(
-                "a late measurement is processed as if it were new",
-                "Where the time since the last scan is computed, and where the time of a scan is read.",
-                "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is "
-                "not its time.",
-                drive="uneven_steps",
-            ),
-        },
     ),
+    late_sensors=True,
+    faults={
+        "late_processed_as_new": KnownFault(
+            "a late measurement is processed as if it were new",
+            "Where the time since the last scan is computed, and where the time of a scan is read.",
+            "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is not "
+            "its time.",
+            Role(drive="uneven_steps"),
+        ),
+    },
 )

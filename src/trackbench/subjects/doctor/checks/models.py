@@ -15,7 +15,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, PartResult, Question
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.units_ratio import conversion
@@ -44,17 +44,13 @@ def models(tracker: TrackerUnderTest) -> PartResult:
     entries = [entry for name in provided for entry in _entries(tracker, name)]
     question = f"Are the Jacobians of the {' and the '.join(provided)} that the tracker provides right?"
     if not entries:
-        return PartResult([CheckResult("models", question, None, "its estimates have no state")])
+        return PartResult().add("models", None, "its estimates have no state", question=question)
     worst = max(entries, key=lambda entry: entry.size)
     passed = worst.size < TOLERANCE
     text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.text}"
-    result = PartResult([CheckResult("models", question, passed, text)])
-    if not passed:
-        fault = "jacobian_wrong"
-        result.findings.append(
-            Finding(fault, 0.98, text, sensor=worst.sensor, shown_by=worst.probe, exhibit=worst.exhibit)
-        )
-    return result
+    fault = "jacobian_wrong"
+    finding = Finding(fault, 0.98, text, sensor=worst.sensor, shown_by=worst.probe, exhibit=worst.exhibit)
+    return PartResult().add("models", passed, text, None if passed else finding, question=question)
 
 
 def _has(tracker: TrackerUnderTest, name: str) -> bool:
@@ -118,10 +114,8 @@ def _differences(model: Callable[[Array], Array], x: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-CHECKS = (
-    DoctorCheck(
-        models,
-        place=180,
-        questions=(Question("models", "Are the Jacobians that the tracker provides right?"),),
-    ),
+MODELS_CHECK = DoctorCheck(
+    models,
+    place=180,
+    questions=(Question("models", "Are the Jacobians that the tracker provides right?"),),
 )

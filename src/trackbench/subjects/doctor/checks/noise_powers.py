@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -43,26 +43,24 @@ def noise_powers(tracker: TrackerUnderTest) -> PartResult:
     They are ``dt^(n + 2), dt^(n + 1), dt^n``, with n = 2 for an acceleration that is constant over a step, and n = 1
     for a continuous one (Bar-Shalom, Li and Kirubarajan 2001, sections 6.2.2 and 6.3.2).
     """
-    question = "Do the entries of the process noise go with the same powers of the time step?"
     noises = _noises(tracker)
     if noises is None:
         text = "the process noise depends on more than the time step, or none is added"
-        return PartResult([CheckResult("noise_powers", question, None, text)])
+        return PartResult().add("noise_powers", None, text)
     axes = [_exponents(noises, axis) for axis in (0, 1)]
     if all(axis is None for axis in axes):
         text = "position, velocity and both together do not each have one power of the time step"
-        return PartResult([CheckResult("noise_powers", question, None, text)])
+        return PartResult().add("noise_powers", None, text)
     wrong = [power for number, axis in enumerate(axes) if axis and (power := _wrong(noises, number, axis))]
     if not wrong:
         found = next(axis for axis in axes if axis is not None)
         words = ", ".join(f"dt^{exponent}" for exponent in found)
         text = f"position, position and velocity, and velocity grow with {words} over {STEPS[0]:g} to {STEPS[-1]:g} s"
-        return PartResult([CheckResult("noise_powers", question, True, text)])
+        return PartResult().add("noise_powers", True, text)
     text = "; ".join(map(_words, wrong))
-    finding = Finding(
-        "q_wrong_power_of_dt", 0.96, text, shown_by=tracker.probes.general[0].name, exhibit=_shown(wrong[0])
-    )
-    return PartResult([CheckResult("noise_powers", question, False, text)], [finding])
+    shown_by, exhibit = tracker.probes.general[0].name, _shown(wrong[0])
+    finding = Finding("q_wrong_power_of_dt", 0.96, text, shown_by=shown_by, exhibit=exhibit)
+    return PartResult().add("noise_powers", False, text, finding)
 
 
 def _noises(tracker: TrackerUnderTest) -> Array | None:
@@ -138,32 +136,31 @@ def _shown(power: Power) -> OverTime:
     )
 
 
-CHECKS = (
-    DoctorCheck(
-        noise_powers,
-        place=120,
-        questions=(
-            Question(
-                "noise_powers",
-                "Do the entries of the process noise go with the same powers of the time step?",
-                misses=True,
-            ),
+NOISE_POWERS_CHECK = DoctorCheck(
+    noise_powers,
+    place=120,
+    questions=(
+        Question(
+            "noise_powers",
+            "Do the entries of the process noise go with the same powers of the time step?",
+            misses=True,
         ),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "q_wrong_power_of_dt": KnownFault(
-                "an entry of the process noise has a wrong power of the time step",
-                "Where Q is written out.",
-                "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, "
-                "dt^2 / 2, dt for a continuous white noise.",
-                kinds=("motion", "growth"),
+    ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_wrong_power_of_dt": KnownFault(
+            "an entry of the process noise has a wrong power of the time step",
+            "Where Q is written out.",
+            "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, dt^2 / "
+            "2, dt for a continuous white noise.",
+            Role(
+                "motion growth",
                 rank=21,
-                consequences=("numerical", "gain", "noise", "growth", "overconfident_start"),
-                always=("numerical",),
+                causes="gain noise growth overconfident_start",
+                always="numerical",
                 drive="uneven_steps",
             ),
-        },
-    ),
+        ),
+    },
 )

@@ -17,7 +17,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, relative_error
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -67,16 +67,14 @@ def one_gain(tracker: TrackerUnderTest) -> PartResult:
     """Hold the updates of the mean and of the covariance against those of the right gain."""
     result = PartResult()
     for name, trials in tracker.trials.items():
-        question = f"Do the mean and the covariance change by one gain with {name}?"
         fault = tracker.once(update_faults).get(name)
         if fault is not None:
-            result.findings.append(fault)
-            result.checks.append(CheckResult(f"one_gain.{name}", question, False, fault.evidence))
+            result.add(f"one_gain.{name}", False, fault.evidence, fault)
         elif trials:
             text = "where one of the two is that of the right gain, the other is too"
-            result.checks.append(CheckResult(f"one_gain.{name}", question, True, text))
+            result.add(f"one_gain.{name}", True, text)
         else:
-            result.checks.append(CheckResult(f"one_gain.{name}", question, None, "there was no estimate to update"))
+            result.add(f"one_gain.{name}", None, "there was no estimate to update")
     return result
 
 
@@ -279,38 +277,35 @@ def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
     return float(np.sqrt(max(0.0, np.median(squares))))
 
 
-CHECKS = (
-    DoctorCheck(
-        one_gain,
-        place=140,
-        questions=(
-            Question("one_gain", "Do the mean and the covariance change by one gain?", each_sensor=True, misses=True),
+ONE_GAIN_CHECK = DoctorCheck(
+    one_gain,
+    place=140,
+    questions=(
+        Question(
+            "one_gain",
+            "Do the mean and the covariance change by one gain?",
+            "Do the mean and the covariance change by one gain with {sensor}?",
+            each_sensor=True,
+            misses=True,
         ),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "gain_inconsistent": KnownFault(
-                "the gain is not that of the tracker's own covariance and the stated models",
-                "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
-                "points or samples.",
-                "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move "
-                "the mean by K y once.",
-                kinds=("gain",),
-                rank=40,
-                consequences=("numerical", "noise", "growth", "angle", "overconfident_start"),
-                drive="tangential_pass",
-            ),
-            "covariance_update_wrong": KnownFault(
-                "the updated covariance is not that of the applied gain",
-                "Where the covariance is updated after a measurement.",
-                "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
-                "moves the mean.",
-                kinds=("step",),
-                rank=39,
-                consequences=("numerical", "noise", "growth", "angle", "overconfident_start"),
-                drive="own_model",
-            ),
-        },
     ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "gain_inconsistent": KnownFault(
+            "the gain is not that of the tracker's own covariance and the stated models",
+            "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
+            "points or samples.",
+            "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
+            "mean by K y once.",
+            Role("gain", rank=40, causes="numerical noise growth angle overconfident_start", drive="tangential_pass"),
+        ),
+        "covariance_update_wrong": KnownFault(
+            "the updated covariance is not that of the applied gain",
+            "Where the covariance is updated after a measurement.",
+            "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
+            "moves the mean.",
+            Role("step", rank=39, causes="numerical noise growth angle overconfident_start", drive="own_model"),
+        ),
+    },
 )

@@ -11,7 +11,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import linearises
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named, predicted
@@ -68,10 +68,9 @@ class PredictedStep(NamedTuple):
 
 def prediction(tracker: TrackerUnderTest) -> PartResult:
     """Predict over steps of several lengths, each after previous steps of two lengths."""
-    question = "Is the estimate predicted by its velocity times the time step?"
     steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
     if len(steps) < len(STEPS):
-        return PartResult([CheckResult("prediction", question, None, "there was no moving estimate to predict")])
+        return PartResult().add("prediction", None, "there was no moving estimate to predict")
     step, moved, previous = (np.array([one[i] for one in steps]) for i in range(3))
     wrong = np.abs(moved - step) > TOLERANCE * np.maximum(step, 0.02)
     ratios = moved / step
@@ -84,7 +83,7 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
     if finding is not None:
         shown = steps[-1] if abs(steps[-1].moved) < TOO_FAR else steps[0]
         finding = replace(finding, exhibit=shown.shown)
-    return PartResult([CheckResult("prediction", question, passed, text)], [] if finding is None else [finding])
+    return PartResult().add("prediction", passed, text, finding)
 
 
 def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: Array) -> Finding | None:
@@ -179,45 +178,37 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
 
     Of any motion model ``d P_pp = t (P_pv + P_vp) + t^2 P_vv`` to first order, and ``d P_pv = t P_vv``.
     """
-    question = "Does the uncertainty of the velocity spread to the position?"
     ratios: list[tuple[float, float, Array, Probe]] = []
     for probe in tracker.probes.general[:4]:
         for name in tracker.sensors:
             ratios += [(*ratio, probe) for ratio in _growth(tracker, probe, name)]
     if not ratios:
-        return PartResult([CheckResult("spreading", question, None, "there was no estimate early enough")])
+        return PartResult().add("spreading", None, "there was no estimate early enough")
     least, most = np.quantile([r[0] for r in ratios], 0.3), np.quantile([r[1] for r in ratios], 0.7)
     off = [r for r in ratios if r[0] < GROWTH[0] or r[1] > GROWTH[1]]
     text = (
         "the covariance of position and velocity grows as much as the uncertain velocity causes, times at least "
         f"{least:.2g} in 70 % of the trials and at most {most:.2g} in 70 %"
     )
-    passed = len(off) < 0.3 * len(ratios)
-    result = PartResult([CheckResult("spreading", question, passed, text)])
-    if not passed:
-        worst = min(off, key=lambda r: r[0])
-        where = (
-            "an entry of the transition's Jacobian" if tracker.once(linearises) is not False else "a moved sigma point"
-        )
-        text = (
-            f"the covariance of position and velocity grows {worst[0]:.2g} to {worst[1]:.2g} times as much as the "
-            f"uncertain velocity causes: {where} (d px / d vx = dt) is wrong"
-        )
-        exhibit = _block_shown(worst[2], worst[3])
-        result.findings.append(Finding("jacobian_wrong", 0.9, text, shown_by=worst[3].name, exhibit=exhibit))
-    return result
-
-
-def _block_shown(block: Array, probe: Probe) -> Matrices:
+    if len(off) < 0.3 * len(ratios):
+        return PartResult().add("spreading", True, text)
+    low, high, block, probe = min(off, key=lambda r: r[0])
+    where = "an entry of the transition's Jacobian" if tracker.once(linearises) is not False else "a moved sigma point"
+    evidence = (
+        f"the covariance of position and velocity grows {low:.2g} to {high:.2g} times as much as the uncertain "
+        f"velocity causes: {where} (d px / d vx = dt) is wrong"
+    )
     right = SPREAD_OVER * np.eye(2)
     i, j = np.unravel_index(int(np.argmax(np.abs(block - right))), (2, 2))
-    return Matrices(
+    exhibit = Matrices(
         f"Jacobian of the prediction over {SPREAD_OVER:g} s: {probe.description}",
         ("px, m", "py, m"),
         ("vx, m/s", "vy, m/s"),
         (Panel("implied by the covariances", block), Panel("right", right, "right")),
         ((int(i), int(j)),),
     )
+    finding = Finding("jacobian_wrong", 0.9, evidence, shown_by=probe.name, exhibit=exhibit)
+    return PartResult().add("spreading", False, text, finding)
 
 
 def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[float, float, Array]]:
@@ -232,14 +223,11 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
             now = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0)))
             then = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
             if now is not None and then is not None and finite(now) and finite(then) and _known(now):
-                found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
+                # d position / d velocity, with the mean covariance of the velocity over the step.
+                grown = (then.covariance - now.covariance)[:2, 2:]
+                block = np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
+                found.append((*_ratios(now, then, SPREAD_OVER), block))
     return found
-
-
-def _block(now: Estimate, then: Estimate) -> Array:
-    """``(2, 2)`` d position / d velocity, with the mean covariance of the velocity over the step."""
-    grown = (then.covariance - now.covariance)[:2, 2:]
-    return np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
 
 
 def _known(estimate: Estimate) -> bool:
@@ -264,53 +252,44 @@ def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:
     return min(least), max(most)
 
 
-CHECKS = (
-    DoctorCheck(
-        prediction,
-        place=80,
-        questions=(
-            Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),
+PREDICTION_CHECK = DoctorCheck(
+    prediction,
+    place=80,
+    questions=(Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),),
+    of_filters=True,
+    faults={
+        "wrong_dt": KnownFault(
+            "the time step is wrong",
+            "Where the time since the last scan is computed and stored.",
+            "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with the "
+            "state.",
+            Role("motion", rank=20, causes="measured growth time_offset", drive="uneven_steps"),
         ),
-        of_filters=True,
-        asks_at_misses=True,
-        faults={
-            "wrong_dt": KnownFault(
-                "the time step is wrong",
-                "Where the time since the last scan is computed and stored.",
-                "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with "
-                "the state.",
-                kinds=("motion",),
-                rank=20,
-                consequences=("measured", "growth", "time_offset"),
-                drive="uneven_steps",
-            ),
-            "missed_scan_not_predicted": KnownFault(
-                "there is no prediction at a missed scan",
-                "Where a scan without a measurement (scan.valid is False) returns early.",
-                "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
-                kinds=("exact",),
-                rank=17,
-                consequences=("stepped",),
-                drive="uneven_steps",
-            ),
-            "velocity_unit": KnownFault(
-                "the velocity is in another unit than m/s",
-                "Where the estimate is returned, or where the velocity is made from positions and times.",
-                "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
-                kinds=("motion",),
+        "missed_scan_not_predicted": KnownFault(
+            "there is no prediction at a missed scan",
+            "Where a scan without a measurement (scan.valid is False) returns early.",
+            "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
+            Role("exact", rank=17, causes="stepped", drive="uneven_steps"),
+        ),
+        "velocity_unit": KnownFault(
+            "the velocity is in another unit than m/s",
+            "Where the estimate is returned, or where the velocity is made from positions and times.",
+            "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
+            Role(
+                "motion",
                 rank=6,
-                consequences=("stepped", "ego", "wrong_dt", "doppler_sign", "speed_for_range_rate"),
-                always=("ego", "doppler_sign", "speed_for_range_rate"),
+                causes="stepped wrong_dt",
+                always="ego doppler_sign speed_for_range_rate",
                 drive="tangential_pass",
             ),
-        },
-    ),
-    DoctorCheck(
-        spreading,
-        place=100,
-        questions=(Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-    ),
+        ),
+    },
+)
+
+SPREADING_CHECK = DoctorCheck(
+    spreading,
+    place=100,
+    questions=(Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),),
+    of_filters=True,
+    of_own_covariance=True,
 )

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
@@ -32,55 +32,40 @@ LEAST_GROWTH = 1e-6
 #: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory: none with
 #: constant velocity, and what other motions add in so short a step.
 ONLY = 0.2
-PER_STEP = "Does the process noise of a step depend on its length?"
 
 
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
     """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
-    question = "Does the process noise fit a road vehicle?"
     # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
     alone = [(name,) for name in tracker.sensors]
     found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
     if not found:
         why = "there was no estimate to predict"
-        return PartResult(
-            [
-                CheckResult("process_noise", question, None, why),
-                CheckResult("noise_per_step", PER_STEP, None, why),
-            ]
-        )
+        return PartResult().add("process_noise", None, why).add("noise_per_step", None, why)
     growth = float(np.median([one[-1] for one in found]))
+    shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
     if growth < NONE:
         most = max(float(one[-1]) for one in found)
         text = (
             f"in 1 s without a measurement the variance of the speed does not grow (its root by at most {most:.2g} m/s)"
         )
-        shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
         finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
-        return PartResult([CheckResult("process_noise", question, False, text)], [finding])
+        return PartResult().add("process_noise", False, text, finding)
     equal = growth / np.sqrt(STEP)
     text = (
         f"in 1 s without a measurement the standard deviation of the speed grows by {growth:.3g} m/s (root of the "
         f"difference of the squares), as with a white acceleration of {equal:.3g} m/s^2 at 20 steps a second; "
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )
-    result = PartResult([CheckResult("process_noise", question, BAND[0] <= growth <= BAND[1], text)])
-    per_step = _per_step(tracker)
-    result.checks += per_step.checks
-    result.findings += per_step.findings
-    if not BAND[0] <= growth <= BAND[1]:
+    fits = BAND[0] <= growth <= BAND[1]
+    result = PartResult().add("process_noise", fits, text)
+    _per_step(tracker, result)
+    if not fits:
         fault = "q_too_small" if growth < BAND[0] else "q_too_large"
         excess = BAND[0] / max(growth, 1e-9) if growth < BAND[0] else growth / BAND[1]
-        result.findings.append(
-            Finding(
-                fault,
-                min(0.97, 0.8 + 0.1 * np.log(excess)),
-                text,
-                factor=(growth / REFERENCE) ** 2,
-                shown_by=tracker.probes.general[0].name,
-                exhibit=_growth_shown(found),
-            )
-        )
+        confidence, factor = min(0.97, 0.8 + 0.1 * np.log(excess)), (growth / REFERENCE) ** 2
+        finding = Finding(fault, confidence, text, factor=factor, shown_by=shown_by, exhibit=exhibit)
+        result.findings.append(finding)
     return result
 
 
@@ -98,9 +83,8 @@ def _growth_shown(found: Sequence[Array]) -> OverTime:
     return OverTime("Growth of the uncertainty without measurements", "time without a measurement, s", time, (course,))
 
 
-def _per_step(tracker: TrackerUnderTest) -> PartResult:
+def _per_step(tracker: TrackerUnderTest, result: PartResult) -> None:
     """Predict over a short and over a long step: with any white noise the variance grows with the step."""
-    question = PER_STEP
     pairs = []
     for probe in tracker.probes.general[:3]:
         over = [tracker.predicted(probe, step) for step in STEPS]
@@ -111,32 +95,20 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
         if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short, STEPS[0]):
             pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
     if not pairs:
-        return PartResult(
-            [CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")]
-        )
+        result.add("noise_per_step", None, "no process noise is added to the variance of the velocity")
+        return
     share = float(np.median([short / long for short, long in pairs]))
     text = (
         f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
         f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
         f"step it were {STEPS[0] / STEPS[1]:g}"
     )
-    result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
-    if share >= CONSTANT:
-        exhibit = _steps_shown(pairs[0])
-        result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps", exhibit=exhibit))
-    return result
-
-
-def _steps_shown(pair: tuple[float, float]) -> OverTime:
     step = np.array(STEPS)
-    course = Course("growth of variance, m²/s²", np.array(pair), pair[1] * step / step[1])
-    return OverTime(
-        "Growth of the velocity's variance in a step",
-        "length of the step, s",
-        step,
-        (course,),
-        right_name="in proportion to the step",
-    )
+    course = Course("growth of variance, m²/s²", np.array(pairs[0]), pairs[0][1] * step / step[1])
+    title, right = "Growth of the velocity's variance in a step", "in proportion to the step"
+    exhibit = OverTime(title, "length of the step, s", step, (course,), right_name=right)
+    finding = Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps", exhibit=exhibit)
+    result.add("noise_per_step", share < CONSTANT, text, finding if share >= CONSTANT else None)
 
 
 def _faded(before: Estimate, after: Estimate, step: float) -> bool:
@@ -171,79 +143,69 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         session = session.copy()
         scans = (empty_scan(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
         estimates = [session.step(scan) for scan in scans]
-        variances = np.array([np.nan if one is None or not finite(one) else _speed_variance(one) for one in estimates])
+        variances = np.full(len(estimates), np.nan)
+        for k, estimate in enumerate(estimates):
+            if estimate is not None and finite(estimate):
+                direction = estimate.mean[2:] / max(float(np.hypot(*estimate.mean[2:])), 1e-9)
+                variances[k] = direction @ estimate.covariance[2:, 2:] @ direction
         if np.isfinite(variances[[0, -1]]).all():
             return np.asarray(np.sqrt(np.maximum(0.0, variances - variances[0])))
     return None
 
 
-def _speed_variance(estimate: Estimate) -> float:
-    direction = estimate.mean[2:] / max(float(np.hypot(*estimate.mean[2:])), 1e-9)
-    return float(direction @ estimate.covariance[2:, 2:] @ direction)
-
-
-CHECKS = (
-    DoctorCheck(
-        process_noise,
-        place=110,
-        questions=(
-            Question(
-                "process_noise",
-                "Is the process noise that of a road vehicle?",
-                misses=True,
-                finds=("q_too_small", "q_too_large", "process_noise_omitted"),
-            ),
-            Question(
-                "noise_per_step",
-                "Does the process noise of a step depend on its length?",
-                misses=True,
-                finds=("q_constant_per_step",),
-            ),
+PROCESS_NOISE_CHECK = DoctorCheck(
+    process_noise,
+    place=110,
+    questions=(
+        Question(
+            "process_noise",
+            "Is the process noise that of a road vehicle?",
+            "Does the process noise fit a road vehicle?",
+            misses=True,
+            finds=("q_too_small", "q_too_large", "process_noise_omitted"),
         ),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "q_too_small": KnownFault(
-                "the process noise is too small",
-                "Where Q is computed.",
-                "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 "
-                "for cars).",
-                kinds=("motion", "growth"),
-                rank=48,
-                consequences=("numerical",),
-                drive="manoeuvre",
-            ),
-            "q_too_large": KnownFault(
-                "the process noise is too large",
-                "Where Q is computed; check the powers of dt too.",
-                "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 "
-                "for cars).",
-                kinds=("motion", "growth"),
+        Question(
+            "noise_per_step",
+            "Does the process noise of a step depend on its length?",
+            misses=True,
+            finds=("q_constant_per_step",),
+        ),
+    ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_too_small": KnownFault(
+            "the process noise is too small",
+            "Where Q is computed.",
+            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
+            "cars).",
+            Role("motion growth", rank=48, causes="numerical", drive="manoeuvre"),
+        ),
+        "q_too_large": KnownFault(
+            "the process noise is too large",
+            "Where Q is computed; check the powers of dt too.",
+            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
+            "cars).",
+            Role(
+                "motion growth",
                 rank=22,
-                consequences=("numerical",),
-                always=("predicted_covariance_not_psd", "covariance_not_psd"),
+                causes="numerical",
+                always="predicted_covariance_not_psd covariance_not_psd",
                 drive="own_model",
             ),
-            "q_constant_per_step": KnownFault(
-                "the process noise does not depend on the time step",
-                "Where Q is computed, or set once.",
-                "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is "
-                "zero for dt = 0.",
-                kinds=("motion", "growth"),
-                rank=25,
-                consequences=("gain", "growth", "points", "overconfident_start"),
-                drive="uneven_steps",
-            ),
-            "process_noise_omitted": KnownFault(
-                "the process noise is missing from the predicted covariance",
-                "Where the covariance is predicted.",
-                "P = F P F^T + Q, or the sum over the moved points plus Q.",
-                kinds=("motion", "growth"),
-                rank=33,
-                consequences=("numerical", "q_too_small", "overconfident_start"),
-                drive="manoeuvre",
-            ),
-        },
-    ),
+        ),
+        "q_constant_per_step": KnownFault(
+            "the process noise does not depend on the time step",
+            "Where Q is computed, or set once.",
+            "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is zero "
+            "for dt = 0.",
+            Role("motion growth", rank=25, causes="gain growth points overconfident_start", drive="uneven_steps"),
+        ),
+        "process_noise_omitted": KnownFault(
+            "the process noise is missing from the predicted covariance",
+            "Where the covariance is predicted.",
+            "P = F P F^T + Q, or the sum over the moved points plus Q.",
+            Role("motion growth", rank=33, causes="numerical q_too_small overconfident_start", drive="manoeuvre"),
+        ),
+    },
 )

@@ -17,7 +17,7 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import after_gap, linearises, sampling_noise
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
@@ -76,7 +76,6 @@ class Unmoved(NamedTuple):
 
 def no_time(tracker: TrackerUnderTest) -> PartResult:
     """Predict over no time, early in a track, and update at once after its first measurements."""
-    question = "Does a prediction over no time leave the estimate as it is?"
     found: list[Unmoved] = []
     gains: list[tuple[Trial, Array, Array]] = []
     for probe in (fast.placed(tracker.probes.site) for fast in FAST):
@@ -84,7 +83,7 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
             found += list(_unmoved(tracker, probe, name))
             gains += list(_first_gains(tracker, probe, name))
     if not found:
-        return PartResult([CheckResult("no_time", question, None, "there was no moving estimate to predict")])
+        return PartResult().add("no_time", None, "there was no moving estimate to predict")
     mean = float(np.median([one.mean for one in found]))
     factor = float(np.median([one.covariance for one in found]))
     text = (
@@ -92,9 +91,7 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
         f"{len(found)} predictions)"
     )
     finding = _weights(found, text) or _shape(tracker, found) or _spread(tracker, found, text)
-    result = PartResult([CheckResult("no_time", question, finding is None, text)])
-    result.findings += [one for one in (finding, _omitted(gains)) if one is not None]
-    return result
+    return PartResult().add("no_time", finding is None, text, finding, _omitted(gains))
 
 
 def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unmoved]:
@@ -160,18 +157,14 @@ def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | Non
     ratio = np.diag(one.after.covariance) / np.diag(one.before.covariance)
     numbers = ", ".join(f"{state} {value:.3g}" for state, value in zip(("px", "py", "vx", "vy"), ratio, strict=True))
     text = f"over {NO_TIME:g} s the variances are multiplied by different factors: {numbers} ({one.probe.description})"
-    rows = _from_rows(one)
+    factor = np.linalg.cholesky(linalg.symmetrise(one.before.covariance))
+    swapped = factor.T @ factor
+    # The covariance becomes that of points along the rows of the factor of px, py, vx, vy.
+    rows = bool(np.linalg.norm(one.after.covariance - swapped) < COVARIANCE * np.linalg.norm(swapped))
     if rows:
         text += "; it becomes L^T L of the lower Cholesky factor L: the points lie along its rows"
     exhibit = points_shown(one.before, one.after, rows=rows)
     return Finding("sigma_points_misdrawn", 0.96, text, shown_by=one.probe.name, exhibit=exhibit)
-
-
-def _from_rows(one: Unmoved) -> bool:
-    """Whether the covariance becomes that of points along the rows of the factor of px, py, vx, vy."""
-    factor = np.linalg.cholesky(linalg.symmetrise(one.before.covariance))
-    swapped = factor.T @ factor
-    return bool(np.linalg.norm(one.after.covariance - swapped) < COVARIANCE * np.linalg.norm(swapped))
 
 
 def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> Finding | None:
@@ -257,48 +250,38 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by, exhibit=exhibit)
 
 
-CHECKS = (
-    DoctorCheck(
-        no_time,
-        place=70,
-        questions=(Question("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),),
-        of_filters=True,
-        of_own_covariance=True,
-        asks_at_misses=True,
-        faults={
-            "sigma_weights_wrong": KnownFault(
-                "the weights of the sigma points do not sum to one",
-                "Where the weights of the mean are computed, and where they are multiplied by the points.",
-                "W_0 = lambda / (n + lambda) and 1 / (2 (n + lambda)) for each of the 2n others; beta belongs to the "
-                "covariance alone.",
-                kinds=("exact",),
+NO_TIME_CHECK = DoctorCheck(
+    no_time,
+    place=70,
+    questions=(Question("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "sigma_weights_wrong": KnownFault(
+            "the weights of the sigma points do not sum to one",
+            "Where the weights of the mean are computed, and where they are multiplied by the points.",
+            "W_0 = lambda / (n + lambda) and 1 / (2 (n + lambda)) for each of the 2n others; beta belongs to the "
+            "covariance alone.",
+            Role(
+                "exact",
                 rank=3,
-                consequences=("stepped", "wrong_dt", "velocity_unit", "arctan_quadrant"),
-                always=("numerical", "arctan_quadrant", "course_not_wrapped", "angle_mean_not_circular"),
+                causes="stepped wrong_dt velocity_unit",
+                always="sums arctan_quadrant",
                 drive="long_run",
             ),
-            "sigma_spread_wrong": KnownFault(
-                "the spread of the sigma points does not fit their weights",
-                "Where n + lambda is computed for the points, and for the weights.",
-                "Points at the mean +- columns of sqrt((n + lambda) P), with the n, alpha and kappa that the weights "
-                "are made of.",
-                kinds=("points",),
-                rank=5,
-                consequences=("stepped", "wrong_dt"),
-                always=("numerical", "course_not_wrapped", "angle_mean_not_circular"),
-                drive="long_run",
-            ),
-            "sigma_points_misdrawn": KnownFault(
-                "the sigma points do not have the covariance that they are drawn from",
-                "Where the matrix root of the covariance is taken and its vectors are added to the mean.",
-                "Add the columns of the lower Cholesky factor (its rows, if the factor is the upper one), not the "
-                "rows.",
-                kinds=("points",),
-                rank=4,
-                consequences=("stepped", "wrong_dt"),
-                always=("numerical", "course_not_wrapped", "angle_mean_not_circular"),
-                drive="long_run",
-            ),
-        },
-    ),
+        ),
+        "sigma_spread_wrong": KnownFault(
+            "the spread of the sigma points does not fit their weights",
+            "Where n + lambda is computed for the points, and for the weights.",
+            "Points at the mean +- columns of sqrt((n + lambda) P), with the n, alpha and kappa that the weights are "
+            "made of.",
+            Role("points", rank=5, causes="stepped wrong_dt", always="sums", drive="long_run"),
+        ),
+        "sigma_points_misdrawn": KnownFault(
+            "the sigma points do not have the covariance that they are drawn from",
+            "Where the matrix root of the covariance is taken and its vectors are added to the mean.",
+            "Add the columns of the lower Cholesky factor (its rows, if the factor is the upper one), not the rows.",
+            Role("points", rank=4, causes="stepped wrong_dt", always="sums", drive="long_run"),
+        ),
+    },
 )

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
@@ -114,17 +114,14 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
         for probe in tracker.probes.moving:
             found += first_estimates(tracker, (probe,), name)
         started = [one for one in found if one is not None and finite(one.estimate)]
-        question = f"Do tracks that start with {name} start at the target?"
         if not started:
-            result.checks.append(CheckResult(f"start.{name}", question, None, "no track started"))
+            result.add(f"start.{name}", None, "no track started")
             continue
         off = [one for one in started if _error(one) > _allowed(one)]
         worst = max(started, key=_error)
         text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
-        result.checks.append(CheckResult(f"start.{name}", question, not off, text))
-        if sensor.type != "lidar" and off:
-            result.findings += _polar(name, started)
-        result.findings += _reversed(name, started)
+        polar = _polar(name, started) if sensor.type != "lidar" and off else None
+        result.add(f"start.{name}", not off, text, polar, _reversed(name, started))
     return result
 
 
@@ -137,7 +134,7 @@ def _allowed(first: FirstEstimate) -> float:
     return 3.0 * float(np.sqrt(np.trace(position)))
 
 
-def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
+def _polar(name: str, started: list[FirstEstimate]) -> Finding | None:
     """Range and azimuth used as px and py, relative to the fixed frame or to the sensor."""
     fixed, relative = (
         [
@@ -151,7 +148,7 @@ def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
     )
     best = max(fixed, relative, key=len)
     if len(best) < 0.7 * len(started):
-        return []
+        return None
     probe, scan, estimate, truth, _ = best[0]
     text = (
         f"a track that starts with range {scan.measurement[0]:.4g} m and azimuth {scan.measurement[1]:.4g} rad starts "
@@ -159,7 +156,7 @@ def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
         f"({len(best)} of {len(started)} tracks)"
     )
     exhibit = _first_shown(best[0])
-    return [Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
+    return Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name, exhibit=exhibit)
 
 
 def _first_shown(first: FirstEstimate) -> Predictions:
@@ -175,12 +172,7 @@ def _first_shown(first: FirstEstimate) -> Predictions:
     )
 
 
-def _position(first: FirstEstimate, relative: bool) -> Array:
-    position = first.estimate.mean[:2]
-    return position - first.scan.sensor_pose[:2] if relative else position
-
-
-def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
+def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
     """First velocities with the wrong sign for all targets that move toward -x, and for no others."""
     known = [one for one in started if np.hypot(*one.estimate.mean[2:]) > 2.0 and _error(one) < 3 * _allowed(one)]
     wrong = [
@@ -189,9 +181,9 @@ def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
         if float(one.estimate.mean[2:] @ one.truth[2:]) < -0.5 * float(one.truth[2:] @ one.truth[2:])
     ]
     if len(known) < 4 or len(wrong) < 2 or any(one.truth[2] > 0.0 for one in wrong):
-        return []
+        return None
     if any(one.truth[2] < 0.0 and one not in wrong for one in known):
-        return []
+        return None
     probe, _, estimate, truth, _ = wrong[0]
     text = (
         f"the first velocity of a target with {truth[2]:.3g}, {truth[3]:.3g} m/s is {estimate.mean[2]:.3g}, "
@@ -199,12 +191,11 @@ def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
         f"other {len(known) - len(wrong)}"
     )
     exhibit = _first_shown(wrong[0])
-    return [Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
+    return Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)
 
 
 def confidence(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks of targets with many velocities, with noise, and compute the NEES of the first estimates."""
-    question = "Is the first covariance as large as the first errors?"
     random = np.random.default_rng([tracker.seed, 0])
     nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
     errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
@@ -216,24 +207,30 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.given)
             if finite(first.estimate):
                 nees[name].append(_nees(first))
-                errors[name].append(_normalised(first))
+                # Each component in its stated standard deviations.
+                sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
+                errors[name].append(np.asarray((first.estimate.mean - first.truth) / sigma))
     known = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
     if not known:
-        return PartResult([CheckResult("start_confidence", question, None, "no track started")])
+        return PartResult().add("start_confidence", None, "no track started")
     means = {name: (np.mean(values, axis=0), np.median(values, axis=0)) for name, values in known.items()}
     text = "; ".join(
         f"{name}: mean NEES {mean[0]:.3g} of the first position and {mean[1]:.3g} of the first velocity (expected: 2)"
         for name, (mean, _) in means.items()
     )
     over = {name: max(mean / 2) for name, (mean, median) in means.items() if max(median / MEDIAN) > OVERCONFIDENT}
-    result = PartResult([CheckResult("start_confidence", question, not over, text)])
-    if over:
-        name = max(over, key=lambda item: over[item])
-        shown_by = tracker.probes.general[0].name
-        exhibit = _errors_shown(name, np.array(errors[name]), int(np.argmax(means[name][1])))
-        finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
-        result.findings.append(finding)
-    return result
+    if not over:
+        return PartResult().add("start_confidence", True, text)
+    name = max(over, key=lambda item: over[item])
+    shown_by = tracker.probes.general[0].name
+    part = int(np.argmax(means[name][1]))
+    axes = (("px error, sigma", "py error, sigma"), ("vx error, sigma", "vy error, sigma"))[part]
+    ring = Ring("2 sigma: 86 % within", np.zeros(2), np.eye(2), 2.0)
+    shown = np.array(errors[name])[:, 2 * part : 2 * part + 2].T
+    title = f"Errors of first estimates from {name}"
+    exhibit = Points(title, axes, f"{shown.shape[1]} tracks", shown, None, ring)
+    finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
+    return PartResult().add("start_confidence", False, text, finding)
 
 
 def _any_target(random: np.random.Generator) -> Probe:
@@ -249,20 +246,6 @@ def _any_target(random: np.random.Generator) -> Probe:
     return Probe("start", "a random target at its first measurement", target)
 
 
-def _errors_shown(name: str, errors: Array, part: int) -> Points:
-    """First errors ``(tracks, 4)`` in their stated standard deviations; of the position (0) or of the velocity (1)."""
-    axes = (("px error, sigma", "py error, sigma"), ("vx error, sigma", "vy error, sigma"))[part]
-    ring = Ring("2 sigma: 86 % within", np.zeros(2), np.eye(2), 2.0)
-    shown = errors[:, 2 * part : 2 * part + 2].T
-    return Points(f"Errors of first estimates from {name}", axes, f"{shown.shape[1]} tracks", shown, None, ring)
-
-
-def _normalised(first: FirstEstimate) -> Array:
-    """``(4,)`` the first error, each component in its stated standard deviations."""
-    sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
-    return np.asarray((first.estimate.mean - first.truth) / sigma)
-
-
 def _nees(first: FirstEstimate) -> Array:
     """``(2,)`` of the position and of the velocity."""
     error, covariance = first.estimate.mean - first.truth, first.estimate.covariance
@@ -270,48 +253,47 @@ def _nees(first: FirstEstimate) -> Array:
     return np.array([error[part] @ np.linalg.pinv(p[part, part]) @ error[part] for part in (slice(0, 2), slice(2, 4))])
 
 
-CHECKS = (
-    DoctorCheck(
-        first_position,
-        place=30,
-        questions=(Question("start", "Do tracks start at the target?", each_sensor=True),),
-        faults={
-            "arctan_quadrant": KnownFault(
-                "arctan is used instead of arctan2",
-                "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
-                "track.",
-                "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one "
-                "behind.",
-                kinds=("exact",),
-                rank=12,
-                consequences=("measured", "angle"),
-                always=("nonfinite",),
-                drive="azimuth_crossing",
-            ),
-            "polar_start": KnownFault(
-                "a polar measurement is used as a Cartesian position",
-                "Where the first state of a track is computed from a radar measurement.",
-                "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the "
-                "sensor's pose.",
-                rank=45,
-                consequences=("overconfident_start", "sensor_bias"),
-                drive="radial_approach",
-            ),
-        },
+FIRST_POSITION_CHECK = DoctorCheck(
+    first_position,
+    place=30,
+    questions=(
+        Question(
+            "start",
+            "Do tracks start at the target?",
+            "Do tracks that start with {sensor} start at the target?",
+            each_sensor=True,
+        ),
     ),
-    DoctorCheck(
-        confidence,
-        place=50,
-        questions=(Question("start_confidence", "Is the first covariance as large as the first errors?"),),
-        of_own_covariance=True,
-        faults={
-            "overconfident_start": KnownFault(
-                "the first covariance is too small",
-                "Where the first covariance of a track is set.",
-                "Give what the first measurements do not determine the spread of real targets: 20 m/s for the "
-                "velocity of cars.",
-                drive="stationary",
-            ),
-        },
-    ),
+    faults={
+        "arctan_quadrant": KnownFault(
+            "arctan is used instead of arctan2",
+            "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
+            "track.",
+            "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one behind.",
+            Role("exact", rank=12, causes="measured angle", always="nonfinite", drive="azimuth_crossing"),
+        ),
+        "polar_start": KnownFault(
+            "a polar measurement is used as a Cartesian position",
+            "Where the first state of a track is computed from a radar measurement.",
+            "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the sensor's "
+            "pose.",
+            Role(rank=45, causes="overconfident_start sensor_bias", drive="radial_approach"),
+        ),
+    },
+)
+
+CONFIDENCE_CHECK = DoctorCheck(
+    confidence,
+    place=50,
+    questions=(Question("start_confidence", "Is the first covariance as large as the first errors?"),),
+    of_own_covariance=True,
+    faults={
+        "overconfident_start": KnownFault(
+            "the first covariance is too small",
+            "Where the first covariance of a track is set.",
+            "Give what the first measurements do not determine the spread of real targets: 20 m/s for the velocity of "
+            "cars.",
+            Role(drive="stationary"),
+        ),
+    },
 )

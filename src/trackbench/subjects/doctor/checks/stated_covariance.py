@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import TrialUpdate
 
@@ -32,14 +32,13 @@ RATIO = 0.2
 
 def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
     """Look whether the covariances change, and whether the gains are made of them, whole and in the order returned."""
-    question = "Is the covariance computed, whole, and in the order of the estimate?"
     if not any(tracker.trials.values()):
-        return PartResult([CheckResult("stated_covariance", question, None, "there was no estimate to update")])
+        return PartResult().add("stated_covariance", None, "there was no estimate to update")
     fault = tracker.once(stated_covariance_fault)
     if fault is not None:
-        return PartResult([CheckResult("stated_covariance", question, False, fault.evidence)], [fault])
+        return PartResult().add("stated_covariance", False, fault.evidence, fault)
     text = "it changes, and neither a zero nor another order is told by the gains"
-    return PartResult([CheckResult("stated_covariance", question, True, text)])
+    return PartResult().add("stated_covariance", True, text)
 
 
 def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
@@ -149,46 +148,34 @@ def _apart(update: TrialUpdate, order: tuple[int, ...] | range) -> float:
     return relative_error(update.gain, linearised_gain(trial, update.used, p), scale)
 
 
-CHECKS = (
-    DoctorCheck(
-        stated_covariance,
-        place=40,
-        questions=(
-            Question(
-                "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
-            ),
+STATED_COVARIANCE_CHECK = DoctorCheck(
+    stated_covariance,
+    place=40,
+    questions=(
+        Question(
+            "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
         ),
-        of_filters=True,
-        asks_at_misses=True,
-        faults={
-            "covariance_constant": KnownFault(
-                "the covariance never changes",
-                "Where the covariance is set and returned.",
-                "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, "
-                "with fixed gains K too.",
-                kinds=("step",),
-                rank=34,
-                consequences=("stepped",),
-                drive="long_gap",
-            ),
-            "covariance_diagonal": KnownFault(
-                "only the diagonal of the covariance is returned",
-                "Where the estimate is returned.",
-                "Return the whole 4 x 4 covariance, with that of position and velocity.",
-                kinds=("step",),
-                rank=35,
-                consequences=("stepped",),
-                drive="manoeuvre",
-            ),
-            "covariance_order": KnownFault(
-                "the covariance is returned in another order than the estimate",
-                "Where the estimate is returned.",
-                "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
-                kinds=("step",),
-                rank=36,
-                consequences=("stepped",),
-                drive="manoeuvre",
-            ),
-        },
     ),
+    of_filters=True,
+    faults={
+        "covariance_constant": KnownFault(
+            "the covariance never changes",
+            "Where the covariance is set and returned.",
+            "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
+            "fixed gains K too.",
+            Role("step", rank=34, causes="stepped", drive="long_gap"),
+        ),
+        "covariance_diagonal": KnownFault(
+            "only the diagonal of the covariance is returned",
+            "Where the estimate is returned.",
+            "Return the whole 4 x 4 covariance, with that of position and velocity.",
+            Role("step", rank=35, causes="stepped", drive="manoeuvre"),
+        ),
+        "covariance_order": KnownFault(
+            "the covariance is returned in another order than the estimate",
+            "Where the estimate is returned.",
+            "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
+            Role("step", rank=36, causes="stepped", drive="manoeuvre"),
+        ),
+    },
 )

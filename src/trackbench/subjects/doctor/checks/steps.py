@@ -12,7 +12,7 @@ from trackbench.driving.alone import NOT_COPIED
 from trackbench.subjects.doctor.covariance_origin import indefinite, indefinite_entries, indefinite_shown, named
 from trackbench.subjects.doctor.exhibits import Exhibit
 from trackbench.subjects.doctor.failed_step import Circumstances, circumstances, jumping_angle, measured
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.session import FAR, StepFailed, finite, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -65,7 +65,7 @@ def steps(tracker: TrackerUnderTest) -> PartResult:
     text = "no step failed" if not failed else f"{counted(len(failed), 'step')} failed, first: {_sentence(*failed[0])}"
     if failed and not findings:
         text += "; none counts, since rounding alone can break a correct filter at the sensor's own position"
-    return PartResult([CheckResult("steps", "Does every step return an estimate?", not findings, text)], findings)
+    return PartResult().add("steps", not findings, text, *findings)
 
 
 def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
@@ -221,36 +221,31 @@ def _sentence(where: str, failure: StepFailed) -> str:
     return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"
 
 
-CHECKS = (
-    DoctorCheck(
-        steps,
-        place=1000,
-        questions=(Question("steps", "Does every step return an estimate?"),),
-        faults={
-            "exception_raised": KnownFault(
-                "a step raises an exception",
-                "At the named line.",
-                "Give the named measurement to the tracker in a test, and make the step pass it; a missed one "
-                "(scan.valid is False) is to be predicted, unless --no-misses says that there is none.",
-                kinds=("exact", "root"),
-                drive="uneven_steps",
-            ),
-            "invalid_estimate": KnownFault(
-                "what a step returns is no estimate",
-                "Where the step returns.",
-                "Return (state, (mean, covariance)) with a mean (4,) and a covariance (4, 4) of finite size, or "
-                "(state, None) before the track has started.",
-                kinds=("exact", "numerical"),
-                drive="uneven_steps",
-            ),
-            "process_ended": KnownFault(
-                "the tracker's process ended",
-                "At the named line, or in a compiled extension.",
-                "Look for a crash, an exit or an endless loop at the named measurement; with --in-process a debugger "
-                "can stop there.",
-                kinds=("exact",),
-                drive="uneven_steps",
-            ),
-        },
-    ),
+STEPS_CHECK = DoctorCheck(
+    steps,
+    place=1000,
+    questions=(Question("steps", "Does every step return an estimate?"),),
+    faults={
+        "exception_raised": KnownFault(
+            "a step raises an exception",
+            "At the named line.",
+            "Give the named measurement to the tracker in a test, and make the step pass it; a missed one (scan.valid "
+            "is False) is to be predicted, unless --no-misses says that there is none.",
+            Role("exact root", drive="uneven_steps"),
+        ),
+        "invalid_estimate": KnownFault(
+            "what a step returns is no estimate",
+            "Where the step returns.",
+            "Return (state, (mean, covariance)) with a mean (4,) and a covariance (4, 4) of finite size, or (state, "
+            "None) before the track has started.",
+            Role("exact numerical", drive="uneven_steps"),
+        ),
+        "process_ended": KnownFault(
+            "the tracker's process ended",
+            "At the named line, or in a compiled extension.",
+            "Look for a crash, an exit or an endless loop at the named measurement; with --in-process a debugger can "
+            "stop there.",
+            Role("exact", drive="uneven_steps"),
+        ),
+    },
 )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.covariance_origin import (
     ROUNDING,
     asymmetric,
@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.covariance_origin import (
     named,
 )
 from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR, WorstCase, asymmetry, least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe, with_noise
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
@@ -52,7 +52,7 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         if bad is None
         else f"not at {bad.time:g} s of {bad.where}, after {bad.sensor}"
     )
-    result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
+    result.add("finite", bad is None, text)
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
         if bad.where in SINGULAR:
@@ -62,52 +62,51 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         confidence = 0.98 if before is None or plausible(before) else 0.85
         exhibit = _not_finite_shown(before, after, bad)
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
-    result.checks += [
-        _symmetric(tracker, result.findings),
-        _definite(tracker, result.findings),
-        _predicted_definite(tracker, result.findings),
-    ]
+    _symmetric(tracker, result)
+    _definite(tracker, result)
+    _predicted_definite(tracker, result)
     return result
 
 
-def _symmetric(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
-    question, worst = "Is every covariance symmetric?", tracker.output_checks.asymmetry
+def _symmetric(tracker: TrackerUnderTest, result: PartResult) -> None:
+    worst, finding = tracker.output_checks.asymmetry, None
     if worst is None:
-        return CheckResult("symmetric", question, None, "there was no covariance")
+        result.add("symmetric", None, "there was no covariance")
+        return
     text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
     if worst.size >= ROUNDING:
-        found = asymmetric(tracker.make, worst.given())
-        fault = named("covariance_asymmetric", found)
-        said = text if found is None else f"{text}; it arises {found.words}: {mirrored_entries(found)}"
-        exhibit = None if found is None else asymmetry_shown(found)
-        findings.append(Finding(fault, 0.95, said, shown_by=worst.where, exhibit=exhibit))
-    return CheckResult("symmetric", question, worst.size < ROUNDING, text)
+        step = asymmetric(tracker.make, worst.given())
+        fault = named("covariance_asymmetric", step)
+        evidence = text if step is None else f"{text}; it arises {step.words}: {mirrored_entries(step)}"
+        exhibit = None if step is None else asymmetry_shown(step)
+        finding = Finding(fault, 0.95, evidence, shown_by=worst.where, exhibit=exhibit)
+    result.add("symmetric", finding is None, text, finding)
 
 
-def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
-    question, checks = "Is every covariance positive definite?", tracker.output_checks
+def _definite(tracker: TrackerUnderTest, result: PartResult) -> None:
+    checks, finding = tracker.output_checks, None
     worst = checks.indefinite
     if worst is None:
-        return CheckResult("definite", question, None, "there was no covariance")
+        result.add("definite", None, "there was no covariance")
+        return
     share = checks.indefinite_estimates / checks.estimates
     text = (
         f"{checks.indefinite_estimates} of {checks.estimates} are not; scaled to unit variances the smallest "
         f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
     )
     if share >= RARE:
-        found = indefinite(tracker.make, worst.given())
-        fault = named("covariance_not_psd", found)
-        said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
-        diverged = found is not None and found.before is not None and np.abs(np.diag(found.before)).max() > FAR**2
+        step = indefinite(tracker.make, worst.given())
+        fault = named("covariance_not_psd", step)
+        evidence = text if step is None else f"{text}; it arises {step.words}: {indefinite_entries(step)}"
+        diverged = step is not None and step.before is not None and np.abs(np.diag(step.before)).max() > FAR**2
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
-        exhibit = None if found is None else indefinite_shown(found)
-        findings.append(Finding(fault, confidence, said, shown_by=worst.where, exhibit=exhibit))
-    return CheckResult("definite", question, share < RARE, text)
+        exhibit = None if step is None else indefinite_shown(step)
+        finding = Finding(fault, confidence, evidence, shown_by=worst.where, exhibit=exhibit)
+    result.add("definite", finding is None, text, finding)
 
 
-def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
     """With short steps a process noise that is no covariance can hide in the covariance before it."""
-    question = f"Does a prediction over {LONG:g} s leave the covariance positive definite?"
     least = {}
     for probe in tracker.probes.general:
         over = tracker.predicted(probe, LONG)
@@ -117,7 +116,8 @@ def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> C
             if before > 0.0:
                 least[probe] = (before, after)
     if not least:
-        return CheckResult("predicted_definite", question, None, "there was no covariance to predict")
+        result.add("predicted_definite", None, "there was no covariance to predict")
+        return
     probe = min(least, key=lambda one: least[one][1])
     before, after = least[probe]
     text = (
@@ -125,9 +125,8 @@ def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> C
         f"({probe.description})"
     )
     wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
-    if wrong:
-        findings.append(Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name))
-    return CheckResult("predicted_definite", question, not wrong, text)
+    finding = Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name)
+    result.add("predicted_definite", not wrong, text, finding if wrong else None)
 
 
 def _around(tracker: TrackerUnderTest, bad: WorstCase) -> tuple[Estimate | None, Estimate | None]:
@@ -183,7 +182,6 @@ def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
 
 def repeatability(tracker: TrackerUnderTest) -> PartResult:
     """Give the same measurements to three fresh trackers."""
-    question = "Do three fresh trackers give the same estimates from the same measurements?"
     probe = tracker.probes.general[0]
     random = np.random.default_rng([tracker.seed, 1])
     scans = [with_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
@@ -197,32 +195,26 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
             sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
-        return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
+        return PartResult().add("repeatable", None, f"the tracker failed: {failure}")
     copied = _copied(session)
     gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
-        text = f"three fresh trackers agree to the last bit{copied}"
-        return PartResult([CheckResult("repeatable", question, True, text)])
+        return PartResult().add("repeatable", True, f"three fresh trackers agree to the last bit{copied}")
     text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
     if tracker.stochastic:
         noise = _noise(runs, sigmas)
         text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
         if noise < SAMPLES:
-            return PartResult([CheckResult("repeatable", question, True, text)])
-    return PartResult(
-        [CheckResult("repeatable", question, False, text)],
-        [Finding("not_deterministic", 0.99, text, shown_by=probe.name, exhibit=_apart_shown(scans, runs))],
-    )
-
-
-def _apart_shown(scans: Sequence[Scan], runs: Sequence[Array]) -> OverTime:
+            return PartResult().add("repeatable", True, text)
     apart = np.max([np.abs(run - runs[0]) for run in runs[1:]], axis=0)
     time = np.array([scan.time - scans[0].time for scan in scans])
     courses = (
         Course("position apart, m", np.max(apart[:, :2], axis=1)),
         Course("velocity apart, m/s", np.max(apart[:, 2:], axis=1)),
     )
-    return OverTime("Fresh trackers, given the same measurements", "time, s", time, courses)
+    exhibit = OverTime("Fresh trackers, given the same measurements", "time, s", time, courses)
+    finding = Finding("not_deterministic", 0.99, text, shown_by=probe.name, exhibit=exhibit)
+    return PartResult().add("repeatable", False, text, finding)
 
 
 def _copied(session: TrackerSession) -> str:
@@ -237,93 +229,89 @@ def _copied(session: TrackerSession) -> str:
     return f"{text} scans before it again, which takes longer"
 
 
-CHECKS = (
-    DoctorCheck(
-        repeatability,
-        place=10,
-        questions=(Question("repeatable", "Do three fresh trackers give the same estimates?"),),
-        faults={
-            "not_deterministic": KnownFault(
-                "the same measurements give another estimate",
-                "At random numbers without a seed, and at values kept in the class or module instead of the state.",
-                "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of "
-                "samples says stochastic = True.",
-                rank=1,
-                always=("every",),
-                drive="uneven_steps",
-            ),
-        },
+REPEATABILITY_CHECK = DoctorCheck(
+    repeatability,
+    place=10,
+    questions=(
+        Question(
+            "repeatable",
+            "Do three fresh trackers give the same estimates?",
+            "Do three fresh trackers give the same estimates from the same measurements?",
+        ),
     ),
-    DoctorCheck(
-        validity,
-        place=900,
-        questions=(
-            Question("finite", "Is every number of every estimate finite?", finds=("nonfinite",)),
-            Question(
-                "symmetric",
-                "Is every covariance symmetric?",
-                finds=("covariance_asymmetric", "predicted_covariance_asymmetric"),
-            ),
-            Question(
-                "definite",
-                "Is every covariance positive definite?",
-                finds=("covariance_not_psd", "predicted_covariance_not_psd"),
-            ),
-            Question(
-                "predicted_definite",
-                "Does a prediction over 1 s leave the covariance positive definite?",
-                misses=True,
-                finds=("predicted_covariance_not_psd",),
+    faults={
+        "not_deterministic": KnownFault(
+            "the same measurements give another estimate",
+            "At random numbers without a seed, and at values kept in the class or module instead of the state.",
+            "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
+            "says stochastic = True.",
+            Role(rank=1, always="every", drive="uneven_steps"),
+        ),
+    },
+)
+
+VALIDITY_CHECK = DoctorCheck(
+    validity,
+    place=900,
+    questions=(
+        Question("finite", "Is every number of every estimate finite?", finds=("nonfinite",)),
+        Question(
+            "symmetric",
+            "Is every covariance symmetric?",
+            finds=("covariance_asymmetric", "predicted_covariance_asymmetric"),
+        ),
+        Question(
+            "definite",
+            "Is every covariance positive definite?",
+            finds=("covariance_not_psd", "predicted_covariance_not_psd"),
+        ),
+        Question(
+            "predicted_definite",
+            "Does a prediction over 1 s leave the covariance positive definite?",
+            misses=True,
+            finds=("predicted_covariance_not_psd",),
+        ),
+    ),
+    asks_at_misses=True,
+    faults={
+        "nonfinite": KnownFault(
+            "the estimate is not finite",
+            "At square roots, and at divisions by a range, a speed, a yaw rate or a time step that can be zero.",
+            "Use the limit where the divisor is zero (straight motion for a turn rate of zero); skip a time step of "
+            "zero.",
+            Role("exact numerical", drive="uneven_steps"),
+        ),
+        "covariance_asymmetric": KnownFault(
+            "the covariance is not symmetric",
+            "In the update of the covariance, and where the first one is set or the estimate is returned.",
+            "Use Joseph's form or P - K S K^T, and P = (P + P^T) / 2 after it.",
+            Role(rank=29, causes="numerical gain azimuth_not_wrapped", drive="long_run"),
+        ),
+        "predicted_covariance_asymmetric": KnownFault(
+            "the prediction makes the covariance asymmetric",
+            "In the prediction, where Q is written out and where F P F^T is computed.",
+            "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 only "
+            "hides a wrong entry.",
+            Role(rank=24, causes="numerical gain azimuth_not_wrapped covariance_asymmetric", drive="long_run"),
+        ),
+        "covariance_not_psd": KnownFault(
+            "the covariance is not positive definite",
+            "In the update of the covariance, and in the weights of sigma points.",
+            "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
+            Role("exact numerical", rank=30, causes="covariance", always="nonfinite", drive="long_run"),
+        ),
+        "predicted_covariance_not_psd": KnownFault(
+            "the prediction makes the covariance indefinite",
+            "In the prediction, where Q is computed, and in the weights of sigma points.",
+            "Compute Q as G G^T sigma^2, which has no negative eigenvalue; check the sign and the power of dt of each "
+            "entry, and the central weight. Symmetrising does not mend it.",
+            Role(
+                "exact numerical",
+                rank=23,
+                causes="covariance points",
+                always="nonfinite covariance_not_psd",
+                drive="long_run",
             ),
         ),
-        asks_at_misses=True,
-        faults={
-            "nonfinite": KnownFault(
-                "the estimate is not finite",
-                "At square roots, and at divisions by a range, a speed, a yaw rate or a time step that can be zero.",
-                "Use the limit where the divisor is zero (straight motion for a turn rate of zero); skip a time step "
-                "of zero.",
-                kinds=("exact", "numerical"),
-                drive="uneven_steps",
-            ),
-            "covariance_asymmetric": KnownFault(
-                "the covariance is not symmetric",
-                "In the update of the covariance, and where the first one is set or the estimate is returned.",
-                "Use Joseph's form or P - K S K^T, and P = (P + P^T) / 2 after it.",
-                rank=29,
-                consequences=("numerical", "gain", "azimuth_not_wrapped"),
-                drive="long_run",
-            ),
-            "predicted_covariance_asymmetric": KnownFault(
-                "the prediction makes the covariance asymmetric",
-                "In the prediction, where Q is written out and where F P F^T is computed.",
-                "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 "
-                "only hides a wrong entry.",
-                rank=24,
-                consequences=("numerical", "gain", "azimuth_not_wrapped", "covariance_asymmetric"),
-                drive="long_run",
-            ),
-            "covariance_not_psd": KnownFault(
-                "the covariance is not positive definite",
-                "In the update of the covariance, and in the weights of sigma points.",
-                "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
-                kinds=("exact", "numerical"),
-                rank=30,
-                consequences=("covariance", "nonfinite"),
-                always=("nonfinite",),
-                drive="long_run",
-            ),
-            "predicted_covariance_not_psd": KnownFault(
-                "the prediction makes the covariance indefinite",
-                "In the prediction, where Q is computed, and in the weights of sigma points.",
-                "Compute Q as G G^T sigma^2, which has no negative eigenvalue; check the sign and the power of dt of "
-                "each entry, and the central weight. Symmetrising does not mend it.",
-                kinds=("exact", "numerical"),
-                rank=23,
-                consequences=("covariance", "points", "covariance_not_psd", "nonfinite"),
-                always=("nonfinite", "covariance_not_psd"),
-                drive="long_run",
-            ),
-        },
-    ),
+    },
 )

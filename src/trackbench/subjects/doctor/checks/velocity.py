@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import named, predicted, update_shown
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -29,32 +29,27 @@ MOVING = 2.0
 
 def velocity(tracker: TrackerUnderTest) -> PartResult:
     """Follow targets of constant velocity, and predict them; then measure them where they are predicted."""
-    question = "Does the velocity stay as it is where nothing says that it changed?"
     over = {step: _predicted(tracker, step) for step in (SHORT, LONG)}
-    updated = _updated(tracker)
+    updated = [ratio for ratio, _ in _updated(tracker)]
     if len(over[SHORT]) < 3:
-        return PartResult([CheckResult("velocity", question, None, "there was no moving estimate to predict")])
+        return PartResult().add("velocity", None, "there was no moving estimate to predict")
     longest = LONG if over[LONG] else SHORT
     text = f"the speed is {np.median(over[longest]):.4g} times the one before after {longest:g} s"
     if updated:
         text += f", and {np.median(updated):.4g} times after a measurement where the target was predicted"
-    wrong = None
     for ratios, changed, when, step in (
         (over[SHORT], CHANGED, f"a prediction over {SHORT * 1e3:g} ms without a measurement", SHORT),
         (updated, CHANGED, "a measurement where the target was predicted", None),
         (over[LONG], CHANGED_IN_A_SECOND, f"a prediction over {LONG:g} s without a measurement", LONG),
     ):
         if _alike(ratios, changed):
-            wrong = (float(np.median(ratios)), when, len(ratios), step)
-            break
-    result = PartResult([CheckResult("velocity", question, wrong is None, text)])
-    if wrong is not None:
-        ratio, when, count, step = wrong
-        words = f"after {when} the speed is {ratio:.4g} times the one before (median of {count} trials; 1 is right)"
-        exhibit = _update_shown(tracker, ratio) if step is None else _prediction_shown(tracker, step)
-        finding = Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by="tangential_pass", exhibit=exhibit)
-        result.findings.append(finding)
-    return result
+            ratio, count = float(np.median(ratios)), len(ratios)
+            words = f"after {when} the speed is {ratio:.4g} times the one before (median of {count} trials; 1 is right)"
+            exhibit = _update_shown(tracker, ratio) if step is None else _prediction_shown(tracker, step)
+            drive = "tangential_pass"
+            finding = Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by=drive, exhibit=exhibit)
+            return PartResult().add("velocity", False, text, finding)
+    return PartResult().add("velocity", True, text)
 
 
 def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | None:
@@ -70,13 +65,7 @@ def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | N
 
 def _update_shown(tracker: TrackerUnderTest, ratio: float) -> Predictions | None:
     """The update whose ratio is nearest to a given one."""
-    found: list[tuple[float, int, Trial]] = []
-    for trials in tracker.trials.values():
-        for trial in trials:
-            update = trial.update(trial.predicted_measurement)
-            of = [] if update is None else _ratio(trial.prediction, update.estimate)
-            found += [(abs(one - ratio), len(found), trial) for one in of]
-    trial = min(found)[2]
+    trial = min(_updated(tracker), key=lambda pair: abs(pair[0] - ratio))[1]
     return update_shown(trial, trial.predicted_measurement)
 
 
@@ -94,14 +83,16 @@ def _predicted(tracker: TrackerUnderTest, step: float) -> list[float]:
     return [ratio for pair in pairs if pair is not None for ratio in _ratio(*pair)]
 
 
-def _updated(tracker: TrackerUnderTest) -> list[float]:
-    found = []
-    for trials in tracker.trials.values():
-        for trial in trials:
-            update = trial.update(trial.predicted_measurement)
-            if update is not None:
-                found += _ratio(trial.prediction, update.estimate)
-    return found
+def _updated(tracker: TrackerUnderTest) -> list[tuple[float, Trial]]:
+    """The ratios after measurements where the target was predicted, with their trials."""
+    trials = [trial for of_sensor in tracker.trials.values() for trial in of_sensor]
+    updates = [(trial, trial.update(trial.predicted_measurement)) for trial in trials]
+    return [
+        (ratio, trial)
+        for trial, update in updates
+        if update is not None
+        for ratio in _ratio(trial.prediction, update.estimate)
+    ]
 
 
 def _ratio(before: Estimate, after: Estimate) -> list[float]:
@@ -114,27 +105,20 @@ def _ratio(before: Estimate, after: Estimate) -> list[float]:
     return [float(np.hypot(vx, vy) / np.hypot(*before.mean[2:]))]
 
 
-CHECKS = (
-    DoctorCheck(
-        velocity,
-        place=90,
-        questions=(
-            Question("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
-        ),
-        of_filters=True,
-        asks_at_misses=True,
-        faults={
-            "velocity_not_kept": KnownFault(
-                "the velocity changes where nothing says so",
-                "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a "
-                "step.",
-                "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise "
-                "for it.",
-                kinds=("step",),
-                rank=26,
-                consequences=("stepped", "wrong_dt"),
-                drive="tangential_pass",
-            ),
-        },
+VELOCITY_CHECK = DoctorCheck(
+    velocity,
+    place=90,
+    questions=(
+        Question("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
     ),
+    of_filters=True,
+    faults={
+        "velocity_not_kept": KnownFault(
+            "the velocity changes where nothing says so",
+            "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a step.",
+            "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise for "
+            "it.",
+            Role("step", rank=26, causes="stepped wrong_dt", drive="tangential_pass"),
+        ),
+    },
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -39,7 +39,6 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
     ):
         if not sensors:
             continue
-        question = f"Is the update of a target with the {angle} pi the same as with any other?"
         jumps = [
             jump
             for probe in probes
@@ -52,13 +51,14 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
             jumps += _turning(tracker)
         if not jumps:
-            result.checks.append(CheckResult(f"{angle}_wrapping", question, None, "there was no estimate to update"))
+            result.add(f"{angle}_wrapping", None, "there was no estimate to update")
             continue
         worst = max(jumps, key=lambda jump: jump.size)
-        result.checks.append(CheckResult(f"{angle}_wrapping", question, worst.size < FAR, worst.text))
+        finding = None
         if worst.size >= FAR:
-            far = [one for one in jumps if one.size >= FAR]
-            result.findings.append(_course(worst) if angle == "course" else _azimuth(tracker, far, worst))
+            far = [jump for jump in jumps if jump.size >= FAR]
+            finding = _course(worst) if angle == "course" else _azimuth(tracker, far, worst)
+        result.add(f"{angle}_wrapping", finding is None, worst.text, finding)
     return result
 
 
@@ -152,58 +152,56 @@ def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ..
     return trial, error if np.isfinite(error) else float(np.hypot(*probe.target[2:]))
 
 
-CHECKS = (
-    DoctorCheck(
-        wrapping,
-        place=190,
-        questions=(
-            Question(
-                "azimuth_wrapping",
-                "Is the update of a target with the azimuth pi the same as with any other?",
-                finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
-            ),
-            Question(
-                "course_wrapping",
-                "Is the update of a target with the course pi the same as with any other?",
-                finds=("course_not_wrapped",),
+WRAPPING_CHECK = DoctorCheck(
+    wrapping,
+    place=190,
+    questions=(
+        Question(
+            "azimuth_wrapping",
+            "Is the update of a target with the azimuth pi the same as with any other?",
+            finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
+        ),
+        Question(
+            "course_wrapping",
+            "Is the update of a target with the course pi the same as with any other?",
+            finds=("course_not_wrapped",),
+        ),
+    ),
+    of_filters=True,
+    faults={
+        "azimuth_not_wrapped": KnownFault(
+            "an angle is not wrapped to (-pi, pi]",
+            "Where the innovation, or the difference of sigma points from their mean, is computed.",
+            "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 pi) - "
+            "pi.",
+            Role("exact angle", rank=42, causes="numerical", drive="azimuth_crossing"),
+        ),
+        "angle_mean_not_circular": KnownFault(
+            "angles of sigma points are averaged or subtracted across pi",
+            "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
+            "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap every "
+            "difference from the mean.",
+            Role(
+                "exact angle",
+                rank=18,
+                causes="measured noise angle",
+                always="azimuth_not_wrapped",
+                drive="azimuth_crossing",
             ),
         ),
-        of_filters=True,
-        asks_at_misses=True,
-        faults={
-            "azimuth_not_wrapped": KnownFault(
-                "an angle is not wrapped to (-pi, pi]",
-                "Where the innovation, or the difference of sigma points from their mean, is computed.",
-                "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 "
-                "pi) - pi.",
-                kinds=("exact", "angle"),
-                rank=42,
-                consequences=("numerical",),
-                drive="azimuth_crossing",
-            ),
-            "angle_mean_not_circular": KnownFault(
-                "angles of sigma points are averaged or subtracted across pi",
-                "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
-                "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap "
-                "every difference from the mean.",
-                kinds=("exact", "angle"),
-                rank=18,
-                consequences=("measured", "noise", "angle"),
-                always=("azimuth_not_wrapped",),
-                drive="azimuth_crossing",
-            ),
-            "course_not_wrapped": KnownFault(
-                "a difference of courses in the state is not wrapped to (-pi, pi]",
-                "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences "
-                "from it.",
-                "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences "
-                "from one point.",
-                kinds=("exact", "angle"),
+        "course_not_wrapped": KnownFault(
+            "a difference of courses in the state is not wrapped to (-pi, pi]",
+            "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences from "
+            "it.",
+            "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences from "
+            "one point.",
+            Role(
+                "exact angle",
                 rank=19,
-                consequences=("stepped",),
-                always=("predicted_covariance_not_psd", "covariance_not_psd"),
+                causes="stepped",
+                always="predicted_covariance_not_psd covariance_not_psd",
                 drive="long_run",
             ),
-        },
-    ),
+        ),
+    },
 )

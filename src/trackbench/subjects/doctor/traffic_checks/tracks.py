@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Mask, Scan, Tracks
-from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.traffic import (
     NEAR,
     OBJECTS,
@@ -186,106 +186,97 @@ def _until_none(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Trac
     return answers
 
 
-CHECKS = (
-    DoctorCheck(
-        following,
-        place=10,
-        questions=(
-            Question("double_tracks", "Has each object one track?"),
-            Question("confirmation", "Is an object that every scan detects soon a track?"),
+FOLLOWING_CHECK = DoctorCheck(
+    following,
+    place=10,
+    questions=(
+        Question("double_tracks", "Has each object one track?"),
+        Question("confirmation", "Is an object that every scan detects soon a track?"),
+    ),
+    faults={
+        "confirms_too_late": KnownFault(
+            "tracks are confirmed too late",
+            "Where a tentative track becomes a confirmed one.",
+            "Ask for fewer detections (3 of 5), or for a lower score or probability of existence (0.95).",
         ),
-        faults={
-            "confirms_too_late": KnownFault(
-                "tracks are confirmed too late",
-                "Where a tentative track becomes a confirmed one.",
-                "Ask for fewer detections (3 of 5), or for a lower score or probability of existence (0.95).",
-            ),
-            "double_tracks": KnownFault(
-                "an object has two tracks",
-                "Where a detection starts a new track.",
-                "Let only those detections start one that no track is likely to have caused, and merge tracks that "
-                "coincide.",
-                rank=7,
-                always=("confirms_too_soon",),
-            ),
-        },
-    ),
-    DoctorCheck(
-        false_alarms,
-        place=30,
-        questions=(Question("false_alarms", "Does a single detection make no track?"),),
-        faults={
-            "confirms_too_soon": KnownFault(
-                "tracks are confirmed too soon",
-                "Where a tentative track becomes a confirmed one.",
-                "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
-                "reach.",
-                rank=8,
-                always=("double_tracks",),
-            ),
-        },
-    ),
-    DoctorCheck(
-        leaving,
-        place=40,
-        questions=(
-            Question("identities", "Has a new object a new identity?"),
-            Question("deletion", "Does a track end when its object has gone?"),
+        "double_tracks": KnownFault(
+            "an object has two tracks",
+            "Where a detection starts a new track.",
+            "Let only those detections start one that no track is likely to have caused, and merge tracks that "
+            "coincide.",
+            Role(rank=7, always="confirms_too_soon"),
         ),
-        faults={
-            "never_deletes": KnownFault(
-                "tracks are not deleted",
-                "Where a track without detections is looked at.",
-                "Delete a track after about a second in view without a detection, or when its existence has become "
-                "improbable.",
-            ),
-            "ids_reused": KnownFault(
-                "identities are used again",
-                "Where a new track gets its id.",
-                "Count up through the whole run; do not number the tracks by their place in the list.",
-            ),
-        },
+    },
+)
+
+FALSE_ALARMS_CHECK = DoctorCheck(
+    false_alarms,
+    place=30,
+    questions=(Question("false_alarms", "Does a single detection make no track?"),),
+    faults={
+        "confirms_too_soon": KnownFault(
+            "tracks are confirmed too soon",
+            "Where a tentative track becomes a confirmed one.",
+            "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
+            "reach.",
+            Role(rank=8, always="double_tracks"),
+        ),
+    },
+)
+
+LEAVING_CHECK = DoctorCheck(
+    leaving,
+    place=40,
+    questions=(
+        Question("identities", "Has a new object a new identity?"),
+        Question("deletion", "Does a track end when its object has gone?"),
     ),
-    DoctorCheck(
-        order,
-        place=50,
-        questions=(Question("order", "Does the order of the detections change nothing?"),),
-        faults={
-            "order_dependent": KnownFault(
-                "the order of the detections changes the tracks",
-                "Where detections are assigned to tracks one after the other.",
-                "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
-                rank=2,
-                always=(
-                    "gate_too_large",
-                    "double_tracks",
-                    "ids_reused",
-                    "confirms_too_late",
-                    "confirms_too_soon",
-                    "never_deletes",
-                    "empty_scan_not_predicted",
-                ),
-            ),
-        },
-    ),
-    DoctorCheck(
-        empty_scan,
-        place=60,
-        questions=(Question("empty_scan", "Are tracks predicted to an empty scan?"),),
-        faults={
-            "empty_scan_not_predicted": KnownFault(
-                "tracks are not predicted to an empty scan",
-                "Where a scan without detections returns early.",
-                "Predict at every scan, empty ones too, and count the miss.",
-                rank=3,
-                always=("never_deletes", "pd_misstated", "ids_reused"),
-            ),
-        },
-    ),
-    DoctorCheck(
-        together,
-        place=80,
-        questions=(Question("double_tracks.together", "Has each object one track for all sensors together?"),),
-        least_sensors=2,
-    ),
+    faults={
+        "never_deletes": KnownFault(
+            "tracks are not deleted",
+            "Where a track without detections is looked at.",
+            "Delete a track after about a second in view without a detection, or when its existence has become "
+            "improbable.",
+        ),
+        "ids_reused": KnownFault(
+            "identities are used again",
+            "Where a new track gets its id.",
+            "Count up through the whole run; do not number the tracks by their place in the list.",
+        ),
+    },
+)
+
+ORDER_CHECK = DoctorCheck(
+    order,
+    place=50,
+    questions=(Question("order", "Does the order of the detections change nothing?"),),
+    faults={
+        "order_dependent": KnownFault(
+            "the order of the detections changes the tracks",
+            "Where detections are assigned to tracks one after the other.",
+            "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
+            Role(rank=2, always="tracks gate_too_large ids_reused"),
+        ),
+    },
+)
+
+EMPTY_SCAN_CHECK = DoctorCheck(
+    empty_scan,
+    place=60,
+    questions=(Question("empty_scan", "Are tracks predicted to an empty scan?"),),
+    faults={
+        "empty_scan_not_predicted": KnownFault(
+            "tracks are not predicted to an empty scan",
+            "Where a scan without detections returns early.",
+            "Predict at every scan, empty ones too, and count the miss.",
+            Role(rank=3, always="never_deletes pd_misstated ids_reused"),
+        ),
+    },
+)
+
+TOGETHER_CHECK = DoctorCheck(
+    together,
+    place=80,
+    questions=(Question("double_tracks.together", "Has each object one track for all sensors together?"),),
+    least_sensors=2,
 )
