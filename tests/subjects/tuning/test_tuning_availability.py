@@ -15,7 +15,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import Availability, PackedAvailability, score_labelled, score_start
+from trackbench.subjects.tuning.labelled import Availability, PackedAvailability, score_labelled
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
@@ -90,11 +90,11 @@ def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scen
 def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Scenario) -> None:
     work, entry = work_of(scenario, truths_of(scenario)), scenario.config.trackers["early"]
     piece = BlockRuns(0, range(4))
-    whole, given, _ = score_start(work, piece, entry)
+    (whole,), given, _ = score_labelled(work, piece, entry)
     random = np.random.default_rng(1)
     some = Availability(*(random.random(mask.shape) < 0.5 for mask in given))
     others = Availability(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
-    halves = [score_labelled(work, piece, entry, 1, counted)[0] for counted in (some, others)]
+    halves = [score_labelled(work, piece, entry, 1, counted)[0][0] for counted in (some, others)]
     for name in whole.values:
         total = halves[0].values[name] + halves[1].values[name]
         assert (halves[0].values[name][1] < whole.values[name][1]).any() or not whole.values[name][1].any(), name

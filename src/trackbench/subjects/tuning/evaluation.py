@@ -28,7 +28,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
-from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled, score_start
+from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
@@ -240,7 +240,7 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
 
 def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
     try:
-        sums, available, engine = score_start(scene.work, piece, entry)
+        (sums,), available, engine = score_labelled(scene.work, piece, entry)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
@@ -249,22 +249,17 @@ def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiec
 
 
 def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    sums, engine = _score_hidden(scene, piece, entry)
-    return sums, None, engine
-
-
-def _score_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, EngineUsed | None]:
     """The sums of a trial that follows several objects from detections of hidden identities, or why there are none."""
     block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
     scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
     if isinstance(scores, Failure):
-        return scores.cause, engine
+        return scores.cause, None, engine
     assert isinstance(scores, TrafficScores)
     measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
     measures["prediction_score"] = "log_likelihood"
     values = scores.metrics[TRACKS.name]
     sums = Sums({name: run_sums(values, path) for path, name in measures.items()})
-    return sums if scene.metric is None else sums.with_metric(scene.metric, scores.metrics), engine
+    return sums if scene.metric is None else replace(sums, metric=scene.metric, blocks=(scores.metrics,)), None, engine
 
 
 def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry) -> Sums | str:
@@ -276,7 +271,7 @@ def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry
     if isinstance(outcome, Failure):
         return outcome.cause
     assert isinstance(outcome, LabelledOutcome)
-    return sums.with_metric(scene.metric, outcome.sums)
+    return replace(sums, metric=scene.metric, blocks=(outcome.sums,))
 
 
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
@@ -293,7 +288,7 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
     size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     if number == 1:
         try:
-            return [*score_labelled(work, piece, entry, 1, counted)]
+            return [*score_labelled(work, piece, entry, 1, counted)[0]]
         except (KeyboardInterrupt, GeneratorExit):
             raise
         except BaseException as error:
@@ -303,14 +298,14 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
         columns = {key: np.repeat(np.array([float(point[key]) for point in batch.points]), size) for key in batch.keys}
         entry = combined(entry, columns)
     try:
-        return [*score_labelled(work, piece, entry, number, counted)]
+        return [*score_labelled(work, piece, entry, number, counted)[0]]
     except np.linalg.LinAlgError:
         return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
 
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [_score_hidden(scene, piece, entry)[0] for entry in batch.entries]
+    return [_start_hidden(scene, piece, entry)[0] for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

@@ -11,8 +11,6 @@ from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired
-from trackbench.metrics.protocol import Direction
-from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.recorded_checks import same_every_run
@@ -97,15 +95,6 @@ def _drawn(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = No
     return replace(loaded, config=config.model_copy(update={"truth": truth, "monte_carlo": monte_carlo}))
 
 
-#: Which values of each measure are better; of the others a verdict says larger or smaller.
-BETTER: dict[str, Direction | None] = {
-    "position_rmse": "smaller",
-    "velocity_rmse": "smaller",
-    "log_likelihood": "larger",
-    "nees": None,
-}
-
-
 @dataclass(frozen=True)
 class MeasureComparison:
     """A measure of the start and of the tuned values, and their difference on the same runs."""
@@ -166,7 +155,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
                 return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
     without: list[LackingMeasure] = []
     sums = next((outcome.sums for outcome in start_outcomes if outcome.sums is not None), None)
-    for measure, unit in (sums.units if sums is not None else {}).items():
+    for measure, metric in (sums.measures if sums is not None else {}).items():
         pairs = []
         for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
             assert own.sums is not None
@@ -178,15 +167,15 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
                 pairs.append((number, own.sums, other.sums))
             else:
                 without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
-        comparisons += _by(measure, unit, evaluator, pairs)
+        comparisons += _by(measure, metric, evaluator, pairs)
     return HeldOut(tuple(comparisons), scenes, runs, not_compared=tuple(without))
 
 
 def _by(
-    measure: str, unit: str, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
+    measure: str, metric: Metric, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
     """By one measure, the p-values corrected for the number of scenarios."""
-    better = direction(measure, pairs[0][1].metric if pairs else None)
+    better, unit = metric.better, "" if metric.unit == "1" else metric.unit
     rows = []
     for number, own_sums, other_sums in pairs:
         scene = evaluator.scenes(number)
@@ -204,12 +193,3 @@ def _by(
         )
         for (name, own, other, contrast), p in zip(rows, corrected, strict=True)
     ]
-
-
-def direction(measure: str, metric: Metric | None = None) -> Direction | None:
-    """Which of its values are better; ``metric``: that of the objective, if it is none of the measures."""
-    if measure in BETTER:
-        return BETTER[measure]
-    if metric is not None and measure == metric.name:
-        return metric.better
-    return TRACK_METRICS[measure].better

@@ -20,7 +20,7 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.subjects.tuning.entry import Entry
-from trackbench.subjects.tuning.measures import CONDITIONS, Sums, condition_members
+from trackbench.subjects.tuning.measures import CONDITIONS, OF_ALL, Sums, condition_members
 from trackbench.trackers.filtered import log_likelihood
 
 Bytes = npt.NDArray[np.uint8]
@@ -73,41 +73,22 @@ class PackedAvailability(NamedTuple):
         return Availability(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))
 
 
-def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Availability, EngineUsed | None]:
-    """The sums of a tracker as it is over some runs of one scene, the estimates and innovations that it gives, and what
-    computed it.
-
-    Args:
-        work: what all blocks share.
-        piece: the runs.
-        entry: of the tracker.
-
-    Raises:
-        Exception: what the tracker raises.
-    """
-    sums, engine = _score(work, piece, entry, 1, None)
-    return sums.of_trials()[0], sums.available, engine
-
-
-def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability) -> list[Sums]:
-    """The sums of several trials over some runs of one scene.
+def score_labelled(
+    work: Work, piece: BlockRuns, entry: Entry, trials: int = 1, counted: Availability | None = None
+) -> tuple[list[Sums], Availability, EngineUsed | None]:
+    """The sums of several trials over some runs of one scene, and what computed them.
 
     Args:
         work: what all blocks share.
         piece: the runs.
         entry: of the tracker; its noise levels may be arrays ``(trials * objects * runs,)``.
         trials: how many there are.
-        counted: the estimates and innovations that are summed, where a trial gives them.
+        counted: the estimates and innovations that are summed, where a trial gives them; unless given, those that the
+            first trial gives, which are returned.
 
     Raises:
         Exception: what the tracker raises.
     """
-    return _score(work, piece, entry, trials, counted)[0].of_trials()
-
-
-def _score(
-    work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Availability | None
-) -> tuple[_Sums, EngineUsed | None]:
     keep_freed_memory()
     scene = work.scenes[piece.scene]
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
@@ -131,7 +112,7 @@ def _score(
                 sums.add_innovation(step.instant, step.number, step.scan, estimate)
             if step.last:
                 sums.add_error(step.instant, estimate)
-    return sums, work.engine_of(drive.engine_used)
+    return sums.of_trials(), sums.available, work.engine_of(drive.engine_used)
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:
@@ -142,7 +123,7 @@ def _tiled(scan: Scan, trials: int) -> Scan:
 
 
 class _Sums:
-    """The sums under way, each ``(trials, objects, runs)``."""
+    """The sums under way: total and number of the terms of each measure ``(trials, objects, runs)``."""
 
     def __init__(
         self,
@@ -156,17 +137,14 @@ class _Sums:
         self._shape, self._counted = shape, counted
         self.available = Availability(*(np.zeros((size, *shape[1:]), dtype=bool) for size in (len(self._due), scans)))
         """Of the first trial; filled in where nothing says what counts."""
-        names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
-        self._total = {name: np.zeros(self._shape) for name in names}
-        self._count = {name: np.zeros(self._shape) for name in names}
+        self._sums = {name: (np.zeros(shape), np.zeros(shape)) for name in (*OF_ALL, *HALVES)}
         self._member = condition_members(classes)
         self._nees = np.zeros((2, len(CONDITIONS), shape[0], shape[2]))
 
     def add_error(self, instant: int, estimate: Estimate) -> None:
         mean = estimate.mean.reshape(4, *self._shape)
         error = mean - self._state[:, instant, None]
-        finite: Mask = np.asarray(np.isfinite(error).all(axis=0))
-        summed = self._that_count(finite, instant, "estimates", instant)
+        summed = self._that_count(np.asarray(np.isfinite(error).all(axis=0)), instant, "estimates", instant)
         square = error * error
         covariance = estimate.covariance.reshape(4, 4, *self._shape)
         nees, whitened, positive = normalised_square(error, covariance)
@@ -181,31 +159,28 @@ class _Sums:
 
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
         log_density = log_likelihood(estimate)
-        if log_density is None:
-            return
-        log_density = log_density.reshape(self._shape)
-        predicted: Mask = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
-        self._add("log_likelihood", log_density, self._that_count(predicted, instant, "innovations", number))
+        if log_density is not None:
+            log_density = log_density.reshape(self._shape)
+            predicted = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
+            self._add("log_likelihood", log_density, self._that_count(predicted, instant, "innovations", number))
 
     def of_trials(self) -> list[Sums]:
-        total = {name: values.sum(axis=1) for name, values in self._total.items()}
-        count = {name: values.sum(axis=1) for name, values in self._count.items()}
-        total |= dict(zip(CONDITIONS, self._nees[0], strict=True))
-        count |= dict(zip(CONDITIONS, self._nees[1], strict=True))
+        by_run = {name: [values.sum(axis=1) for values in both] for name, both in self._sums.items()}
+        by_run |= {name: list(self._nees[:, number]) for number, name in enumerate(CONDITIONS)}
         return [
-            Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
+            Sums({name: np.stack([total[trial], count[trial]]) for name, (total, count) in by_run.items()})
             for trial in range(self._shape[0])
         ]
 
     def _that_count(self, there: Mask, instant: int, what: Literal["estimates", "innovations"], number: int) -> Mask:
         """Those of the available values that are summed."""
         if self._counted is not None:
-            counted: Mask = getattr(self._counted, what)[number]
-            return there & counted
-        due: Mask = there & self._due[instant]
+            return np.asarray(there & getattr(self._counted, what)[number])
+        due = np.asarray(there & self._due[instant])
         getattr(self.available, what)[number] = due[0]
         return due
 
     def _add(self, name: str, values: Array, where: Mask) -> None:
-        self._total[name] += np.where(where, values, 0.0)
-        self._count[name] += where
+        total, count = self._sums[name]
+        total += np.where(where, values, 0.0)
+        count += where

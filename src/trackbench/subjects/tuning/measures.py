@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,13 +14,18 @@ from trackbench.metrics.breakdown import DOF, band_name
 from trackbench.metrics.built_in.basic import Coverage
 from trackbench.metrics.conditions import AGES, BANDS, MANOEUVRES, SHAPE, Classes
 from trackbench.metrics.evaluate import MetricSums
-from trackbench.metrics.intervals import Interval, clustered, ratio, root
+from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.table import run_ratio
 from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, SMALLEST_SHARE
 
-#: Of labelled objects: the unit of each measure.
-UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
-#: Measures of tracks, of detections that nobody labelled.
+#: By name, what the sums of a run tell, beside the metric of the objective.
+MEASURES: dict[str, Metric] = {
+    **TRACK_METRICS,
+    "log_likelihood": run_ratio("log_likelihood", "1", "log-likelihood of a measurement", "larger", at_least=-math.inf),
+}
+#: Those of every trial, and those of tracks beside them.
+OF_ALL = ("position_rmse", "velocity_rmse", "nees", "log_likelihood")
 OF_TRACKS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
 
 
@@ -61,20 +66,16 @@ class Sums:
         values = {name: np.concatenate([part.values[name] for part in parts], axis=1) for name in parts[0].values}
         return cls(values, parts[0].metric, tuple(block for part in parts for block in part.blocks))
 
-    def with_metric(self, metric: Metric, block: MetricSums) -> Sums:
-        """With the sums of a metric of the same runs."""
-        return replace(self, metric=metric, blocks=(block,))
+    @property
+    def measures(self) -> dict[str, Metric]:
+        """By name, every measure that start and tuned may be compared by."""
+        names = dict.fromkeys([*OF_ALL, *(name for name in self.values if name in TRACK_METRICS)])
+        own = {} if self.metric is None else {self.metric.name: self.metric}
+        return {name: MEASURES[name] for name in names} | own
 
     def has(self, name: str) -> bool:
         """Whether a measure was summed."""
         return name in self.values or (self.metric is not None and name == self.metric.name)
-
-    @property
-    def units(self) -> dict[str, str]:
-        """By every measure that start and tuned may be compared by, its unit."""
-        of_tracks = {name: TRACK_METRICS[name].unit for name in self.values if name in TRACK_METRICS.keys() - UNITS}
-        own = {} if self.metric is None else {self.metric.name: self.metric.unit}
-        return {name: "" if unit == "1" else unit for name, unit in {**UNITS, **of_tracks, **own}.items()}
 
     def interval(self, name: str, scene: Indices) -> Interval | None:
         """A measure with what each run, or scene, adds to it; None where no run tells it.
@@ -84,23 +85,13 @@ class Sums:
             scene: ``(runs,)`` number of the scene of each run.
         """
         if self.metric is not None and name == self.metric.name:
-            return self._of_metric(self.metric, scene)
+            metrics = metrics_of_trial(self.metric)
+            return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(name)
         if name not in self.values:
             return None
-        total, count = self.values[name]
-        if not count.any():
-            return None
-        if name in TRACK_METRICS:
-            estimate = TRACK_METRICS[name].of_runs(total, count)
-            return None if estimate is None else clustered(estimate, scene)
-        if name == "log_likelihood":
-            return clustered(ratio(total, count), scene)
-        mean = ratio(total, count, at_least=0.0)
-        return clustered(root(mean) if name.endswith("_rmse") else mean, scene)
-
-    def _of_metric(self, metric: Metric, scene: Indices) -> Interval | None:
-        metrics = metrics_of_trial(metric)
-        return evaluate(merge_sums(self.blocks, metrics), scene, metrics).intervals.get(metric.name)
+        # A NEES under a condition is a mean as that of all.
+        interval = MEASURES.get(name, MEASURES["nees"]).of_runs(*self.values[name])
+        return None if interval is None else clustered(interval, scene)
 
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""
@@ -121,8 +112,9 @@ class Sums:
             own, other = self.values[name][1], start.values[name][1]
             word = "innovations" if name == "log_likelihood" else "estimates"
             if (own < other).any():
-                common = np.minimum(own, other).sum()
-                return f"it gives {common:.0f} of the {other.sum():.0f} {word} that the start gives"
+                return (
+                    f"it gives {np.minimum(own, other).sum():.0f} of the {other.sum():.0f} {word} that the start gives"
+                )
             if not np.isfinite(self.values[name][0]).all():
                 return f"its {word} are not finite"
         return None

@@ -9,14 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics import Metric
 from trackbench.metrics.protocol import Direction
-from trackbench.metrics.traffic import TRACK_METRICS, RunRatio
+from trackbench.metrics.registry import built_in_metrics
 from trackbench.metrics.verdicts import TOLERANCE
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.evaluation import Outcome
-from trackbench.subjects.tuning.held_out import direction
-from trackbench.subjects.tuning.measures import NEES_DOF, UNITS, WORDS, Sums, condition_excess, nees_by_condition
+from trackbench.subjects.tuning.measures import (
+    MEASURES,
+    NEES_DOF,
+    OF_ALL,
+    WORDS,
+    Sums,
+    condition_excess,
+    nees_by_condition,
+)
 
 #: A trial's quantities, which change smoothly with the values that are tuned, by name.
 Parts = Mapping[str, float]
@@ -60,7 +67,7 @@ class Objective:
     @property
     def better(self) -> Direction | None:
         """Which values of its measure are better."""
-        return direction(self.measure, self.metric)
+        return (self.metric or MEASURES[self.measure]).better
 
     def rank(self, parts: Parts) -> float:
         """By which the best trial is chosen: the loss; of a front the error with a price on the inconsistency."""
@@ -141,14 +148,6 @@ def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
     return {**_error("position_rmse")(sums, start), **nees, **under}
 
 
-def _likelihood(sums: Sequence[Sums], _: Sequence[Sums]) -> Parts:
-    return {"likelihood": -float(np.mean([own.value("log_likelihood") for own in sums]))}
-
-
-def _only(part: str) -> Callable[[Parts], tuple[float, ...]]:
-    return lambda parts: (parts[part],)
-
-
 def has_nees(parts: Parts) -> bool:
     """Whether a mean NEES is among the parts."""
     return any(name.startswith(NEES) for name in parts)
@@ -172,6 +171,28 @@ def _both(parts: Parts) -> tuple[float, ...]:
     return parts["error"], float(np.mean(nees))
 
 
+def error_objective(measure: str, meaning: str = "", hidden: bool = False, metric: Metric | None = None) -> Objective:
+    """The objective that a measure with a better direction makes: its value over the start's.
+
+    Args:
+        measure: name of it.
+        meaning: unless given, of its name.
+        hidden: whether it is of detections that nobody labelled.
+        metric: of one that is not summed in any case.
+    """
+    sign = 1.0 if (metric or MEASURES[measure]).better == "smaller" else -1.0
+    return Objective(
+        measure,
+        meaning or f"{'smallest' if sign > 0 else 'largest'} {WORDS[measure]}",
+        measure,
+        _error(measure),
+        lambda parts: (sign * parts["error"],),
+        (f"{WORDS[measure]} over the start's",),
+        hidden=hidden,
+        metric=metric,
+    )
+
+
 ERROR_AXIS, NEES_AXIS = "position RMSE over the start's", "factor by which the mean NEES is off"
 
 OBJECTIVES = {
@@ -181,19 +202,12 @@ OBJECTIVES = {
             "likelihood",
             "largest likelihood of the innovations",
             "log_likelihood",
-            _likelihood,
-            _only("likelihood"),
+            lambda sums, _: {"likelihood": -float(np.mean([own.value("log_likelihood") for own in sums]))},
+            lambda parts: (parts["likelihood"],),
             ("log-likelihood of a measurement",),
             needs_truth=False,
         ),
-        Objective(
-            "position_rmse",
-            "smallest position error",
-            "position_rmse",
-            _error("position_rmse"),
-            _only("error"),
-            (ERROR_AXIS,),
-        ),
+        error_objective("position_rmse", "smallest position error"),
         Objective(
             "consistent_rmse",
             "smallest position error with a mean NEES that is consistent in every condition, or near to it",
@@ -202,15 +216,7 @@ OBJECTIVES = {
             _consistent,
             (ERROR_AXIS,),
         ),
-        Objective(
-            "gospa",
-            "smallest GOSPA, for detections of hidden identities",
-            "gospa",
-            _error("gospa"),
-            _only("error"),
-            ("GOSPA over the start's",),
-            hidden=True,
-        ),
+        error_objective("gospa", "smallest GOSPA, for detections of hidden identities", hidden=True),
         Objective(
             "pareto",
             "front of position error and consistency of the mean NEES",
@@ -226,25 +232,13 @@ OBJECTIVES = {
 def metric_objectives(scenario: Scenario) -> dict[str, Objective]:
     """By name, the objectives that the metrics of a scenario make: those of one value whose direction is known."""
     hidden = scenario.config.sensing.identities == "hidden"
-    metrics: list[Metric] = [*(TRACK_METRICS.values() if hidden else BUILT_IN), *scenario.config.score.metrics]
     return {
-        metric.name: _of_metric(metric, hidden)
-        for metric in metrics
+        # Those of tracks, and some errors, are summed in any case.
+        metric.name: error_objective(
+            metric.name,
+            hidden=hidden,
+            metric=None if MEASURES.get(metric.name) is metric or metric.name in OF_ALL else metric,
+        )
+        for metric in (*built_in_metrics(hidden), *scenario.config.score.metrics)
         if metric.columns and metric.better is not None and metric.name not in OBJECTIVES
     }
-
-
-def _of_metric(metric: Metric, hidden: bool) -> Objective:
-    sign = 1.0 if metric.better == "smaller" else -1.0
-    words = WORDS[metric.name]
-    return Objective(
-        metric.name,
-        f"{'smallest' if sign > 0 else 'largest'} {words}",
-        metric.name,
-        _error(metric.name),
-        lambda parts: (sign * parts["error"],),
-        (f"{words} over the start's",),
-        hidden=hidden,
-        # Those of tracks, and some errors, are summed in any case.
-        metric=None if isinstance(metric, RunRatio) or metric.name in UNITS else metric,
-    )

@@ -57,7 +57,7 @@ def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], 
 def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
     measures = {}
-    for name in sums[0].units if sums else ():
+    for name in sums[0].measures if sums else ():
         values = np.array([item.value(name) for item in sums])
         if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
             measures[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
@@ -114,7 +114,7 @@ def signature_of(
         "ranges": {item.key: item.as_json() for item in parameters},
         "scenarios": {bench.name: _settings(bench, tracker) for bench in train},
         START: {
-            bench.name: {name: value for name in sums.units if math.isfinite(value := sums.value(name))}
+            bench.name: {name: value for name in sums.measures if math.isfinite(value := sums.value(name))}
             for bench, sums in zip(train, start, strict=True)
         },
     }
