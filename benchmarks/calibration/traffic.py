@@ -201,5 +201,5 @@ def _verdicts(sample: Sample) -> dict[tuple[str, str, str], str]:
     for number, name in enumerate(TRACKERS):
         own = {path: sample.interval(number, path) for path in TRACK_METRICS}
         intervals[name] = {path: found for path, found in own.items() if found is not None}
-    found = differences(intervals, list(TRACK_METRICS.values()), MARGIN, dict.fromkeys(TRACKERS, 1.0), ranks="gospa")
+    found = differences(intervals, list(TRACK_METRICS.values()), MARGIN, dict.fromkeys(TRACKERS, 1.0))
     return {(item.metric, item.a, item.b): item.verdict for item in found}

@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_together
-from trackbench.metrics.built_in.percentiles import percentile
+from trackbench.metrics.estimates import percentiles
 
 
 @pytest.mark.parametrize("counted", [1, 2, 7, 40, 41])
@@ -15,13 +15,13 @@ def test_it_is_that_of_numpy_and_leaves_out_what_does_not_count(counted: int) ->
     errors = np.abs(np.random.default_rng(3).normal(size=(5, 41)))
     errors[:, counted:] = np.nan
     expected = np.nanpercentile(errors, 95, axis=1)
-    assert percentile(errors**2) == pytest.approx(expected, rel=1e-12)
+    assert percentiles((0.95,), errors**2)[0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_run_without_an_estimate_has_none() -> None:
     squares = np.array([[1.0, 4.0], [np.nan, np.nan]])
-    assert percentile(squares)[0] == pytest.approx(1.95)
-    assert np.isnan(percentile(squares)[1])
+    assert percentiles((0.95,), squares)[0, 0] == pytest.approx(1.95)
+    assert np.isnan(percentiles((0.95,), squares)[0, 1])
 
 
 def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:

@@ -11,7 +11,7 @@ from trackbench.compare.comparability import Comparability, IntArray
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, size, verdict
+from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, size, verdict, withheld
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
 
 
@@ -160,10 +160,8 @@ def _corrected(family: Sequence[_Found], metric: Metric) -> list[PairDifference]
 
 
 def _verdict(found: _Found, p_value: float, metric: Metric) -> str:
-    """Nobody is better who leaves out estimates that the other gives: they may be the hard ones."""
-    word, lost = verdict(found.contrast, p_value, metric.better), found.item.lost_coverage
-    fewer = (word == "better" and lost > SILENCE) or (word == "worse" and lost < -SILENCE)
-    return size(found.contrast.value) if fewer else word
+    word = verdict(found.contrast, p_value, metric.better)
+    return size(found.contrast.value) if withheld(word, found.item.lost_coverage) else word
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:

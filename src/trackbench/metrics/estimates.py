@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.parts import stretches
@@ -75,7 +75,7 @@ class _Summing:
         if far.any():
             self._diverged |= self._by_run(far.any(axis=0)) > 0
         if self._scope.first:
-            self._spread[:, here] = percentiles((0.1, 0.9), square, scored)
+            self._spread[:, here] = percentiles((0.1, 0.9), np.where(scored, square, np.nan))
         for givers, (instants, members) in chunk.agreement.partly.items():
             if self._scope.tracker in givers:
                 self._add_few(givers, here.start + instants, members, values[:, instants, members])
@@ -149,16 +149,17 @@ class _Summing:
             total += np.bincount(places, value, total.size).reshape(total.shape)
 
 
-def percentiles(shares: tuple[float, ...], squares: Array, use: Mask) -> Array:
-    """``(shares, steps)`` errors below which each share of those in use lies, interpolated; NaN where none is.
+def percentiles(shares: tuple[float, ...], squares: Array) -> Array:
+    """``(shares, rows)`` errors below which each share of a row lies, interpolated linearly between the two nearest
+    (type 7 of Hyndman and Fan 1996, "Sample quantiles in statistical packages"); NaN where a row has none.
 
     Args:
         shares: 0 to 1.
-        squares: ``(steps, batch)`` of the errors.
-        use: ``(steps, batch)``.
+        squares: ``(rows, errors)`` of the errors, NaN where one does not count.
     """
-    rank = np.asarray(shares)[:, None] * np.maximum(use.sum(axis=1) - 1, 0)
+    rank = np.asarray(shares)[:, None] * np.maximum(np.isfinite(squares).sum(axis=1) - 1, 0)
     ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
-    ordered = np.sort(squares if use.all() else np.where(use, squares, np.nan), axis=1)
+    # NaN is sorted to the end.
+    ordered = np.partition(squares, np.unique(ends), axis=1)
     low, high = np.sqrt(ordered[np.arange(len(ordered)), ends])
     return np.asarray(low + (rank % 1.0) * (high - low))

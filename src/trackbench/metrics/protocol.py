@@ -251,6 +251,8 @@ class Metric(Config):
     """What it is of: estimates of single objects, or tracks where identities are hidden."""
     better: ClassVar[Direction | None] = None
     """Which values are better; None where neither is."""
+    ranks: ClassVar[bool] = False
+    """Whether trackers are ranked by it, where there is no other wish."""
     compared: ClassVar[bool] = True
     """Whether trackers are compared by it, run by run, where one direction is better."""
     per_sensor: ClassVar[bool] = False

@@ -32,6 +32,11 @@ def built_in_metrics(hidden: bool, truth: bool = True) -> tuple[Metric, ...]:
     return tuple((TRACK_METRICS if truth else DETECTION_METRICS).values())
 
 
+def headline(metrics: Iterable[Metric]) -> str:
+    """The path of the metric that trackers are ranked by."""
+    return next(metric.path for metric in metrics if metric.ranks)
+
+
 def metric_paths(own: Iterable[Metric | type[Metric]] = ()) -> list[Field]:
     """What an expectation may name of the built-in metrics and of others."""
     return [*(field for metric in (*BUILT_IN, *own) for field in entries(metric)), *_HEALTH]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics import BlockScores, Evaluation, evaluate, merge_sums, ratio, variance_shares
+from trackbench.metrics import BUILT_IN, BlockScores, Evaluation, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.registry import headline
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
 from trackbench.runner.block import Block, failures_and_outcomes
@@ -67,7 +68,7 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         name: evaluate(item, work.scene_of_run, work.metrics, together if name in together else frozenset({name}))
         for name, item in sums.items()
     }
-    errors = {name: evaluations[name].intervals.get("position_rmse") for name in together}
+    errors = {name: evaluations[name].intervals.get(headline(BUILT_IN)) for name in together}
     known = {name: error.value for name, error in errors.items() if error is not None}
     ranked = sorted(known, key=lambda name: (known[name], list(sums).index(name)))
     return Evaluated(failures, scores, evaluations, work.scene_of_run, ranked)

@@ -12,6 +12,7 @@ from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums, no_metr
 from trackbench.metrics.differences import differences
 from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.intervals import ratio, variance_shares
+from trackbench.metrics.registry import headline
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary
@@ -27,7 +28,7 @@ from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
 
-HEADLINE = "gospa"
+HEADLINE = headline(TRACK_METRICS.values())
 #: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
 NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
 
@@ -48,7 +49,7 @@ def assemble_traffic(
     margin = MarginSummary(**scenario.score.margin.model_dump())
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
     coverage = dict.fromkeys(ranked, 1.0)
-    pairs = differences(compared, work.metrics, margin, coverage, wanted, ranks=HEADLINE) if known else []
+    pairs = differences(compared, work.metrics, margin, coverage, wanted) if known else []
     engines = engines_of(work, blocks)
     for name, used in engines.items():
         log_left_to_numpy(work.scenario, name, used)

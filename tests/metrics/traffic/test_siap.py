@@ -59,5 +59,5 @@ def test_siap_equals_stone_soup(seed: int) -> None:
     theirs = {metric.title: metric.value for metric in generator.compute_metric(manager)}
     ours = siap(truth, tracks, counted_of(truth, tracks, CUTOFF))
     names = ("Completeness", "Ambiguity", "Spuriousness", "Position Accuracy", "Velocity Accuracy")
-    for (total, number), name in zip(ours, names, strict=True):
+    for (total, number), name in zip(ours.values(), names, strict=True):
         assert total / number == pytest.approx(theirs[f"SIAP {name}"], rel=1e-9), name

@@ -69,7 +69,7 @@ class RootMeanSquare(EstimateMetric):
 
 class PositionRmse(RootMeanSquare):
     name, unit, meaning = "position_rmse", "m", "root mean square error of the position"
-    rows, column = ("px", "py"), "position_rmse_m"
+    rows, column, ranks = ("px", "py"), "position_rmse_m", True
 
 
 class VelocityRmse(RootMeanSquare):

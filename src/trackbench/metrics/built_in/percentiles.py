@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.metrics.intervals import Interval, ratio
+from trackbench.metrics.estimates import percentiles
+from trackbench.metrics.intervals import ratio
 from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope
 from trackbench.metrics.sums import ERROR
 
@@ -18,10 +19,8 @@ SHARE = 0.95
 class ErrorPercentile(Metric):
     """The 95th percentile of an error over the instants and objects of a run at which an estimate counts.
 
-    Each run has its own, interpolated linearly between the two nearest errors (type 7 of Hyndman and Fan 1996, "Sample
-    quantiles in statistical packages"), and the metric is their mean. So blocks of runs merge exactly, and the interval
-    is that of a mean over runs. It is not the percentile of the errors of all runs together, which weighs the tail of
-    bad runs more.
+    Each run has its own, and the metric is their mean. So blocks of runs merge exactly, and the interval is that of a
+    mean over runs. It is not the percentile of the errors of all runs together, which weighs the tail of bad runs more.
     """
 
     better = "smaller"
@@ -45,7 +44,7 @@ class ErrorPercentile(Metric):
         if not chunks:
             return np.full(len(runs), np.nan)
         squares = np.concatenate([chunk.reshape(-1, len(runs)) for chunk in chunks])
-        return percentile(squares.T)
+        return np.asarray(percentiles((SHARE,), squares.T)[0])
 
     def merge(self, blocks: Sequence[Array]) -> Array:
         return np.concatenate(blocks)
@@ -54,8 +53,7 @@ class ErrorPercentile(Metric):
         known = np.isfinite(sums)
         if not known.any():
             return self.no_value("there is no estimate of any object to score")
-        percentiles: Interval = ratio(np.where(known, sums, 0.0), known.astype(float), at_least=self.at_least)
-        return percentiles
+        return ratio(np.where(known, sums, 0.0), known.astype(float), at_least=self.at_least)
 
 
 class PositionP95(ErrorPercentile):
@@ -66,14 +64,3 @@ class PositionP95(ErrorPercentile):
 class VelocityP95(ErrorPercentile):
     name, unit, rows = "velocity_p95", "m/s", ("vx", "vy")
     meaning = "error of the velocity that 95 % of the estimates of a run stay below, mean over runs"
-
-
-def percentile(squares: Array) -> Array:
-    """``(runs,)`` the root below which ``SHARE`` of the squares ``(runs, n)`` lie, NaN left out; NaN of none."""
-    count = np.isfinite(squares).sum(axis=1)
-    rank = SHARE * np.maximum(count - 1, 0)
-    ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
-    # NaN is sorted to the end.
-    ordered = np.partition(squares, np.unique(ends), axis=1)
-    low, high = np.sqrt(ordered[np.arange(len(ordered)), ends])
-    return np.where(count > 0, low + (rank % 1.0) * (high - low), np.nan)

@@ -12,7 +12,6 @@ from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
     Nearby,
-    NearPairs,
     TrackHistory,
     TruthHistory,
     count_by_gospa,
@@ -22,7 +21,6 @@ from trackbench.metrics.traffic.assignment import (
 )
 from trackbench.metrics.traffic.events import TrafficEvent, events, strips
 from trackbench.metrics.traffic.mot_metrics import (
-    Switches,
     clear_matches,
     hota,
     identity,
@@ -34,6 +32,7 @@ from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, os
 from trackbench.metrics.traffic.tgospa import tgospa
 from trackbench.metrics.traffic.track_quality import (
     ExistenceBins,
+    RunSums,
     association_counts,
     confirmation,
     durations,
@@ -48,7 +47,6 @@ from trackbench.metrics.traffic.track_quality import (
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5
-RunSums = dict[str, tuple[float, float]]
 
 
 class TrafficScoreOptions(NamedTuple):
@@ -121,6 +119,14 @@ def score_run(
     steps = float(len(truth.time))
     window = max(1, round(options.window / duration.mean())) if duration.any() else 1
     squared_ospa2 = ospa2(of_gospa, window)
+    objects, present = counted.object_counts, counted.track_counts
+    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
+    false = float(counted.present.sum()) - true
+    object_minutes = float((duration @ counted.due).sum()) / 60
+    alike = similarity(counted.pairs.distance, counted.cutoff)
+    higher_order = hota(counted.pairs, alike, objects, present)
+    any_there = float(objects.sum() + present.sum() > 0)
+    identified, unidentified, wrong = identity(counted.pairs.where(alike >= LEAST_SIMILARITY), objects, present)
     values: RunSums = {
         "gospa": (float(parts.total.sum()), steps),
         "gospa_localisation": (float(parts.localisation.sum()), steps),
@@ -130,18 +136,24 @@ def score_run(
         "tgospa": (trajectory.total, steps),
         "ospa": (float(ospa(of_gospa, parts).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
-        **_detection_and_association(counted),
-        **_counts(counted, changes, duration, int(resumptions(track_of, counted.due).sum())),
+        "hota": (float(higher_order.hota.mean()), any_there),
+        "deta": (float(higher_order.detection.mean()), any_there),
+        "assa": (float(higher_order.association.mean()), any_there),
+        "idf1": (2.0 * identified, 2.0 * identified + unidentified + wrong),
+        "mota": (true - false - switched, due),
+        "motp": (float(matched.distance.sum()), true),
+        "matched_share": (true, due),
+        "id_switches": (switched, object_minutes),
+        "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
+        "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
         "confirm_latency": confirmation(track_of, counted.due, duration),
         "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
         "lost_time_share": lost(track_of, counted.due),
         "track_purity": purity(counted),
-        **{f"siap_{name}": sums for name, sums in siap(truth, tracks, of_gospa)._asdict().items()},
-        **_errors(truth, tracks, matched),
+        **siap(truth, tracks, of_gospa),
+        **matched_errors(truth, tracks, matched),
+        **({} if associations is None else association_counts(counted, associations)),
     }
-    if associations is not None:
-        found = association_counts(counted, associations)
-        values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
     bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
     return RunScores(
         values={path: sums for path, sums in values.items() if any(sums)},
@@ -163,42 +175,3 @@ def count_by_clear(near: Nearby) -> Counted:
     chosen = on.copy()
     chosen[on] = clear_matches(near.pairs.where(on), alike[on], near.due, near.there)
     return excusing(near, chosen, LEAST_SIMILARITY * near.cutoff)
-
-
-def _detection_and_association(counted: Counted) -> RunSums:
-    objects, tracks, pairs = counted.object_counts, counted.track_counts, counted.pairs
-    alike = similarity(pairs.distance, counted.cutoff)
-    some = float(objects.sum() + tracks.sum() > 0)
-    found = hota(pairs, alike, objects, tracks)
-    true, missed, false = identity(pairs.where(alike >= LEAST_SIMILARITY), objects, tracks)
-    return {
-        "hota": (float(found.hota.mean()), some),
-        "deta": (float(found.detection.mean()), some),
-        "assa": (float(found.association.mean()), some),
-        "idf1": (2.0 * true, 2.0 * true + missed + false),
-    }
-
-
-def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) -> RunSums:
-    matched = counted.matched
-    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
-    false = float(counted.present.sum()) - true
-    object_minutes = float((duration @ counted.due).sum()) / 60
-    return {
-        "mota": (true - false - switched, due),
-        "motp": (float(matched.distance.sum()), true),
-        "matched_share": (true, due),
-        "id_switches": (switched, object_minutes),
-        "fragmentations": (float(resumed), object_minutes),
-        "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
-    }
-
-
-def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
-    found = matched_errors(truth, tracks, matched)
-    return {
-        "position_rmse": found.position,
-        "velocity_rmse": found.velocity,
-        "nees": found.nees,
-        "nees_inside": found.inside,
-    }

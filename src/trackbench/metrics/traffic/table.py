@@ -87,9 +87,9 @@ def share(name: str, meaning: str, better: Direction | None, **options: Any) -> 
     return run_ratio(name, "1", meaning, better, at_most=1.0, **options)
 
 
-def root_of(name: str, unit: str, meaning: str) -> RunRatio:
+def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
     """An error: the root of a mean square."""
-    return run_ratio(name, unit, meaning, "smaller", combine="root")
+    return run_ratio(name, unit, meaning, "smaller", combine="root", **options)
 
 
 def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
@@ -106,7 +106,7 @@ NOT_SAID = {"missing": "the tracker does not say which detections it used"}
 NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
 #: Those of runs with a truth.
 TRACK_METRICS = by_name(
-    root_of("gospa", "m", "error in position, missed objects and false tracks in one number"),
+    root_of("gospa", "m", "error in position, missed objects and false tracks in one number", ranks=True),
     root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks"),
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object"),

@@ -20,6 +20,9 @@ from trackbench.metrics.traffic.assignment import (
 )
 from trackbench.metrics.traffic.mot_metrics import NO_TRACK, object_of_each
 
+#: By metric, the total of its terms in a run and their number.
+RunSums = dict[str, tuple[float, float]]
+
 
 def durations(time: Array) -> Array:
     """``(T,)`` s from each instant to the next one; the last has the mean of the others, a single one none."""
@@ -73,23 +76,10 @@ def false_tracks(counted: Counted) -> Indices:
     return np.flatnonzero(~real)
 
 
-class Siap(NamedTuple):
-    """Attributes of the single integrated air picture, as sums and the numbers of their terms."""
+def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> RunSums:
+    """Attributes of the single integrated air picture.
 
-    completeness: tuple[float, float]
-    """Objects with a track, of all objects."""
-    ambiguity: tuple[float, float]
-    """Tracks on an object, of objects with a track."""
-    spuriousness: tuple[float, float]
-    """Tracks on no object, of all tracks."""
-    position: tuple[float, float]
-    """Distances of tracks on objects, m."""
-    velocity: tuple[float, float]
-    """The same of velocities, m/s; tracks without a velocity do not count."""
-
-
-def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> Siap:
-    """Each track stands at each instant for the nearest due object within the cutoff.
+    Each track stands at each instant for the nearest due object within the cutoff.
 
     Source: Votruba et al. (2001), "Single Integrated Air Picture (SIAP) metrics implementation".
     """
@@ -102,44 +92,37 @@ def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> Siap:
     tracked[instant, item] = True
     objects, present, on = float(counted.due.sum()), float(counted.present.sum()), float(len(own))
     velocity = np.hypot(*(tracks.mean[2:, instant, column] - truth.state[2:, instant, item]))
-    known = velocity[np.isfinite(velocity)]
-    return Siap(
-        completeness=(float(tracked.sum()), objects),
-        ambiguity=(on, float(tracked.sum())),
-        spuriousness=(present - on, present),
-        position=(float(pairs.distance[own].sum()), on),
-        velocity=(float(known.sum()), float(len(known))),
-    )
+    return {
+        "siap_completeness": (float(tracked.sum()), objects),
+        "siap_ambiguity": (on, float(tracked.sum())),
+        "siap_spuriousness": (present - on, present),
+        "siap_position": (float(pairs.distance[own].sum()), on),
+        # Tracks without a velocity do not count.
+        "siap_velocity": _finite_sum(velocity),
+    }
 
 
-class MatchedErrors(NamedTuple):
-    """Of the matched pairs of a run: sums and the numbers of their terms."""
+def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> RunSums:
+    """Squared errors of matched pairs, m^2 and (m/s)^2, their normalised estimation error squared, and which of these
+    are up to the 95 % quantile of chi-square with 4 degrees of freedom.
 
-    position: tuple[float, float]
-    """Squared errors, m^2."""
-    velocity: tuple[float, float]
-    """Squared errors, (m/s)^2; tracks without a velocity do not count."""
-    nees: tuple[float, float]
-    """Normalised estimation error squared, 4 degrees of freedom; covariances that are not positive definite do not
-    count. Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation",
-    section 5.4.2."""
-    inside: tuple[float, float]
-    """Those of them up to the 95 % quantile of chi-square with 4 degrees of freedom."""
+    Errors are estimate minus truth, in the fixed frame. What is not finite does not count, such as the velocity of
+    tracks without one, nor do covariances that are not positive definite.
 
-
-def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> MatchedErrors:
-    """Errors are estimate minus truth, in the fixed frame."""
+    Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section
+    5.4.2.
+    """
     error = tracks.mean[:, matched.instant, matched.column] - truth.state[:, matched.instant, matched.object]
     factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
     squares = error**2
     nees = (factor.whiten(error) ** 2).sum(axis=0)[factor.positive]
     inside = np.where(np.isfinite(nees), nees <= point95(4), np.nan)
-    return MatchedErrors(
-        _finite_sum(squares[:2].sum(axis=0)),
-        _finite_sum(squares[2:].sum(axis=0)),
-        _finite_sum(nees),
-        _finite_sum(inside),
-    )
+    return {
+        "position_rmse": _finite_sum(squares[:2].sum(axis=0)),
+        "velocity_rmse": _finite_sum(squares[2:].sum(axis=0)),
+        "nees": _finite_sum(nees),
+        "nees_inside": _finite_sum(inside),
+    }
 
 
 def _finite_sum(values: Array) -> tuple[float, float]:
@@ -147,49 +130,36 @@ def _finite_sum(values: Array) -> tuple[float, float]:
     return float(known.sum()), float(len(known))
 
 
-class AssociationCounts(NamedTuple):
-    """Tracks on due objects, over all scans, in which the track took a detection or its object was detected."""
+def association_counts(counted: Counted, taken: Associations) -> RunSums:
+    """Tracks on due objects, over all scans, in which the track took a detection or its object was detected.
 
-    right: int
-    """It took a detection of its own object, alone or merged with another's."""
-    wrong_object: int
-    """It took another object's."""
-    clutter: int
-    """It took a false alarm."""
-    missed: int
-    """It took none although its object was detected."""
-
-
-def association_counts(counted: Counted, taken: Associations) -> AssociationCounts:
-    """A track's own object is the one that it was last matched with at an earlier instant, else at that of the scan.
-
-    What the scan itself does to the track so says nothing about which object is its own.
+    A track's own object is the one that it was last matched with at an earlier instant, else at that of the scan. What
+    the scan itself does to the track so says nothing about which object is its own.
     """
     number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
     known = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
     scan, column = np.nonzero(known)
-    own = _own_objects(counted)[taken.instant[scan], number[scan, column]]
+    # (T, tracks), -1 where a track has none yet.
+    object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
+    before = last_instant_before(object_of >= 0)
+    object_of = np.where(before >= 0, np.take_along_axis(object_of, np.maximum(before, 0), axis=0), object_of)
+    own = object_of[taken.instant[scan], number[scan, column]]
     due = (own >= 0) & counted.due[taken.instant[scan], own]
     scan, column, own = scan[due], column[due], own[due]
     origin = taken.origin[scan, column]
     right = origin == own
     if taken.merged is not None:
+        # A detection that two objects caused.
         right |= (origin >= 0) & (taken.merged[scan, column] == own)
-    none = origin == NO_DETECTION
-    return AssociationCounts(
-        right=int(right.sum()),
-        wrong_object=int(((origin >= 0) & ~right).sum()),
-        clutter=int((origin == FALSE_ALARM).sum()),
-        missed=int((none & taken.detected[scan, own]).sum()),
-    )
-
-
-def _own_objects(counted: Counted) -> Indices:
-    """``(T, tracks)``, -1 where a track has none yet."""
-    object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
-    before = last_instant_before(object_of >= 0)
-    earlier = np.take_along_axis(object_of, np.maximum(before, 0), axis=0)
-    return np.where(before >= 0, earlier, object_of)
+    outcomes = {
+        "association_right": right,
+        "association_wrong_object": (origin >= 0) & ~right,
+        "association_clutter": origin == FALSE_ALARM,
+        "association_missed": (origin == NO_DETECTION) & taken.detected[scan, own],
+    }
+    counts = {name: float(outcome.sum()) for name, outcome in outcomes.items()}
+    total = sum(counts.values())
+    return {name: (count, total) for name, count in counts.items()}
 
 
 #: Equal parts of the range from 0 to 1.

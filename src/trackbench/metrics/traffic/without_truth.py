@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics.traffic.run import RunScores, RunSums
+from trackbench.metrics.traffic.run import RunScores
 from trackbench.metrics.traffic.set_distances import GospaParts
+from trackbench.metrics.traffic.track_quality import RunSums
 
 NONE = -1
 
