@@ -32,7 +32,7 @@ STAGES = {
     "assembling": ["trackbench.runner.assemble:assemble"],
     "tables and JSON": ["trackbench.results.result:Result.save", "trackbench.results.result:Result.json"],
     "report": [
-        "trackbench.report.run.document:run_document",
+        "trackbench.report.result:result_document",
         "trackbench.document.html:to_html",
         "trackbench.document.markdown:to_markdown",
     ],

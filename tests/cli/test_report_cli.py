@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from trackbench.document.html import to_html
-from trackbench.report.run.document import run_document
+from trackbench.report.result import result_document
 from trackbench.results import Result
 from trackbench.subjects.doctor.findings import CheckResult, Finding
 from trackbench.subjects.doctor.report import Examination
@@ -70,7 +70,7 @@ def test_formats_of_a_saved_run(cli: Cli, two: Path, tmp_path: Path, format: str
 def test_the_main_file_may_be_named(cli: Cli, two: Path, tmp_path: Path, tiny_result: Result) -> None:
     alone = tmp_path / "page.html"
     assert cli("report", str(two / "tiny"), "--format", "html", "--out", str(alone)).status == 0
-    assert alone.read_text(encoding="utf-8") == to_html(run_document(tiny_result))
+    assert alone.read_text(encoding="utf-8") == to_html(result_document(tiny_result))
 
 
 def test_several_runs_are_a_comparison(cli: Cli, two: Path) -> None:

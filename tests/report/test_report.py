@@ -14,10 +14,10 @@ from tests.support.example_result import RMSE, breakdown, failed_tracker, make_r
 
 from trackbench.document.html import to_html
 from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
+from trackbench.report.calibration import calibration_clauses
 from trackbench.report.console import print_summary
-from trackbench.report.run.calibration import calibration_clauses
-from trackbench.report.run.document import run_document
-from trackbench.report.run.pairs import Pairs
+from trackbench.report.pairs import Pairs
+from trackbench.report.result import result_document
 from trackbench.results import Breakdown, Result
 
 
@@ -61,7 +61,7 @@ class Page(HTMLParser):
 
 
 def render(result: Result) -> str:
-    return to_html(run_document(result))
+    return to_html(result_document(result))
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def test_a_metric_of_a_plug_in_has_its_column() -> None:
 def test_trackers_keep_the_colours_of_their_batch() -> None:
     names = ["other", *(tracker["name"] for tracker in make_summary()["trackers"])]
     colours = tracker_colours(names)
-    alone, batch = (to_html(run_document(make_result(), given)) for given in (None, colours))
+    alone, batch = (to_html(result_document(make_result(), given)) for given in (None, colours))
     first = make_summary()["trackers"][0]["name"]
     for text, expected in ((alone, TRACKER_COLOURS[0]), (batch, TRACKER_COLOURS[1])):
         assert f'style="--mark: {expected}"></span>{first}</label>' in text

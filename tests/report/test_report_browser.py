@@ -9,7 +9,7 @@ from tests.support.example_result import make_result
 from trackbench.compare import compare, results_in
 from trackbench.document.html import to_html
 from trackbench.report.comparison.document import document
-from trackbench.report.run.document import run_document
+from trackbench.report.result import result_document
 from trackbench.results import Result
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -27,8 +27,8 @@ def seen(tmp_path_factory: pytest.TempPathFactory, tiny_result: Result) -> Seen:
         [results_in(tmp_path_factory.mktemp("results"), [tiny_result.updated(scenario=scenario), tiny_result])]
     )
     documents = {
-        "example": run_document(make_result()),
-        "tiny": run_document(tiny_result),
+        "example": result_document(make_result()),
+        "tiny": result_document(tiny_result),
         "comparison": document(several, times=True),
     }
     pages = {name: to_html(found) for name, found in documents.items()}

@@ -32,7 +32,7 @@ from trackbench.document.files import FORMATS, Format, files, text, to_csv
 from trackbench.document.html import to_html
 from trackbench.document.latex import escape, table_to_latex
 from trackbench.document.markdown import to_markdown
-from trackbench.report.run.document import run_document
+from trackbench.report.result import result_document
 
 #: What any of the formats could take for its own.
 HOSTILE = r"50 % of $x_1$ & {y} # ~^\end{document} <b> `*[a]* | --"
@@ -128,7 +128,7 @@ def test_csv_read_back_is_the_table() -> None:
 
 
 def test_every_table_of_a_run_reads_back_from_csv() -> None:
-    found = run_document(make_result())
+    found = result_document(make_result())
     assert len(found.tables) > 10
     names = [name for name, _ in files(found, "csv")]
     assert names == [f"tables/{table.name}.csv" for table in found.tables]
@@ -174,7 +174,7 @@ def test_latex_is_balanced_and_escaped() -> None:
 
 
 def test_the_whole_report_of_a_run_is_balanced_latex() -> None:
-    found = run_document(make_result())
+    found = result_document(make_result())
     for name, content in files(found, "latex"):
         if name.endswith(".tex"):
             assert balanced(content().decode()), name
@@ -248,7 +248,7 @@ def test_markdown_shows_figures_only_where_their_files_are() -> None:
 
 @pytest.mark.parametrize("width", [80, 50])
 def test_a_terminal_shows_every_cell_in_its_width(width: int) -> None:
-    found = run_document(make_result())
+    found = result_document(make_result())
     shown = text(found, width)
     assert max(map(len, shown.splitlines())) <= max(width, max(len(c.text) for c in codes(found)))
     words = set(shown.split())

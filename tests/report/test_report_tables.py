@@ -12,8 +12,8 @@ from tests.support.example_result import RMSE, make_result
 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary
-from trackbench.report.run.document import run_document
-from trackbench.report.run.pairs import Pairs, groups
+from trackbench.report.pairs import Pairs, groups
+from trackbench.report.result import result_document
 from trackbench.results import Difference, Result
 
 
@@ -23,7 +23,7 @@ def result() -> Result:
 
 
 def test_markdown_table(result: Result) -> None:
-    lines = to_markdown(run_document(result)).splitlines()
+    lines = to_markdown(result_document(result)).splitlines()
     start = lines.index("## Ranking") + 4
     assert lines[start].count("|") == lines[start + 2].count("|")
     assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
@@ -32,7 +32,7 @@ def test_markdown_table(result: Result) -> None:
 
 
 def test_markdown_holds_the_whole_report(result: Result) -> None:
-    text = to_markdown(run_document(result))
+    text = to_markdown(result_document(result))
     headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
     assert headings == [
         "Verdict",

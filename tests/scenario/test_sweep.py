@@ -10,7 +10,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.document.markdown import to_markdown
-from trackbench.report.run.document import run_document
+from trackbench.report.result import result_document
 from trackbench.results import MOST_DRAWN
 from trackbench.scenario import load_scenario
 from trackbench.subjects.recording.contents import contents_of
@@ -191,7 +191,7 @@ def swept(tmp_path_factory):
 def test_figures_show_the_best_and_tables_all(swept):
     best = swept.summary.ranking[:MOST_DRAWN]
     assert [tracker.name for tracker in swept.drawn] == best
-    document = run_document(swept)
+    document = result_document(swept)
     assert [style.name for style in document.trackers] == best
     for figure in document.figures:
         shown = {entry.label for entry in figure.legend if entry.key}

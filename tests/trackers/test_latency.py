@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.document import Table
 from trackbench.driving.drive import deliveries
-from trackbench.report.run import tables
+from trackbench.report import tables
 from trackbench.results import Result
 from trackbench.runner.describe import describe
 from trackbench.scenario import load_scenario

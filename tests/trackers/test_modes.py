@@ -8,7 +8,7 @@ import pytest
 from tests.trackers.test_imm_tracker import CV, SCENARIO
 
 import trackbench as tb
-from trackbench.report.run.document import run_document
+from trackbench.report.result import result_document
 from trackbench.results.columns import split
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.inspection import inspect
@@ -84,7 +84,7 @@ def test_the_mean_is_that_of_single_runs(tmp_path, result):
 
 
 def test_the_report_shows_them(result):
-    figures = {figure.name: figure for figure in run_document(result).figures}
+    figures = {figure.name: figure for figure in result_document(result).figures}
     assert re.search(r"imm, 3 runs: cv 0\.\d+, ctrv .* imm, run 0: cv", figures["modes"].alternative)
     assert [entry.label for entry in figures["modes"].legend] == ["cv", "ctrv"]
 
@@ -113,7 +113,7 @@ def test_a_run_without_modes_has_no_such_tables(tmp_path):
     code = MINE.format(batched=True, probabilities=HALVES).replace("mode_probabilities=", "state=")
     found = of(tmp_path, code)
     assert "modes" not in found.tables
-    assert "modes" not in {figure.name for figure in run_document(found).figures}
+    assert "modes" not in {figure.name for figure in result_document(found).figures}
 
 
 @pytest.mark.parametrize("probabilities", ["[np.full(batch, 0.5), np.full(batch, 0.6)]", "[np.ones(7)]"])

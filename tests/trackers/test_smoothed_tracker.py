@@ -11,7 +11,7 @@ from tests.trackers.test_imm_tracker import primed
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.filters import smoothed
-from trackbench.report.run.tables import ranking
+from trackbench.report.tables import ranking
 from trackbench.runner.work import LARGEST_SMOOTHED, work_of
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.doctor.subject import subject

@@ -18,9 +18,10 @@ from trackbench.document.html import to_html
 from trackbench.document.model import Document, Figure, Section, every
 from trackbench.metrics.track_events import events_of
 from trackbench.report.console import print_summary
-from trackbench.report.result import ranking_table, result_document
-from trackbench.report.run.figures.map import draw_surroundings
-from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.report.figures.map import draw_surroundings
+from trackbench.report.result import result_document
+from trackbench.report.sentences import association_against_filtering, verdict_on_tracks
+from trackbench.report.tables import ranking
 from trackbench.results import Difference, MetricValue, Result, TrackerResult
 
 
@@ -113,7 +114,7 @@ def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
         "gospa_false": MetricValue(value=0.0, unit="m"),
         "gospa_localisation": MetricValue(value=3.0, unit="m"),
     }
-    said = verdict(traffic_result["gnn"].model_copy(update={"metrics": metrics}))
+    said = verdict_on_tracks(traffic_result["gnn"].model_copy(update={"metrics": metrics}))
     start = "GOSPA 5.00 m, mostly missed objects (64\N{NO-BREAK SPACE}% of its square; "
     assert said.startswith(start + "localisation 36\N{NO-BREAK SPACE}%")
 
@@ -121,7 +122,9 @@ def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
 def test_the_largest_part_may_be_less_than_half(traffic_result: Result) -> None:
     parts = {"gospa_localisation": 5.0, "gospa_missed": 4.5, "gospa_false": 3.0}
     metrics = {path: MetricValue(value=value, unit="m") for path, value in parts.items()}
-    said = verdict(traffic_result["gnn"].model_copy(update={"metrics": {**traffic_result["gnn"].metrics, **metrics}}))
+    said = verdict_on_tracks(
+        traffic_result["gnn"].model_copy(update={"metrics": {**traffic_result["gnn"].metrics, **metrics}})
+    )
     assert ", the largest part localisation (46\N{NO-BREAK SPACE}% of its square; missed objects" in said
 
 
@@ -182,7 +185,7 @@ def test_a_failed_tracker_and_one_alone(failing_result: Result) -> None:
     assert "ValueError: out of order" in text(document)
     assert "gnn has the smallest GOSPA" in text(document)
     assert "failing" in to_html(document)
-    assert [row[0].text for row in ranking_table(failing_result).rows] == ["gnn"]
+    assert [row[0].text for row in ranking(failing_result).rows] == ["gnn"]
 
 
 def test_all_trackers_failed(failing_result: Result) -> None:
@@ -228,7 +231,7 @@ def test_nees_is_said_with_its_interval_and_the_share_within_the_bound(traffic_r
         "nees": MetricValue(value=9.94, unit="1", ci95=(3.1, 30.2)),
         "nees_inside": MetricValue(value=0.954, unit="1"),
     }
-    said = verdict(gnn.model_copy(update={"metrics": metrics})).replace("\N{NO-BREAK SPACE}", " ")
+    said = verdict_on_tracks(gnn.model_copy(update={"metrics": metrics})).replace("\N{NO-BREAK SPACE}", " ")
     expected = "NEES of matched tracks 9.9 (4 when consistent, 95 % interval 3.1 to 30.2), 95.4 % within the 95 % bound"
     assert expected in said
 

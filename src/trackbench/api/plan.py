@@ -28,7 +28,7 @@ MAX_RUNS = 10_000
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunPlan:
     """How every scenario is run."""
 
     out: Path | None = None
@@ -37,8 +37,8 @@ class Plan:
     """Number of processes."""
     cluster: str | None = None
     """The Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N``."""
-    recording: bool = True
-    """Whether the Rerun recording is written."""
+    left_out: frozenset[str] = frozenset()
+    """Files of subjects that are not written into the folder of a run."""
     isolation: Isolation = ISOLATED
     """How trackers that are not built in are kept apart from the bench."""
     engine: EngineName = "auto"

@@ -62,9 +62,9 @@ class ReportableResult(results.Result):
         )
 
     def _repr_html_(self) -> str:
-        from trackbench.report.result import ranking_table
+        from trackbench.report.tables import ranking
 
-        return table_html(ranking_table(self))
+        return table_html(ranking(self))
 
 
 #: Of a report in a notebook, pixels; it scrolls.

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import overload
 
 from trackbench.api import session
-from trackbench.api.plan import Counter, Plan
+from trackbench.api.plan import Counter, RunPlan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
+from trackbench.base.subjects import offered
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.driving.wire import INSIDE
@@ -28,11 +29,11 @@ def run(
     workers: int = 1,
     cluster: str | None = None,
     out: Path | str | None = None,
-    recording: bool = True,
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
+    **files: bool,
 ) -> ReportableResult: ...
 @overload
 def run(
@@ -41,11 +42,11 @@ def run(
     workers: int = 1,
     cluster: str | None = None,
     out: Path | str | None = None,
-    recording: bool = True,
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
+    **files: bool,
 ) -> list[ReportableResult]: ...
 def run(
     scenario: Scenario | Named | Several,
@@ -53,11 +54,11 @@ def run(
     workers: int = 1,
     cluster: str | None = None,
     out: Path | str | None = None,
-    recording: bool = True,
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
+    **files: bool,
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
@@ -69,12 +70,12 @@ def run(
         cluster: a Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.
-        recording: whether the Rerun recording is among the files.
         engine: what computes: ``numpy``; ``fused``, machine code made of the same functions, which takes
             ``trackbench[fast]``; or ``auto``, the fused one where it can be had and there is work enough for it.
         in_process: whether trackers of your own get no process of their own: for a debugger.
         tracker_timeout: longest time that one may take to answer a scan, s.
         progress: called with the number of runs done and of all of a scenario.
+        files: ``recording=False`` leaves ``recording.rrd`` out of the folder, and so for each such file.
 
     Raises:
         InputError: something is wrong in a scenario, nothing can be written to ``out``, no cluster can be reached,
@@ -85,12 +86,16 @@ def run(
         # A script that names a class of its own is imported by the tracker's process.
         problem = "a script that runs scenarios is imported as the module of a tracker; write the call under"
         raise InputError(f'{problem} if __name__ == "__main__":')
-    given = scenario if isinstance(scenario, list | tuple) else [scenario]
+    artifacts = {Path(file).stem: file for file, _ in offered("artifacts")}
+    for name in files:
+        if name not in artifacts:
+            raise TypeError(f"run() got an unexpected keyword argument {name!r}")
+    left_out = frozenset(artifacts[name] for name, written in files.items() if not written)
     isolation = Isolation(in_process, tracker_timeout)
-    plan = Plan(None if out is None else Path(out), workers, cluster, recording, isolation, engine)
+    plan = RunPlan(None if out is None else Path(out), workers, cluster, left_out, isolation, engine)
     listener = Counter(progress, "runs")
-    loaded = [loaded_scenario(item) for item in given]
+    loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     with executor(workers, cluster) as chosen:
         prepared = session.prepare(loaded, plan, chosen, listener)
-        found = [ReportableResult.of(result) for result in session.run(prepared, plan, chosen, listener)]
-    return found if isinstance(scenario, list | tuple) else found[0]
+        finished = [ReportableResult.of(result) for result in session.run(prepared, plan, chosen, listener)]
+    return finished if isinstance(scenario, list | tuple) else finished[0]

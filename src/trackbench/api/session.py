@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from trackbench import results
-from trackbench.api.plan import Listener, Plan, Prepared, command_of
+from trackbench.api.plan import Listener, Prepared, RunPlan, command_of
 from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, Task
 from trackbench.base.subjects import offered, resolve
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trackbench.runner.run import PendingRun
 
 
-def prepare(scenarios: Sequence[Scenario], plan: Plan, executor: Executor, listener: Listener) -> list[Prepared]:
+def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, listener: Listener) -> list[Prepared]:
     """Check everything that could stop a run, and simulate the truth, before any tracker runs.
 
     Raises:
@@ -45,7 +45,7 @@ def prepare(scenarios: Sequence[Scenario], plan: Plan, executor: Executor, liste
     ]
 
 
-def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: Listener) -> list[Result]:
+def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> list[Result]:
     """The result of each scenario, saved where the plan says so; several are also compared there.
 
     Raises:
@@ -66,7 +66,7 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
     return found
 
 
-def _checked(scenario: Scenario, plan: Plan) -> Scenario:
+def _checked(scenario: Scenario, plan: RunPlan) -> Scenario:
     if plan.precision is not None:
         from trackbench.runner.until import first_look
 
@@ -131,8 +131,7 @@ def _save(
     pages: Mapping[str, str],
     progress: Progress,
     colours: Mapping[str, str],
-    *,
-    recording: bool = True,
+    left_out: Collection[str],
 ) -> Result:
     """Write the folder of a run with everything that is in it.
 
@@ -142,7 +141,7 @@ def _save(
         pages: the report, by the name of the file.
         progress: called with the number of files written and of all.
         colours: of its trackers.
-        recording: whether the Rerun recording is among them.
+        left_out: the files of subjects that are not written.
 
     Returns:
         The result, which names the files.
@@ -151,8 +150,9 @@ def _save(
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
     artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
-    if recording:
-        artifacts |= {file: partial(resolve(write), result, colours=colours) for file, write in offered("artifacts")}
+    for file, offer in offered("artifacts"):
+        if file not in left_out:
+            artifacts[file] = partial(resolve(offer.target), result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))
@@ -191,7 +191,7 @@ class _Batch:
         listener: is told of it.
     """
 
-    def __init__(self, prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: Listener) -> None:
+    def __init__(self, prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> None:
         self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
         self.colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
         self._alone = len(prepared) == 1
@@ -262,6 +262,6 @@ class _Batch:
             name = result.summary.scenario.name
             folder = self._plan.out / name
             with self._listener.progress(f"{place}writing {name}", "files") as advance:
-                result = _save(result, folder, made.result(), advance, self.colours, recording=self._plan.recording)
+                result = _save(result, folder, made.result(), advance, self.colours, self._plan.left_out)
         self._listener.end(result, folder)
         return result

@@ -15,29 +15,30 @@ from typing import Any, NamedTuple
 PACKAGE = "trackbench.subjects"
 
 
-class Command(NamedTuple):
-    """A command of the command line."""
+class Offer(NamedTuple):
+    """What a subject adds to the command line, the folder of a run or a list."""
 
     target: str
-    """``module:attribute`` of the Click command."""
+    """``module:attribute``."""
     summary: str
-    """Its first sentence, which ``--help`` shows."""
+    """What the help says of it."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a user comes for beside a run. Every value is ``module:attribute``."""
+    """What a user comes for beside a run. Each value is ``module:attribute``, alone or in an :class:`Offer`."""
 
-    commands: Mapping[str, Command] = field(default_factory=dict)
-    """By name."""
+    commands: Mapping[str, Offer] = field(default_factory=dict)
+    """By name: a Click command, and the first sentence of its help."""
     api: Mapping[str, str] = field(default_factory=dict)
     """By the name in ``trackbench``."""
-    lists: Mapping[str, str] = field(default_factory=dict)
-    """For ``trackbench list``: a function that gives rows of a name and a description."""
-    documents: Mapping[str, str] = field(default_factory=dict)
-    """By the main file of a folder, for ``trackbench report``: a function from that file to a Document."""
-    artifacts: Mapping[str, str] = field(default_factory=dict)
-    """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it."""
+    lists: Mapping[str, Offer] = field(default_factory=dict)
+    """For ``trackbench list``: a function that gives rows of a name and a description, and a sentence on them."""
+    documents: Mapping[str, Offer] = field(default_factory=dict)
+    """By the main file of a folder, for ``trackbench report``: a function from that file to a Document, and what to
+    know of its formats."""
+    artifacts: Mapping[str, Offer] = field(default_factory=dict)
+    """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it, and what it is."""
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
     run_options: Mapping[str, str] = field(default_factory=dict)
@@ -60,6 +61,12 @@ def offered(kind: str) -> Iterator[tuple[str, Any]]:
     """
     for subject in subjects():
         yield from getattr(subject, kind).items()
+
+
+def kind_of(file: str) -> str:
+    """What a file of a subject holds, such as "an examination" for ``examination.json``."""
+    stem = file.rpartition(".")[0]
+    return f"{'an' if stem[0] in 'aeiou' else 'a'} {stem}"
 
 
 def resolve(target: str) -> Any:

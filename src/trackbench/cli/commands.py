@@ -21,7 +21,7 @@ import click
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
 from trackbench.base.files import is_utf8
 from trackbench.base.process import INTERRUPTED
-from trackbench.base.subjects import Command, offered, resolve
+from trackbench.base.subjects import Offer, kind_of, offered, resolve
 from trackbench.base.user_code import place_of
 
 
@@ -132,18 +132,18 @@ FAULT = 70
 UNREAD = 141
 
 
+_WRITTEN = ["a result", "a report", *(kind_of(file) for file, _ in offered("artifacts"))]
+RUN_SUMMARY = f"Score every tracker; write {', '.join(_WRITTEN[:-1])} and {_WRITTEN[-1]}."
 COMMANDS = {
-    "run": Command("trackbench.cli.run:run_command", "Score every tracker; write a result, a report and a recording."),
-    "compare": Command(
+    "run": Offer("trackbench.cli.run:run_command", RUN_SUMMARY),
+    "compare": Offer(
         "trackbench.cli.report:compare_command", "Compare the trackers of finished runs, or versions of them."
     ),
-    "report": Command("trackbench.cli.report:report_command", "Write the report of a saved result in any format."),
-    "list": Command("trackbench.cli.listing:list_command", "Show what a scenario or an option can name."),
-    "check": Command("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
-    "schema": Command(
-        "trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."
-    ),
-    "completion": Command(
+    "report": Offer("trackbench.cli.report:report_command", "Write the report of a saved result in any format."),
+    "list": Offer("trackbench.cli.listing:list_command", "Show what a scenario or an option can name."),
+    "check": Offer("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
+    "schema": Offer("trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."),
+    "completion": Offer(
         "trackbench.cli.options:completion_command", "Print the script that lets a shell complete trackbench."
     ),
     **dict(offered("commands")),

@@ -20,19 +20,15 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import scenario_files, shown_name
+from trackbench.scenario.shipped import at_hand, scenario_files, shown_name
 
 if TYPE_CHECKING:
     from trackbench.metrics import Field
 
-
 Row = tuple[str, str]
 
 
-def _scenarios() -> Iterable[Row]:
-    from trackbench.scenario import load_scenario
-    from trackbench.scenario.shipped import at_hand
-
+def _scenarios() -> Iterator[Row]:
     for name, file in at_hand().items():
         try:
             yield name, load_scenario(file).config.description
@@ -40,17 +36,17 @@ def _scenarios() -> Iterable[Row]:
             yield name, f"cannot be read: {error}"
 
 
-def _trackers() -> Iterable[Row]:
+def _trackers() -> Iterator[Row]:
     from trackbench.trackers.config import FilterConfig
     from trackbench.trackers.published import TRACKERS, options_of
 
-    def told(factory: Any) -> str:
+    def options_in_words(factory: Any) -> str:
         options = options_of(factory)
         if options is not None and issubclass(options, FilterConfig):
             return "; options as beside filter:"
         return _options(options) if options is not None else ""
 
-    return _plugins(TRACKERS, told)
+    return _plugins(TRACKERS, options_in_words)
 
 
 def _filters() -> Iterable[Row]:
@@ -59,28 +55,28 @@ def _filters() -> Iterable[Row]:
     return FILTERS.items()
 
 
-def _motion_models() -> Iterable[Row]:
+def _motion_models() -> Iterator[Row]:
     from trackbench.models.motion import MOTION_MODELS
 
     return _plugins(MOTION_MODELS, _options)
 
 
-def _sensors() -> Iterable[Row]:
+def _sensors() -> Iterator[Row]:
     from trackbench.models.sensors import SENSOR_MODELS, Sensor
     from trackbench.models.sensors.presets import list_presets
 
-    yield from _plugins(SENSOR_MODELS, lambda found: _options(found, beyond=Sensor))
+    yield from _plugins(SENSOR_MODELS, lambda model: _options(model, without=tuple(Sensor.model_fields)))
     for preset in list_presets():
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
 
-def _truth_sources() -> Iterable[Row]:
+def _truth_sources() -> Iterator[Row]:
     from trackbench.truth import TRUTH_SOURCES
 
-    return _plugins(TRUTH_SOURCES, lambda found: _options(found, without=("source",)))
+    return _plugins(TRUTH_SOURCES, lambda source: _options(source, without=("source",)))
 
 
-def _plugins(registry: Registry[Any], told: Callable[[Any], str]) -> Iterator[Row]:
+def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) -> Iterator[Row]:
     """The first line of each one's docstring and its options; of one that fails, the reason."""
     loaded, failed = registry.loaded(), registry.failures()
     for name in registry.names():
@@ -88,43 +84,36 @@ def _plugins(registry: Registry[Any], told: Callable[[Any], str]) -> Iterator[Ro
             yield name, f"failed: {failed[name]}"
         else:
             summary = (inspect.getdoc(loaded[name]) or "no description").splitlines()[0]
-            yield name, f"{summary.rstrip('.')}{told(loaded[name])}"
+            yield name, f"{summary.rstrip('.')}{options_in_words(loaded[name])}"
 
 
-def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str:
-    """The options of a class with their units, those of a base class left out."""
+def _options(model: Any, without: Sequence[str] = ()) -> str:
+    """The options of a class with their units, but for some fields."""
     from trackbench.base.config.key_units import split_key
 
-    names = [
-        field.alias or name
-        for name, field in found.model_fields.items()
-        if name not in without and (beyond is None or name not in beyond.model_fields)
-    ]
-    units = {name: unit.words for name in names if (unit := split_key(name)[1]) is not None}
-    shown = [f"{name} ({units[name]})" if name in units else name for name in names]
+    names = [field.alias or name for name, field in model.model_fields.items() if name not in without]
+    shown = [f"{name} ({unit.words})" if (unit := split_key(name)[1]) is not None else name for name in names]
     return f"; options {', '.join(shown)}" if shown else ""
 
 
-def _metrics() -> Iterable[Row]:
+def _metrics() -> Iterator[Row]:
     from trackbench.metrics.registry import METRICS, metric_paths
     from trackbench.scenario.cross_checks import traffic_paths
+
+    def rows(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
+        for metric in metrics:
+            yield metric.name, where + metric.meaning + (f" [{metric.unit}]" if metric.unit not in ("", "1") else "")
 
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
     own = METRICS.loaded().values()
-    yield from _told(metric_paths(metric for metric in own if metric.scores == "estimates"))
+    yield from rows(metric_paths(metric for metric in own if metric.scores == "estimates"))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
-    yield from _told(traffic_paths(truth=True, own=of_tracks).values(), "hidden identities: ")
-    yield from _told(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
+    yield from rows(traffic_paths(truth=True, own=of_tracks).values(), "hidden identities: ")
+    yield from rows(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
 
 
-def _told(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
-    for metric in metrics:
-        unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
-        yield metric.name, where + metric.meaning + unit
-
-
-def _envs() -> Iterable[Row]:
+def _envs() -> Iterator[Row]:
     from trackbench.truth import list_envs
 
     return ((name, "") for name in list_envs())
@@ -140,28 +129,25 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "metrics": _metrics,
     "envs": _envs,
 }
+_OF_SUBJECTS = dict(offered("lists"))
+LISTS = [*_CORE, *_OF_SUBJECTS]
+_HELP = f"""Show what a scenario or an option can name.
+
+WHAT is {", ".join(LISTS[:-1])} or {LISTS[-1]}. The options of a plug-in are shown with their units; one that cannot
+be imported is shown with the reason. {" ".join(offer.summary for offer in _OF_SUBJECTS.values())}
+
+\b
+Example:
+  trackbench list motion-models
+"""
 
 
-#: Of the core by function, of the subjects by its ``module:attribute``.
-LISTS: dict[str, Callable[[], Iterable[Row]] | str] = {**_CORE, **dict(offered("lists"))}
-
-
-@click.command("list")
-@click.argument("what", type=NearestChoice(list(LISTS)), metavar="WHAT")
+@click.command("list", help=_HELP)
+@click.argument("what", type=NearestChoice(LISTS), metavar="WHAT")
 def list_command(what: str) -> None:
-    """Show what a scenario or an option can name.
-
-    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics, envs or checks. The options
-    of a plug-in are shown with their units; one that cannot be imported is shown with the reason. The checks are
-    those of `trackbench doctor`.
-
-    \b
-    Example:
-      trackbench list motion-models
-    """
+    """Show what a scenario or an option can name."""
     table = click.HelpFormatter(width=shutil.get_terminal_size().columns)
-    source = LISTS[what]
-    table.write_dl((resolve(source) if isinstance(source, str) else source)())
+    table.write_dl((_CORE[what] if what in _CORE else resolve(_OF_SUBJECTS[what].target))())
     click.echo(table.getvalue(), nl=False)
 
 

@@ -67,6 +67,20 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
+def artifact_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--no-NAME`` for each file of a subject in the folder of a run; the command gets those as ``left_out``."""
+    offers = dict(offered("artifacts"))
+
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, **options: Any) -> Any:
+        left_out = frozenset(file for file in offers if options.pop(f"no_{Path(file).stem}"))
+        return command(*arguments, left_out=left_out, **options)
+
+    for file, offer in offers.items():
+        wrapped = click.option(f"--no-{Path(file).stem}", is_flag=True, help=f"Do not write {offer.summary}.")(wrapped)
+    return wrapped
+
+
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -117,20 +131,13 @@ def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incom
     before, comma, begun = incomplete.rpartition(",")
     # While an option at the end of the line has no value, Click leaves all words unread.
     words = ctx.params.get("scenarios") or ctx.args
-    names = dict.fromkeys(name for word in words for name in _trackers(word))
+    names = dict.fromkeys(name for word in words for name in trackers_in(word))
     taken = before.split(",")
     return [before + comma + name for name in names if name.startswith(begun) and name not in taken]
 
 
-def served_trackers(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """``SCENARIO#NAME``: a scenario, and after the # its trackers."""
-    path, sign, begun = incomplete.partition("#")
-    if not sign:
-        return scenario_paths(ctx, _parameter, incomplete)
-    return [CompletionItem(f"{path}#{name}") for name in _trackers(path) if name.startswith(begun)]
-
-
-def _trackers(named: Path | str) -> Iterable[str]:
+def trackers_in(named: Path | str) -> Iterable[str]:
+    """The names of the trackers of a scenario and of its sweeps; none of one that cannot be read."""
     from trackbench.scenario import load_scenario
 
     try:

@@ -13,21 +13,37 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, counted
-from trackbench.base.subjects import offered, resolve
+from trackbench.base.subjects import kind_of, offered, resolve
 from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice
 from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:
     from trackbench.document import Document
     from trackbench.document.files import Format
-    from trackbench.report.traffic.export import ExportFormat
+    from trackbench.report.export import ExportFormat
 
 
 #: Of the main file of a format; the other formats have none.
 _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
 
 
-@click.command("report")
+_SAVED = dict(offered("documents"))
+_KINDS = "".join(f" or of {kind_of(name)}," for name in _SAVED)
+_REPORT_HELP = f"""Write the report of a saved result in any format.
+
+RUN is the folder of a run, of several runs, which are compared,{_KINDS}
+or a comparison.json. {"; ".join(["Nothing is run again", *(offer.summary for offer in _SAVED.values())])}.
+
+\b
+Examples:
+  trackbench report results/highway
+  trackbench report results/highway --format latex --out paper
+  trackbench report results --format html --out page.html
+  trackbench report results/traffic --format mot --out exported
+"""
+
+
+@click.command("report", help=_REPORT_HELP)
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
 @click.option(
     "--format",
@@ -40,18 +56,7 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
 def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -> None:
-    """Write the report of a saved result in any format.
-
-    RUN is the folder of a run, of several runs, which are compared, or of an examination, or a comparison.json. Nothing
-    is run again; of an examination the figures are in its report.html alone.
-
-    \b
-    Examples:
-      trackbench report results/highway
-      trackbench report results/highway --format latex --out paper
-      trackbench report results --format html --out page.html
-      trackbench report results/traffic --format mot --out exported
-    """
+    """Write the report of a saved result in any format."""
     if format == "mot" or format == "events":
         _write(dict(_exported(run, format)), run if out is None else out)
         return
@@ -70,7 +75,7 @@ def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -
 
 
 def _exported(run: Path, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    from trackbench.report.traffic.export import exported
+    from trackbench.report.export import exported
 
     return exported(results.Result.load(run), format)
 
@@ -88,9 +93,9 @@ def _document(run: Path) -> Document:
     from trackbench.report.comparison.document import document
     from trackbench.report.result import result_document
 
-    for file, document_of in offered("documents"):
+    for file, offer in _SAVED.items():
         if (run / file).is_file():
-            saved: Document = resolve(document_of)(run / file)
+            saved: Document = resolve(offer.target)(run / file)
             return saved
     if run.suffix == ".json" and run.name != results.SUMMARY:
         return document(load(run))

@@ -11,13 +11,15 @@ from typing import Any
 import click
 
 from trackbench import results
-from trackbench.api.plan import MAX_RUNS, Plan
+from trackbench.api.plan import MAX_RUNS, RunPlan
 from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
+from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
+    artifact_options,
     check_options,
     engine_option,
     followers,
@@ -37,7 +39,22 @@ from trackbench.truth import MAX_SCENES
 FAILED_TRACKER = 3
 
 
-@click.command("run")
+_HELP = f"""{RUN_SUMMARY}
+SCENARIO is a YAML file, a folder of them, or the name of one that comes
+with trackbench; several are also compared.
+
+\b
+Examples:
+  trackbench run highway --runs 1000 --workers 2
+  trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
+
+\b
+Exit status: 0 expectations met, 1 one failed, 2 bad input,
+3 a tracker failed, 4 cannot write
+"""
+
+
+@click.command("run", help=_HELP)
 @scenarios_argument
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option(
@@ -65,7 +82,7 @@ FAILED_TRACKER = 3
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
 @isolation_options
-@click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
+@artifact_options
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
 @subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
@@ -85,32 +102,20 @@ def run_command(
     cluster: str | None,
     engine: EngineName,
     isolation: Isolation,
-    no_recording: bool,
+    left_out: frozenset[str],
     junit: Path | None,
     as_json: bool,
     quiet: bool,
     **of_subjects: Any,
 ) -> None:
-    """Score every tracker; write a result, a report and a recording.
-    SCENARIO is a YAML file, a folder of them, or the name of one that comes
-    with trackbench; several are also compared.
-
-    \b
-    Examples:
-      trackbench run highway --runs 1000 --workers 2
-      trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
-
-    \b
-    Exit status: 0 expectations met, 1 one failed, 2 bad input,
-    3 a tracker failed, 4 cannot write
-    """
+    """Score every tracker."""
     if runs_until is not None and (runs is not None or not math.isfinite(runs_until)):
         raise InputError("give a share between 0 and 1, and no --runs beside it", key="--runs-until")
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
     only = None if trackers is None else [name for item in trackers.split(",") if (name := item.strip())]
-    plan = Plan(out, workers, cluster, not no_recording, isolation, engine, precision)
+    plan = RunPlan(out, workers, cluster, left_out, isolation, engine, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)
@@ -122,23 +127,19 @@ def run_command(
     with executor(workers, cluster) as chosen:
         prepared = prepare(loaded, plan, chosen, output)
         with followers(of_subjects) as output.followers:
-            found = run(prepared, plan, chosen, output)
+            finished = run(prepared, plan, chosen, output)
             if junit is not None:
-                _write_junit(found, junit)
+                from trackbench.report.junit import suite_of_run, to_xml
+
+                results.write_text(junit, to_xml([suite_of_run(result) for result in finished]))
             if as_json:
-                summaries: Any = [result.json() for result in found]
-                click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
-    raise click.exceptions.Exit(status(found))
+                summaries: Any = [result.json() for result in finished]
+                click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
+    raise click.exceptions.Exit(status(finished))
 
 
-def status(found: Sequence[Result]) -> int:
+def status(finished: Sequence[Result]) -> int:
     """The exit status of finished runs."""
-    if any(tracker.failed for result in found for tracker in result.summary.trackers):
+    if any(tracker.failed for result in finished for tracker in result.summary.trackers):
         return FAILED_TRACKER
-    return 0 if all(result.summary.passed for result in found) else FAILED_EXPECTATION
-
-
-def _write_junit(found: Sequence[Result], path: Path) -> None:
-    from trackbench.report.junit import suite_of_run, to_xml
-
-    results.write_text(path, to_xml([suite_of_run(result) for result in found]))
+    return 0 if all(result.summary.passed for result in finished) else FAILED_EXPECTATION

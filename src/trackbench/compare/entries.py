@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from trackbench import results
 from trackbench.base.errors import InputError
+from trackbench.base.subjects import kind_of, offered
 from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
 from trackbench.results import Result
@@ -166,8 +167,9 @@ def find(path: Path) -> ResultSet:
     folders = [path]
     if path.is_dir() and not (path / results.SUMMARY).is_file():
         folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}"))
-        if (path / results.EXAMINATION).is_file():
-            raise InputError("an examination is not compared; `trackbench report` shows it", file=path)
+        for file, _ in offered("documents"):
+            if (path / file).is_file():
+                raise InputError(f"{kind_of(file)} is not compared; `trackbench report` shows it", file=path)
         if not folders:
             raise InputError(f"no {results.SUMMARY} in this folder, nor in the folders in it", file=path)
     entries = tuple(Entry(str(folder), Result.load(folder)) for folder in folders)

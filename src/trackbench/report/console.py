@@ -14,18 +14,18 @@ from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
-from trackbench.report.run.pairs import letters
-from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
-from trackbench.report.run.sentences import (
+from trackbench.report.pairs import letters
+from trackbench.report.scenes import basis_of_intervals, runs_in_words
+from trackbench.report.sentences import (
     common,
     duration,
     expectations_met,
     failure,
     not_called_better,
     precision_reached,
+    reused_identities,
 )
-from trackbench.report.run.tables import TONE, found, metric_of
-from trackbench.report.traffic.sentences import reused_identities
+from trackbench.report.tables import TONE, metric_of, value_text
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
@@ -287,4 +287,4 @@ def _notes(result: Result) -> list[str]:
 
 
 def _missed(item: ExpectationResult) -> Text:
-    return Text.assemble(("  FAILED ", STYLE["bad"]), f"{item.text}: {found(item.value)}")
+    return Text.assemble(("  FAILED ", STYLE["bad"]), f"{item.text}: {value_text(item.value)}")

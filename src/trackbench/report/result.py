@@ -1,28 +1,346 @@
-"""The report of a result, whatever kind of run it is of."""
+"""The report of a result: one page, whose sections follow from its identities, its truth and its metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.document import Document, Table
-from trackbench.report.run.document import run_document
-from trackbench.report.run.tables import ranking
-from trackbench.report.traffic.document import ranking as ranking_of_tracks
-from trackbench.report.traffic.document import traffic_document
-from trackbench.results import Result
+from trackbench.base.errors import counted
+from trackbench.document import (
+    Block,
+    Code,
+    Document,
+    Figure,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+    Tone,
+    TrackerStyle,
+)
+from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.metrics.differences import SILENCE
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
+from trackbench.report import tables
+from trackbench.report.audit_sentences import audit_sentences
+from trackbench.report.calibration import (
+    BY,
+    LIMITS,
+    QUANTITIES,
+    TITLE,
+    after_jumps,
+    calibrations,
+    classes,
+    errors,
+    shares,
+)
+from trackbench.report.figures.accuracy import cost_against_accuracy, error_over_time, errors_by_class, spread
+from trackbench.report.figures.map import map_of_run, map_of_tracks, mapped
+from trackbench.report.figures.over_time import autocorrelation, modes_over_time, nees_over_time, nis_over_time
+from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
+from trackbench.report.moments import events_section, moments_section, worst_moments
+from trackbench.report.numbers import joined, margin_words, percent
+from trackbench.report.scenes import basis_of_intervals, scenes
+from trackbench.report.sentences import (
+    association_against_filtering,
+    censored,
+    common,
+    expectations_met,
+    facts,
+    failure,
+    headline,
+    not_called_better,
+    reused_identities,
+    verdict,
+    verdict_on_tracks,
+)
+from trackbench.results import Result, TrackerResult
 
 
 def result_document(result: Result, colours: Mapping[str, str] | None = None) -> Document:
     """The report of a run.
 
     Args:
-        result: what was found.
+        result: of the run.
         colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
     """
-    make = run_document if result.summary.identities == "known" else traffic_document
-    return make(result, colours)
+    summary = result.summary
+    styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
+    shown = [styles[tracker.name] for tracker in result.drawn]
+    blocks = [
+        Section("Verdict", tuple(_verdict(result))),
+        *_sections(result, styles, shown),
+        *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
+        Section("Truth and sensors", tuple(_truth_and_sensors(result))),
+        Section("How to reproduce it", tuple(_reproduction(result))),
+    ]
+    name, description = summary.scenario.name, summary.scenario.description
+    return Document("report", name, tuple(blocks), description, facts(result), tuple(shown))
 
 
-def ranking_table(result: Result) -> Table:
-    """Every scored tracker, best first."""
-    return (ranking if result.summary.identities == "known" else ranking_of_tracks)(result)
+def _verdict(result: Result) -> Iterator[Block]:
+    """The first sentence, the expectations, who is how good, and who is not ranked."""
+    summary, missing = result.summary, result.unscored
+    yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
+    tone: Tone = "" if not summary.expectations else "good" if summary.passed else "bad"
+    yield Status(expectations_met(summary.expectations), tone)
+    if missing:
+        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
+    if summary.truth.known:
+        yield from _standings(result)
+    if missing:
+        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
+        yield Section("Not ranked", (Items(failures),))
+
+
+_NO_TRUTH = (
+    "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
+    "ranked."
+)
+
+
+def _standings(result: Result) -> Iterator[Block]:
+    """The ranked trackers with a sentence and a description each, then the references."""
+    labelled = result.summary.identities == "known"
+    if not labelled:
+        yield from map(Paragraph, association_against_filtering(result))
+
+    def item(tracker: TrackerResult) -> Item:
+        sentence, description = (
+            verdict_on_tracks(tracker),
+            ", ".join(filter(None, (tracker.association, tracker.describe))),
+        )
+        if labelled:
+            sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
+            description = tracker.describe
+        label = f"{tracker.name} ({tracker.reference_kind})" if tracker.is_reference else tracker.name
+        return Item(f"{sentence}.", label, description, tracker.name)
+
+    ranked = [tracker.name for tracker in result.contenders]
+    items = {tracker.name: item(tracker) for tracker in result.scored}
+    if items:
+        yield Items(tuple(items[name] for name in ranked), numbered=True)
+        if len(ranked) < len(items):
+            yield Items(tuple(item for name, item in items.items() if name not in ranked))
+
+
+def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    """What is between the verdict and the expectations."""
+    summary, scored = result.summary, result.scored
+    if not summary.truth.known:
+        for title, (note, paths) in _WITHOUT_TRUTH.items():
+            yield Section(title, (Paragraph(note), tables.table_without_truth(title, scored, paths)))
+        missing = ", ".join(path.replace("_", " ") for path in TRACK_METRICS)
+        yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
+        return
+    labelled = summary.identities == "known"
+    others = tables.other_metrics(result)
+    if scored:
+        yield _ranking(result, others)
+    if len(scored) > 1:
+        yield _differences(result, styles)
+    if summary.truth.scenes:
+        yield Section("Scene by scene", tuple(scenes(result)))
+    if labelled:
+        yield from _accuracy(result, shown)
+        yield from _figures("Modes", [modes_over_time(result)])
+        yield from _breakdown(result, styles)
+        yield from _consistency(result, shown)
+        return
+    figures = [
+        gospa_over_time(result.tables.steps, shown),
+        strip_chart(result.tables.objects, shown, summary.recorded_run),
+        map_of_tracks(result, shown),
+        existence_calibration(result.tables.existence, shown),
+    ]
+    yield from _figures("What happened", figures)
+    yield from events_section(result)
+    notes = {"Errors of matched tracks": censored(result)}
+    if reused := reused_identities(result):
+        notes["Identity"] = f"{reused[0].upper()}{reused[1:]}. {_SAME_ID}"
+    for title, paths in tables.TRACK_GROUPS.items() if scored else ():
+        explained = (Paragraph(notes[title]),) if title in notes else ()
+        yield Section(title, (tables.track_table(title, scored, paths), *explained))
+    if others is not None:
+        yield Section("Other metrics", (others,))
+
+
+_SAME_ID = "Tracks of one identity are scored as one track: a second track of it on the same object is no switch."
+#: The sections without a truth: title, what to know of it, and the metrics that are the columns of its table.
+_WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Tracks": (
+        "Trackers stand in the scenario's order. More or longer tracks are not better: they may be of nothing.",
+        ("track_count", "new_tracks", "track_length", "used_share"),
+    ),
+    "Beside the sensor's own tracks": (
+        "The sensor says of which of its own tracks each detection is, which the trackers are not told. It is one more "
+        "tracker and no truth: where the two differ, either may be wrong.",
+        ("track_breaks", "own_track_breaks", "track_swaps"),
+    ),
+    "Predictions": (
+        "Before each scan a built-in tracker is asked where its tracks are. NIS is of the detections that they "
+        "then used, so a tracker that takes only near ones has a small one. The score is of all detections of all "
+        "scans: each tracker is asked the same. It tells how well the sensor's next scan is predicted, false alarms "
+        "and all, and not how near the tracks are to vehicles; only differences of it mean something.",
+        ("nis", "prediction_score"),
+    ),
+}
+
+
+def _ranking(result: Result, others: Table | None) -> Section:
+    summary, trackers, drawn = result.summary, result.scored, result.drawn
+    margin, references = margin_words(summary.score.margin, "m"), any(tracker.is_reference for tracker in trackers)
+    basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
+    shown = "was shown between trackers that share a letter under “group”"
+    if summary.identities == "hidden":
+        note = f"{basis} No difference of GOSPA over {margin} {shown}." + (_ORACLES if references else "")
+        return Section("Ranking", (Paragraph(note), tables.ranking(result)))
+    uncounted = "".join(f", {line}" for line in not_called_better(result))
+    note = (
+        f"By position RMSE. No difference over {margin} {shown}{uncounted}. {basis}{common(result)}"
+        + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
+        + (f" {_SMOOTHERS}" if references else "")
+    )
+    title = f"Errors along each axis, and the {summary.held_against.label}"
+    more = Section(title, (tables.axes_and_reference(result),), folded=True)
+    own = [] if others is None else [Section("Other metrics", (others,))]
+    return Section("Ranking", (Paragraph(note), tables.ranking(result), *own, more))
+
+
+_ORACLES = " A reference knows which detection is whose: it is no competitor."
+_SMOOTHERS = (
+    "Offline: a smoother, which knows the measurements after each instant too, and shows what was to be had from the "
+    "same data. It is no competitor."
+)
+
+
+def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
+    """The differences of the metric that ranks, with the computing time."""
+    summary, drawn = result.summary, result.drawn
+    cost = cost_against_accuracy(drawn, styles, summary.headline)
+    beside = Row((tables.key_differences(result), *([cost] if cost else [])))
+    text = _DIFFERENCES.format(metric=summary.headline_name, margin=margin_words(summary.score.margin, "m"))
+    title = "All pairs"
+    if summary.identities == "known":
+        text += _NOT_BETTER if not_called_better(result) else ""
+        title += "" if len(drawn) == len(result.scored) else f" of the best {len(drawn)}"
+    pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
+    return Section("Differences between trackers", (Paragraph(text), beside, pairs))
+
+
+_DIFFERENCES = (
+    "Differences of {metric}, paired: every tracker saw the same truth and the same noise. Negative means smaller "
+    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
+    "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
+    "or scenes would tell. Each interval is that of its pair alone, without the correction."
+)
+_NOT_BETTER = (
+    " Smaller and larger: shown to differ by more than the margin too, but the one with the smaller errors gave over "
+    f"{percent(SILENCE)} fewer estimates, and is not called better."
+)
+
+
+def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    steps, reference = result.tables.steps, result.summary.held_against
+    moments, run = worst_moments(result), result.summary.recorded_run
+    names = [tracker.name for tracker in result.contenders]
+    competing = [style for style in shown if style.name in names]
+    figures = [
+        *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
+        spread(steps, shown, reference.label),
+        map_of_run(result.tables, run, competing, moments),
+    ]
+    yield from _figures("Accuracy", figures)
+    yield from moments_section(moments, run, [style.name for style in mapped(competing)])
+
+
+def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
+    trackers = [tracker for tracker in result.scored if tracker.breakdown is not None]
+    if not trackers:
+        return
+    # Where the first second is not scored, there is nothing to break down by age.
+    ways = [by for by in BY if by != "age" or len(classes(trackers, by)) > 1]
+    drawn = [tracker for tracker in result.drawn if tracker.breakdown is not None]
+    figures = [errors_by_class(drawn, styles, by, quantity) for quantity in QUANTITIES for by in ways]
+    calibration: list[Section] = []
+    numbers: list[Section] = []
+    for by in ways:
+        explained = [Paragraph(_CALIBRATION)] if by == BY[0] else []
+        row = Row(tuple(calibrations(trackers, by, quantity) for quantity in QUANTITIES))
+        calibration.append(Section(f"Calibration by {TITLE[by]}", (*explained, row), folded=by != BY[0]))
+        blocks: tuple[Block, ...] = (
+            Paragraph(shares(trackers[0], by)),
+            *(errors(trackers, by, quantity) for quantity in QUANTITIES),
+        )
+        numbers.append(Section(f"Errors by {TITLE[by]} in numbers", blocks, folded=True))
+    row = Row(tuple(figure for figure in figures if figure))
+    yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), row, *calibration, *numbers))
+
+
+_MANOEUVRES = (
+    "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
+    "by more than 1 m/s each second, both over half a second, and is in a sensor gap where no sensor of the tracker "
+    "could see it for more than three periods of the slowest one; each estimate counts once, for the last of these "
+    "that applies. The range is the distance from the observer. The first second begins when a sensor could first see "
+    "the object."
+)
+_CALIBRATION = (
+    "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
+    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {LIMITS[1]:.2f}, pessimistic one below "
+    f"{LIMITS[0]:.2f}."
+)
+
+
+def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    sensors = list(enumerate(result.summary.sensors))
+    figures = [
+        nees_over_time(result.tables.steps, shown),
+        *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
+        *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
+    ]
+    numbers = (tables.nees_by_condition(result), *tables.innovations(result))
+    yield from _figures("Consistency", figures, numbers, _VERDICTS)
+
+
+_VERDICTS = (
+    f"Consistent: the 95 % interval of the mean is within {percent(TOLERANCE)} of what is right; optimistic above, "
+    f"pessimistic below, undecided where it is neither. The NEES must be so under each condition too, from "
+    f"{percent(BELOW)} below to {percent(ABOVE)} above, if the condition has {percent(SMALLEST_SHARE)} of the "
+    "estimates; mixed: it is under some conditions and not under others. Innovations are white where the interval of "
+    f"their autocorrelation is within {WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
+)
+
+
+def _figures(
+    title: str, figures: Sequence[Figure | None], numbers: Sequence[Table | None] = (), text: str = ""
+) -> Iterator[Section]:
+    rows = [tuple(item for item in items if item) for items in (figures, numbers)]
+    if any(rows):
+        begin = [Paragraph(text)] if text else []
+        yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
+
+
+def _truth_and_sensors(result: Result) -> Iterator[Block]:
+    yield from map(Paragraph, audit_sentences(result.summary.truth))
+    if shares_of_jumps := after_jumps(result.scored):
+        yield Paragraph(shares_of_jumps)
+    yield tables.sensors(result)
+
+
+def _reproduction(result: Result) -> Iterator[Block]:
+    summary, scenario = result.summary, result.summary.scenario
+    if summary.command:
+        yield Code(summary.command, "sh")
+    yield Paragraph(f"{summary.made_with}.")
+    by_engine: dict[str, list[str]] = {}
+    for tracker in summary.trackers:
+        if tracker.engine is not None:
+            by_engine.setdefault(tracker.engine, []).append(tracker.name)
+    if len(by_engine) > 1:
+        yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))
+    yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
+    overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
+    yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)

@@ -17,7 +17,7 @@ import pytest
 import threadpoolctl
 from tests.base.execution.results import without_times
 
-from trackbench.api.plan import Listener, Plan
+from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.session import prepare
 from trackbench.api.session import run as run_all
 from trackbench.base.errors import TrackbenchError
@@ -94,14 +94,14 @@ def test_the_truths_of_all_scenes_and_scenarios_are_made_at_once(
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "cache"))
     ordered = Ordered()
     scenarios = [write(name, HIGHWAY, f"truth.rate_hz={rate}") for name, rate in (("one", 10), ("two", 20))]
-    prepare(scenarios, Plan(), ordered, Listener())
+    prepare(scenarios, RunPlan(), ordered, Listener())
     assert ordered.events == ["asked for made"] * 4 + ["made"] * 4
 
 
 @pytest.mark.parametrize("cluster", [None, "local:2"])
 def test_the_blocks_of_several_scenarios_are_made_at_once(write: Write, cluster: str | None) -> None:
     ordered = Ordered()
-    plan = Plan(workers=1 if cluster else 2, cluster=cluster)
+    plan = RunPlan(workers=1 if cluster else 2, cluster=cluster)
     scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
     found = run_all(prepare(scenarios, plan, ordered, Listener()), plan, ordered, Listener())
     assert ordered.events == ["asked for run_block"] * 3 + ["run_block"] * 3
@@ -123,7 +123,7 @@ def test_folders_are_written_while_others_are_computed(write: Write, tmp_path: P
             assert (folder / "report.html").is_file()
             told.append(result.summary.scenario.name)
 
-    plan = Plan(tmp_path / "out", workers=2, recording=False)
+    plan = RunPlan(tmp_path / "out", workers=2, left_out=frozenset({"recording.rrd"}))
     run_all(prepare(scenarios, plan, ordered, Told()), plan, ordered, Told())
     assert told == ["one", "two", "three"]
     last_block = len(ordered.events) - ordered.events[::-1].index("run_block")

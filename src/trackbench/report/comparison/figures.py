@@ -17,7 +17,7 @@ from trackbench.document import Figure
 from trackbench.document.drawing import INK, MUTED, WIDTH
 from trackbench.document.margins import shortened, text_width
 from trackbench.report.numbers import fixed
-from trackbench.report.run.pairs import groups_of
+from trackbench.report.pairs import groups_of
 
 _WIDTH = 760.0
 _ROW = 24.0

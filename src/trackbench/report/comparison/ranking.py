@@ -12,7 +12,7 @@ from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Sec
 from trackbench.metrics.verdict_words import conditions_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
-from trackbench.report.run.tables import TONE
+from trackbench.report.tables import TONE
 
 _RANKED = (
     "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "

@@ -19,9 +19,9 @@ from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.metrics.track_events import events_of
+from trackbench.report.figures.over_time import column, names, where
+from trackbench.report.moments import moment_text
 from trackbench.report.numbers import fixed, joined
-from trackbench.report.run.figures.over_time import column, names, where
-from trackbench.report.run.scenes import say
 from trackbench.results import Result, Tables
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
@@ -202,7 +202,7 @@ def map_of_run(
                 markeredgecolor=INK, markeredgewidth=1.4, linestyle="none", gid=f"worst-{key}",
             )  # fmt: skip
 
-    worst = "; ".join(f"{style.name}: {say(rings[style.key])}" for style in drawn if style.key in rings)
+    worst = "; ".join(f"{style.name}: {moment_text(rings[style.key])}" for style in drawn if style.key in rings)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
         f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
@@ -228,7 +228,7 @@ def map_of_run(
         lambda canvas: ground.paint(canvas, box, draw),
         ground.height(box),
         legend=_legend(limits),
-        tooltips={f"worst-{key}": say(moment) for key, moment in rings.items()},
+        tooltips={f"worst-{key}": moment_text(moment) for key, moment in rings.items()},
     )
 
 

@@ -10,8 +10,8 @@ from typing import Literal
 from trackbench.document import Cell, Column, Table
 from trackbench.metrics.conditions import JUMPS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, joined, percent
-from trackbench.report.run.tables import INTERVAL, TONE, TRACKER, VERDICT
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
+from trackbench.report.tables import INTERVAL, TRACKER, VERDICT, estimate_cell
 from trackbench.results import Breakdown, ConditionScores, MetricValue, TrackerResult
 
 #: Beyond these an error is not as large as stated, in standard deviations.
@@ -45,11 +45,12 @@ def calibration(scores: ConditionScores, quantity: Quantity) -> Calibration | No
     nees = scores.nees_position if quantity == "position" else scores.nees_velocity
     if nees is None or nees.value is None:
         return None
-    assert nees.dof is not None
-    found = condition_verdict(nees.ci95, nees.dof)
-    ci95 = None if nees.ci95 is None else (_ratio(nees, nees.ci95[0]), _ratio(nees, nees.ci95[1]))
-    off = found in ("optimistic", "pessimistic")
-    return Calibration(quantity, _ratio(nees, nees.value), ci95, found if off else "")
+    dof = nees.dof
+    assert dof is not None
+    word = condition_verdict(nees.ci95, dof)
+    ci95 = None if nees.ci95 is None else (math.sqrt(nees.ci95[0] / dof), math.sqrt(nees.ci95[1] / dof))
+    off = word if word in ("optimistic", "pessimistic") else ""
+    return Calibration(quantity, math.sqrt(nees.value / dof), ci95, off)
 
 
 def calibration_clauses(breakdown: Breakdown) -> list[str]:
@@ -57,37 +58,34 @@ def calibration_clauses(breakdown: Breakdown) -> list[str]:
     large as stated)"; none where nothing was shown to be off."""
     entries = breakdown.manoeuvre
     smallest = SMALLEST_SHARE * breakdown.all.count
-    found = {
-        name: [known for quantity in QUANTITIES if (known := calibration(scores, quantity))]
+    by_manoeuvre = {
+        name: [item for quantity in QUANTITIES if (item := calibration(scores, quantity))]
         for name, scores in entries.items()
         if scores.count >= smallest
     }
     verdicts = ("optimistic", "pessimistic")
-    return [clause for verdict in verdicts for clause in _clauses(verdict, found, len(entries))]
+    return [clause for verdict in verdicts for clause in _clauses(verdict, by_manoeuvre, len(entries))]
 
 
-def _clauses(verdict: str, found: Mapping[str, Sequence[Calibration]], manoeuvres: int) -> Iterator[str]:
+def _clauses(verdict: str, by_manoeuvre: Mapping[str, Sequence[Calibration]], manoeuvres: int) -> Iterator[str]:
     """One for each set of manoeuvres, of so many that there were, with the quantities that are off in it."""
     by_places: dict[tuple[str, ...], list[Quantity]] = {}
     for quantity in QUANTITIES:
         places = tuple(
-            name for name, of in found.items() if any(c.quantity == quantity and c.verdict == verdict for c in of)
+            name
+            for name, items in by_manoeuvre.items()
+            if any(item.quantity == quantity and item.verdict == verdict for item in items)
         )
         if places:
             by_places.setdefault(places, []).append(quantity)
     for places, quantities in by_places.items():
-        ratios = [c.ratio for name in places for c in found[name] if c.quantity in quantities]
+        ratios = [item.ratio for name in places for item in by_manoeuvre[name] if item.quantity in quantities]
         extreme = max(ratios) if verdict == "optimistic" else min(ratios)
         limit = "" if len(ratios) == 1 else "up to " if verdict == "optimistic" else "down to "
-        named = joined([_WHERE[name] for name in places])
-        where = "" if manoeuvres == 1 else " throughout" if len(places) == manoeuvres else f" {named}"
+        words = joined([_WHERE[name] for name in places])
+        where = "" if manoeuvres == 1 else " throughout" if len(places) == manoeuvres else f" {words}"
         size = f"errors {limit}{fixed(extreme, 1)} times as large as stated"
         yield f"{verdict} about {joined(quantities)}{where} ({size})"
-
-
-def _ratio(nees: MetricValue, mean: float) -> float:
-    assert nees.dof is not None
-    return math.sqrt(mean / nees.dof)
 
 
 By = Literal["manoeuvre", "range", "age"]
@@ -98,10 +96,8 @@ UNIT = {"position": "m", "velocity": "m/s"}
 
 def conditions(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
     """A tracker's scores by one of these."""
-    if tracker.breakdown is None:
-        return {}
-    found: Mapping[str, ConditionScores] = getattr(tracker.breakdown, by)
-    return found
+    scores: Mapping[str, ConditionScores] = {} if tracker.breakdown is None else getattr(tracker.breakdown, by)
+    return scores
 
 
 def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
@@ -123,50 +119,65 @@ _NOT_MET = "no estimate of the tracker falls into it"
 
 def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """RMSE of each tracker in each class."""
-    classed = classes(trackers, by)
-    found = [[rmse(conditions(tracker, by).get(name), quantity) for name in classed] for tracker in trackers]
-    places = decimals([metric.value for row in found for metric in row if metric])
-    rows = [
-        (Cell(tracker.name, tracker=tracker.name), *(_error(metric, places) for metric in row))
-        for tracker, row in zip(trackers, found, strict=True)
-    ]
-    columns = [Column(f"{name}, {UNIT[quantity]}", details=INTERVAL) for name in classed]
+    names = classes(trackers, by)
+    metrics = [[rmse(conditions(tracker, by).get(name), quantity) for tracker in trackers] for name in names]
+    places = decimals([metric.value for row in metrics for metric in row if metric])
+
+    def cell(metric: MetricValue | None) -> Cell:
+        if metric is None or metric.value is None:
+            return Cell(NOT_AVAILABLE, reason=_NOT_MET)
+        return estimate_cell(fixed(metric.value, places), metric.ci95, places)
+
+    columns = [Column(f"{name}, {UNIT[quantity]}", details=INTERVAL) for name in names]
+    cells = [[cell(metric) for metric in column] for column in metrics]
     caption = f"{quantity.capitalize()} RMSE by {TITLE[by]}"
-    return Table(f"{quantity}-rmse-by-{by}", (TRACKER, *columns), tuple(rows), caption)
+    return _class_table(f"{quantity}-rmse-by-{by}", trackers, columns, cells, caption)
 
 
 def calibrations(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """Errors over what each tracker states, in each class."""
-    classed = classes(trackers, by)
-    rows = [
-        (
-            Cell(tracker.name, tracker=tracker.name),
-            *(_calibration(conditions(tracker, by).get(name), quantity) for name in classed),
-        )
-        for tracker in trackers
-    ]
-    columns = [Column(name, details=VERDICT) for name in classed]
+    names = classes(trackers, by)
+
+    def cell(scores: ConditionScores | None) -> Cell:
+        item = None if scores is None else calibration(scores, quantity)
+        if item is None:
+            return Cell(NOT_AVAILABLE, reason=_NOT_MET if scores is None else "the tracker gives no covariance")
+        places = decimals([item.ratio], 2)
+        return estimate_cell(fixed(item.ratio, places), item.ci95, places, item.verdict)
+
+    columns = [Column(name, details=VERDICT) for name in names]
+    cells = [[cell(conditions(tracker, by).get(name)) for tracker in trackers] for name in names]
     caption = f"{quantity.capitalize()} error over its stated standard deviation"
-    return Table(f"{quantity}-calibration-by-{by}", (TRACKER, *columns), tuple(rows), caption)
+    return _class_table(f"{quantity}-calibration-by-{by}", trackers, columns, cells, caption)
+
+
+def _class_table(
+    name: str, trackers: Sequence[TrackerResult], columns: list[Column], cells: list[list[Cell]], caption: str
+) -> Table:
+    first = (TRACKER, [Cell(tracker.name, tracker=tracker.name) for tracker in trackers])
+    return Table.of_columns(name, [first, *zip(columns, cells, strict=True)], caption)
 
 
 def shares(tracker: TrackerResult, by: By) -> str:
     """How many of a tracker's estimates fall into each class, as a sentence."""
     total = 0 if tracker.breakdown is None else tracker.breakdown.all.count
-    said = [f"{name} {_share(scores.count / total)}" for name, scores in conditions(tracker, by).items()]
-    return f"Of the estimates of {tracker.name}: {', '.join(said)}."
+    parts = [f"{name} {_share(scores.count / total)}" for name, scores in conditions(tracker, by).items()]
+    return f"Of the estimates of {tracker.name}: {', '.join(parts)}."
 
 
 def after_jumps(trackers: Sequence[TrackerResult]) -> str:
     """How much of the velocity errors belongs to velocity jumps of the truth; nothing where there are none."""
-    known = [(tracker, tracker.breakdown) for tracker in trackers if tracker.breakdown]
-    found = [(tracker.name, of.jump[JUMPS[1]], of.all) for tracker, of in known if JUMPS[1] in of.jump]
-    if not found:
+    jumped = [
+        (tracker.name, breakdown.jump[JUMPS[1]], breakdown.all)
+        for tracker in trackers
+        if (breakdown := tracker.breakdown) and JUMPS[1] in breakdown.jump
+    ]
+    if not jumped:
         return ""
-    _, near, every = found[0]
-    said = [f"{name} {_share(_squares(near) / _squares(every))}" for name, near, every in found]
+    _, near, every = jumped[0]
+    parts = [f"{name} {_share(_squares(near) / _squares(every))}" for name, near, every in jumped]
     begin = f"{_share(near.count / every.count)} of the estimates are within a second after a velocity jump"
-    return f"{begin}. Of the squared velocity errors are there: {', '.join(said)}."
+    return f"{begin}. Of the squared velocity errors are there: {', '.join(parts)}."
 
 
 def _squares(scores: ConditionScores) -> float:
@@ -177,19 +188,3 @@ def _squares(scores: ConditionScores) -> float:
 
 def _share(share: float) -> str:
     return percent(share) if share >= 0.01 else f"less than {percent(0.01)}"
-
-
-def _error(metric: MetricValue | None, places: int) -> Cell:
-    if metric is None or metric.value is None:
-        return Cell(NOT_AVAILABLE, reason=_NOT_MET)
-    bounds = interval(metric.ci95, places)
-    return Cell(fixed(metric.value, places), (bounds,) if bounds else ())
-
-
-def _calibration(scores: ConditionScores | None, quantity: Quantity) -> Cell:
-    found = None if scores is None else calibration(scores, quantity)
-    if found is None:
-        return Cell(NOT_AVAILABLE, reason=_NOT_MET if scores is None else "the tracker gives no covariance")
-    places = decimals([found.ratio], 2)
-    details = tuple(text for text in (found.verdict, interval(found.ci95, places)) if text)
-    return Cell(fixed(found.ratio, places), details, TONE.get(found.verdict, ""))

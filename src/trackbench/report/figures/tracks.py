@@ -14,8 +14,7 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, GRID, INK, TIME_LABEL, WIDTH, panel_title, time_axis
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS, legend_of, tooltips_of
-from trackbench.report.numbers import joined
-from trackbench.report.run.figures.over_time import (
+from trackbench.report.figures.over_time import (
     column,
     draw_lines,
     end_of,
@@ -25,6 +24,7 @@ from trackbench.report.run.figures.over_time import (
     styles_of,
     where,
 )
+from trackbench.report.numbers import joined
 
 PARTS = {
     "gospa_m": "GOSPA",

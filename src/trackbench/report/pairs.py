@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from string import ascii_lowercase, ascii_uppercase
 
 from trackbench.metrics.differences import size
-from trackbench.results import Difference, Result
+from trackbench.results import Result
 from trackbench.results.summary import Summary
 
 
@@ -17,15 +17,15 @@ def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[
     The insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
     comparisons", J. Comput. Graph. Stat. 13(2), 2004.
     """
-    found = [frozenset(names)]
+    groups = [frozenset(names)]
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
             if not differ(a, b):
                 continue
-            split = [part for g in found for part in ((g - {a}, g - {b}) if {a, b} <= g else (g,))]
+            split = [part for g in groups for part in ((g - {a}, g - {b}) if {a, b} <= g else (g,))]
             unique = list(dict.fromkeys(split))
-            found = [g for g in unique if not any(g < other for other in unique)]
-    return sorted(found, key=lambda g: sorted(names.index(name) for name in g))
+            groups = [g for g in unique if not any(g < other for other in unique)]
+    return sorted(groups, key=lambda g: sorted(names.index(name) for name in g))
 
 
 _LETTERS = ascii_lowercase + ascii_uppercase
@@ -48,23 +48,25 @@ class Pairs:
     """All pairs of a result, looked up in either order."""
 
     def __init__(self, summary: Summary) -> None:
-        by = summary.headline
-        self._found = {(found.a, found.b): found for found in summary.differences if found.metric == by}
+        self._items = {(item.a, item.b): item for item in summary.differences if item.metric == summary.headline}
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
-        found, flipped = self._found.get((a, b)), self._found.get((b, a))
-        if found is not None:
-            return Pair(found.value, found.ci95, _verdict(found, a), found.margin)
-        if flipped is None:
+        item, sign = self._items.get((a, b)), 1.0
+        if item is None:
+            item, sign = self._items.get((b, a)), -1.0
+        if item is None:
             return None
-        ci95 = None if flipped.ci95 is None else (-flipped.ci95[1], -flipped.ci95[0])
-        return Pair(-flipped.value, ci95, _verdict(flipped, a), flipped.margin)
+        word = item.verdict if item.better is None else "better" if item.better == a else "worse"
+        if item.fewer_estimates is not None:
+            word = size(sign * item.value)
+        ci95 = item.ci95 if item.ci95 is None or sign > 0 else (-item.ci95[1], -item.ci95[0])
+        return Pair(sign * item.value, ci95, word, item.margin)
 
     def differ(self, a: str, b: str) -> bool:
         """Whether one is called better than the other: shown by more than the margin, with as many estimates."""
-        found = self._found.get((a, b)) or self._found.get((b, a))
-        return found is not None and found.better is not None
+        item = self._items.get((a, b)) or self._items.get((b, a))
+        return item is not None and item.better is not None
 
     def fewer_estimates(self, names: Sequence[str]) -> dict[str, dict[str, float]]:
         """By tracker, those of ``names`` than which it is not called better for the estimates that it left out.
@@ -72,18 +74,11 @@ class Pairs:
         Each with the share of the due estimates that it gave fewer.
         """
         shares: dict[str, dict[str, float]] = {}
-        for (a, b), found in self._found.items():
-            if found.fewer_estimates is not None and {a, b} <= set(names):
-                name = found.fewer_estimates.tracker
-                shares.setdefault(name, {})[b if name == a else a] = found.fewer_estimates.share
+        for (a, b), item in self._items.items():
+            if item.fewer_estimates is not None and {a, b} <= set(names):
+                name = item.fewer_estimates.tracker
+                shares.setdefault(name, {})[b if name == a else a] = item.fewer_estimates.share
         return shares
-
-
-def _verdict(found: Difference, name: str) -> str:
-    """Of one of the two trackers."""
-    if found.fewer_estimates is not None:
-        return size(found.value if found.a == name else -found.value)
-    return found.verdict if found.better is None else "better" if found.better == name else "worse"
 
 
 def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
@@ -91,11 +86,11 @@ def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
 
     ``names`` are in order of rank, so "a" is the best.
     """
-    found = groups_of(names, pairs.differ)
-    return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(found) if name in g) for name in names}
+    sets = groups_of(names, pairs.differ)
+    return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(sets) if name in g) for name in names}
 
 
 def letters(result: Result) -> list[str]:
     """The groups of each scored tracker; a reference or a smoother is no competitor and is in none."""
-    found = groups([tracker.name for tracker in result.contenders], Pairs(result.summary))
-    return [found.get(tracker.name, "") for tracker in result.scored]
+    by_name = groups([tracker.name for tracker in result.contenders], Pairs(result.summary))
+    return [by_name.get(tracker.name, "") for tracker in result.scored]

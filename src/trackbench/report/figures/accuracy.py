@@ -26,9 +26,9 @@ from trackbench.document.drawing import (
 )
 from trackbench.document.margins import fit_margins, shortened, text_width
 from trackbench.document.palette import legend_of, tooltips_of
+from trackbench.report.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
+from trackbench.report.figures.over_time import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
 from trackbench.report.numbers import joined
-from trackbench.report.run.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
-from trackbench.report.run.figures.over_time import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
 from trackbench.results import MetricValue, TrackerResult
 from trackbench.results.scenario_summary import ReferenceSummary
 

@@ -1,0 +1,91 @@
+"""Single scenes of a run, and what its intervals rest on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from trackbench.base.errors import counted
+from trackbench.document import Block, Cell, Column, Paragraph, Table
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
+from trackbench.results import Result
+from trackbench.results.scenario_summary import SceneSummary
+
+
+def runs_in_words(result: Result) -> str:
+    """ "100 runs", or "10 scenes of 20 runs"."""
+    summary = result.summary
+    scenes = len(summary.truth.scenes)
+    if not scenes:
+        return counted(summary.runs, "run")
+    return f"{scenes} scenes of {counted(summary.runs // scenes, 'run')}"
+
+
+def basis_of_intervals(result: Result) -> str:
+    """What the intervals rest on, and so what they speak of."""
+    summary = result.summary
+    if summary.truth.scenes:
+        return f"over {len(summary.truth.scenes)} scenes"
+    if summary.runs == 1:
+        return "over stretches of the time of one run"
+    if (summary.truth.model_extra or {}).get("random"):
+        return "over runs, each with a motion of its own"
+    return "over runs of one scene: of the sensors' noise, not of other traffic"
+
+
+def scenes(result: Result) -> Iterator[Block]:
+    """The errors scene by scene, with those in which the order is another one."""
+    summary = result.summary
+    if not summary.truth.scenes or not result.scored:
+        return
+    shares = [f"{t.name} {percent(t.scene_share)}" for t in result.scored if t.scene_share is not None]
+    variance = (
+        f"How much of the variance of one run's squared {summary.headline_name} is between scenes, and not "
+        f"noise within one: {joined(shares)}. The intervals of this page take the scenes for what is independent."
+    )
+    untold = "With one run in each scene, what the scene does to the error cannot be told from what the noise does."
+    yield Paragraph(variance if shares else untold)
+    contenders = [tracker.name for tracker in result.contenders]
+    turned = [scene for scene in summary.truth.scenes if _other_ahead(result, scene, contenders)]
+    total, best = len(summary.truth.scenes), contenders[0]
+    if turned:
+        each = [f"{scene.name} ({_first(scene, contenders)})" for scene in turned]
+        where = f"In {len(turned)} of {total} scenes another tracker is ahead of {best} by more than the margin"
+        yield Paragraph(f"{where}: {joined(each)}.")
+    else:
+        yield Paragraph(f"No tracker is ahead of {best} by more than the margin in any of the {total} scenes.")
+    yield _scene_table(result, contenders)
+
+
+def _first(scene: SceneSummary, names: Sequence[str]) -> str:
+    """The best here of some trackers."""
+    return next((name for name in scene.order if name in names), "")
+
+
+def _other_ahead(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:
+    """Whether another tracker is better here than the one that is the best of all, by more than the margin."""
+    best = names[0]
+    if best not in scene.error:
+        return any(name in scene.error for name in names)
+    least = scene.error[_first(scene, names)]
+    return scene.error[best] - least > result.summary.score.margin.at(least, "m")
+
+
+def _scene_table(result: Result, contenders: Sequence[str]) -> Table:
+    every = result.summary.truth.scenes
+    places = decimals([value for scene in every for value in scene.error.values()], 3)
+    meaning = f"{result.summary.headline_name} in this scene; bold is the smallest"
+
+    def cell(scene: SceneSummary, name: str) -> Cell:
+        if name not in scene.error:
+            return Cell(NOT_AVAILABLE, reason="no estimate in this scene")
+        return Cell(fixed(scene.error[name], places), strong=name == _first(scene, contenders))
+
+    columns = [
+        (Column("scene", left=True), [Cell(scene.name) for scene in every]),
+        (Column("vehicles"), [Cell(str(len(scene.objects))) for scene in every]),
+        *(
+            (Column(f"{tracker.name}, m", meaning), [cell(scene, tracker.name) for scene in every])
+            for tracker in result.scored
+        ),
+    ]
+    return Table.of_columns("scenes", columns)

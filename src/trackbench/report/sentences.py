@@ -1,0 +1,278 @@
+"""The sentences of a run's report: facts, headline, a verdict on each tracker, expectations and precision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from trackbench.base.errors import counted
+from trackbench.metrics.differences import SILENCE
+from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
+from trackbench.report.calibration import calibration_clauses
+from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, percent
+from trackbench.report.pairs import Pair, Pairs
+from trackbench.report.scenes import runs_in_words
+from trackbench.results import MOST_DRAWN, ExpectationResult, PrecisionReached, Result, TrackerResult
+from trackbench.results.tracker_result import ORACLE
+from trackbench.trackers.associate import COUNTING
+
+#: The parts of GOSPA, in words.
+PARTS = {"gospa_localisation": "localisation", "gospa_missed": "missed objects", "gospa_false": "false tracks"}
+#: A part with more than this share of the square is what the error mostly is.
+MOST = 0.5
+
+
+def facts(result: Result) -> tuple[str, ...]:
+    """The run in a few words."""
+    summary, truth = result.summary, result.summary.truth
+    options = truth.model_extra or {}
+    source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
+    return (
+        f"{source}, other motion in each run" if options.get("random") else source,
+        runs_in_words(result),
+        truth.vehicles,
+        duration(result),
+        counted(len(summary.sensors), "sensor"),
+        counted(len(summary.trackers), "tracker"),
+        f"seed {summary.seed}",
+        summary.engine_in_words,
+    )
+
+
+def duration(result: Result) -> str:
+    """How long the truth is, and which part of it is scored where the sensors do not look all the time."""
+    length, score = result.summary.truth.duration_s, result.summary.score
+    period = max((1 / sensor.rate_hz for sensor in result.summary.sensors.values() if sensor.rate_hz), default=0.0)
+    whole = score.from_s <= period and length - score.to_s <= period
+    part = "" if whole else f" ({fixed(score.from_s, 1)} to {fixed(score.to_s, 1)} s scored)"
+    return f"{fixed(length, 1)} s{part}"
+
+
+def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
+    """One sentence on a tracker's accuracy, consistency and health, without its name.
+
+    For example "0.412 m position RMSE, 1.38 times the reference; mixed: the errors are larger or smaller than its
+    covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right); optimistic
+    about velocity in turns (errors 3.1 times as large as stated)". ``reference`` is what the reference is called.
+    """
+    rmse, nees, health = tracker.position_rmse.value, tracker.metrics.get("nees"), tracker.health
+    ratio = _value(tracker, "position_over_reference")
+    times = "" if ratio is None else f", {fixed(ratio, 2)} times the {reference}"
+    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{times}"]
+    if nees is None or nees.mean is None or nees.verdict is None:
+        parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
+    else:
+        mean, off = f"NEES {mean_text(nees.mean)} where {nees.dof} is right", conditions_off(nees)
+        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({mean}{f'; by condition: {off}' if off else ''})")
+        if tracker.breakdown is not None:
+            parts += calibration_clauses(tracker.breakdown)
+    if health.diverged_runs:
+        parts.append(f"diverged in {health.diverged_runs} of {counted(runs, 'run')}")
+    if health.repaired_covariances:
+        parts.append(f"covariance repaired {counted(health.repaired_covariances, 'time')}")
+    if health.non_finite_estimates:
+        parts.append(counted(health.non_finite_estimates, "non-finite estimate"))
+    return "; ".join(parts)
+
+
+def verdict_on_tracks(tracker: TrackerResult) -> str:
+    """One sentence on the errors of a tracker of several objects, without its name.
+
+    For example "GOSPA 3.72 m, mostly localisation (62 % of its square; missed objects 29 %, false tracks 9 %); tracks
+    94.8 % of what is due; 1.5 switches a minute of an object; NEES of matched tracks 4.9 (4 when consistent,
+    95 % interval 4.2 to 5.7), 93.1 % within the 95 % bound".
+    """
+    gospa = _value(tracker, "gospa") or 0.0
+    parts = [f"GOSPA {fixed(gospa, decimals([gospa]))} m{_parts_of_gospa(tracker)}"]
+    if (share := _value(tracker, "matched_share")) is not None:
+        parts.append(f"tracks {percent(share, 1)} of what is due")
+    if (rate := _value(tracker, "id_switches")) is not None:
+        largest = max(_value(tracker, path) or 0.0 for path in PARTS)
+        costly = ", which cost more than all else" if (_value(tracker, "gospa_switch") or 0.0) > largest else ""
+        parts.append(f"{_rate(rate)} switches a minute of an object{costly}")
+    if rate := _value(tracker, "false_tracks"):
+        parts.append(f"{_rate(rate)} tracks a minute that never are on an object")
+    if (nees := _value(tracker, "nees")) is not None:
+        ci95, inside = tracker.metrics["nees"].ci95, _value(tracker, "nees_inside")
+        bounds = f", 95 % interval {interval(ci95, 1)}" if ci95 else ""
+        mean = f"NEES of matched tracks {fixed(nees, 1)} (4 when consistent{bounds})"
+        parts.append(f"{mean}, {percent(inside, 1)} within the 95 % bound")
+    if tracker.health.reused_ids:
+        parts.append(f"identities used again {counted(tracker.health.reused_ids, 'time')}")
+    return "; ".join(parts)
+
+
+def _parts_of_gospa(tracker: TrackerResult) -> str:
+    squares = {words: (_value(tracker, path) or 0.0) ** 2 for path, words in PARTS.items()}
+    total = sum(squares.values())
+    if not total:
+        return ""
+    first, *others = sorted(squares, key=lambda words: -squares[words])
+    share = {words: percent(square / total) for words, square in squares.items()}
+    rest = ", ".join(f"{words} {share[words]}" for words in others)
+    most = "mostly" if squares[first] > MOST * total else "the largest part"
+    return f", {most} {first} ({share[first]} of its square; {rest})"
+
+
+def _rate(value: float) -> str:
+    return fixed(value, 1) if value >= 0.05 or not value else f"{value:.1g}"
+
+
+def _value(tracker: TrackerResult, path: str) -> float | None:
+    return tracker.metrics[path].value if path in tracker.metrics else None
+
+
+def censored(result: Result) -> str:
+    """What errors of matched tracks leave out."""
+    reach = (result.summary.score.cutoff_m or 0.0) / 2
+    return (
+        f"Errors and NEES are of tracks within {reach:g} m of their object (half of score.cutoff_m): where it is "
+        "larger the object is lost and the track false, so a smaller cutoff makes them smaller."
+    )
+
+
+def reused_identities(result: Result) -> str:
+    """Which trackers gave an identity to a second track; empty where none did."""
+    times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
+    trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
+    return f"identities used again after their track had ended: {trackers}" if trackers else ""
+
+
+def association_against_filtering(result: Result) -> Iterator[str]:
+    """What the oracles say: how much of the error is left when it is known which detection is whose.
+
+    An oracle confirms and deletes tracks by counting, and is held against methods alone that do so too.
+    """
+    pairs, scored = Pairs(result.summary), result.scored
+    for oracle in (tracker for tracker in scored if tracker.association == ORACLE):
+        others = [
+            other.name
+            for other in scored
+            if other.association in COUNTING and other.association != ORACLE and other.describe == oracle.describe
+        ]
+        pair = pairs.get(others[0], oracle.name) if others else None
+        if pair is not None:
+            yield _against_oracle(oracle, others[0], pair, margin_words(result.summary.score.margin, "m"))
+
+
+def _against_oracle(oracle: TrackerResult, best: str, pair: Pair, margin: str) -> str:
+    places = decimals([_half(pair)], 1)
+    bounds = f" (95 % interval of the difference {interval(pair.ci95, places)} m)" if pair.ci95 else ""
+    # Where the interval alone would say that there is a difference.
+    least = 0.0 if pair.ci95 is None else max(pair.ci95[0], -pair.ci95[1])
+    why = f": it is not shown to be more than {margin}" if least > 0 else ""
+    if least > pair.margin:
+        why = (
+            ": the interval is of this pair alone, and Holm's correction for the number of pairs does not let it count"
+        )
+    what = {
+        "worse": f"Association costs {best} {fixed(pair.value, places)} m more{bounds}",
+        "better": f"{best} is {fixed(-pair.value, places)} m below it{bounds}: association is not what limits it",
+        "equivalent": f"{best} is equivalent to it{bounds}: association is not what limits it",
+    }.get(pair.verdict, f"Whether {best} differs from it is undecided{bounds}{why}")
+    return (
+        f"{oracle.name} knows which detection is whose: its GOSPA of {fixed(oracle.metrics['gospa'].value, places)} m "
+        f"is left by filtering and by how tracks begin and end. {what}."
+    )
+
+
+def _half(pair: Pair) -> float:
+    """What the digits of a difference follow from: half of its interval, or its value."""
+    return (pair.ci95[1] - pair.ci95[0]) / 2 if pair.ci95 else pair.value
+
+
+def common(result: Result) -> str:
+    """Which estimates count, where some trackers gave more than others."""
+    share = result.summary.score.common_share
+    if share is None or share > 1 - SILENCE:
+        return ""
+    return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
+
+
+def not_called_better(result: Result) -> list[str]:
+    """Whose smaller errors do not count as better, since it gave fewer estimates, and what helps; empty of none.
+
+    For example "but own, kf: smaller errors than raw, not called better: 5 % fewer estimates".
+    """
+    shares = Pairs(result.summary).fewer_estimates([tracker.name for tracker in result.contenders])
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for name, by_other in shares.items():
+        alike.setdefault(tuple(by_other), []).append(name)
+    lines = []
+    for others, names in alike.items():
+        fewer = _from_to([shares[name][other] for name in names for other in others])
+        lines.append(
+            f"but {', '.join(names)}: smaller errors than {joined(others)}, not called better: {fewer} fewer estimates"
+        )
+    if lines and result.summary.score.settle_s == 0:
+        lines.append("score.settle_s leaves the time after a track's start out of the scores")
+    return lines
+
+
+def _from_to(shares: Sequence[float]) -> str:
+    """ "5 %", "2 % to 5 %"."""
+    return " to ".join(dict.fromkeys(percent(end(shares)) for end in (min, max)))
+
+
+def failure(result: Result, tracker: TrackerResult) -> str:
+    """Why a tracker is not ranked; where it failed, the cause and where it happened."""
+    return result.why_unscored(tracker) if tracker.failed is None else str(tracker.failed)
+
+
+def headline(result: Result) -> str:
+    """Which tracker is the most accurate, by how much, and whether the difference was shown.
+
+    One that knows the true origin of each detection is not held against the others.
+    """
+    summary, names = result.summary, [tracker.name for tracker in result.contenders]
+    labelled = summary.identities == "known"
+    if not names:
+        # Where all finished and identities are hidden, there was nothing to track.
+        reasons = {failure(result, tracker) for tracker in result.unscored if tracker.failed is None}
+        reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
+        return f"{reason[0].upper()}{reason[1:]}."
+    metric = result.contenders[0].metrics[summary.headline]
+    places = decimals([metric.value, half_width(metric)], 1)
+    bounds = f" (95 % interval {interval(metric.ci95, places)} m)" if metric.ci95 else ""
+    value = fixed(metric.value, places)
+    lead = f"is the most accurate in position: {value} m RMSE" if labelled else f"has the smallest GOSPA: {value} m"
+    text = f"{names[0]} {lead}{bounds}"
+    pairs = Pairs(summary)
+    verdicts = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+    equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
+    if equivalent:
+        text += f"; equivalent to {_listed(equivalent)} (within {margin_words(summary.score.margin, 'm')})"
+    if undecided:
+        text += f"; whether it is better than {_listed(undecided)} is undecided"
+    if fewer := pairs.fewer_estimates(names).get(names[0], {}):
+        share = _from_to([*fewer.values()])
+        text += f"; it is not called better than {_listed([*fewer])}, since it gave {share} fewer estimates"
+    second = pairs.get(names[1], names[0]) if len(names) > 1 else None
+    if equivalent or undecided or fewer or second is None:
+        return text + "."
+    gap = decimals([_half(second)], 1)
+    bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
+    of_next = f"The {'RMSE' if labelled else 'GOSPA'} of the next, {names[1]},"
+    return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
+
+
+def _listed(trackers: Sequence[str]) -> str:
+    return joined(trackers) if len(trackers) <= MOST_DRAWN else counted(len(trackers), "tracker")
+
+
+def precision_reached(precision: PrecisionReached, runs: int) -> str:
+    """Whether the precision that the user wants was reached, and after how many runs."""
+    after, wanted = f"after {counted(runs, 'run')}", f"{percent(precision.target, 2)} wanted"
+    if precision.half_width is None:
+        return f"precision: no two trackers to compare {after}; {wanted}"
+    pair = f"{precision.best} against {precision.second} ±{percent(precision.half_width, 2)}"
+    return f"precision: {pair} {after}; {wanted}" + ("" if precision.reached else ", not reached")
+
+
+def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
+    """ "All 3 expectations met", "1 of 3 expectations failed", "No expectations stated"."""
+    total, failed = len(expectations), sum(not item.passed for item in expectations)
+    if not total:
+        return "No expectations stated"
+    if failed:
+        return f"{failed} of {counted(total, 'expectation')} failed"
+    return f"All {total} expectations met" if total > 1 else "The expectation is met"

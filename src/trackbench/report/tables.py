@@ -1,0 +1,352 @@
+"""The tables of a run's report, and the cells of the values that a result holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import TypeVar
+
+from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.differences import SILENCE
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
+from trackbench.metrics.verdict_words import mean_text
+from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
+from trackbench.report.pairs import Pair, Pairs, letters
+from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
+
+INTERVAL = "95 % interval"
+VERDICT = "verdict, 95 % interval"
+NO_METRIC = MetricValue(unit="1", reason="the tracker does not give what this needs")
+
+#: A verdict's colour.
+TONE: dict[str, Tone] = {
+    "consistent": "good",
+    "white": "good",
+    "optimistic": "bad",
+    "pessimistic": "warn",
+    "mixed": "warn",
+    "coloured": "warn",
+    "undecided": "",
+    "": "",
+}
+
+TRACKER = Column("tracker", left=True)
+TableColumn = tuple[Column, list[Cell]]
+_Row = TypeVar("_Row")
+
+
+def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
+    """Each tracker's name, and whether it is no competitor."""
+    return [Cell(t.name, (t.reference_kind,) if t.reference_kind else (), tracker=t.name) for t in trackers]
+
+
+def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
+    """A metric, which the tracker may lack."""
+    return tracker.metrics.get(path, NO_METRIC)
+
+
+def values(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
+    """One metric down a column, with the same decimals for all; its verdict and interval are the small print."""
+    metrics = [metric_of(tracker, path) for tracker in trackers]
+    places = decimals([None if m.value is None else scale * m.value for m in metrics], significant)
+    return [_value(metric, places, scale) for metric in metrics]
+
+
+def estimate_cell(text: str, ci95: Sequence[float] | None, places: int, verdict: str | None = "") -> Cell:
+    """A value, under it in small print its verdict, which gives the colour, and its interval."""
+    details = tuple(part for part in (verdict, interval(ci95, places)) if part)
+    return Cell(text, details, TONE.get(verdict or "", ""))
+
+
+def _value(metric: MetricValue, places: int, scale: float) -> Cell:
+    if metric.value is None:
+        return _missing(metric)
+    ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
+    return estimate_cell(fixed(scale * metric.value, places), ci95, places, metric.verdict)
+
+
+def _missing(metric: MetricValue) -> Cell:
+    return Cell(NOT_AVAILABLE, reason=metric.reason or str(NO_METRIC.reason))
+
+
+def tracker_table(
+    name: str, trackers: Sequence[TrackerResult], columns: Sequence[TableColumn], caption: str = ""
+) -> Table:
+    """A table with the trackers' names before its columns."""
+    return Table.of_columns(name, [(TRACKER, names(trackers)), *columns], caption)
+
+
+def text_table(
+    name: str, rows: Sequence[_Row], columns: Mapping[Column, Callable[[_Row], str]], caption: str = ""
+) -> Table:
+    """A table of texts, each column by a function of the row; the column of trackers names them."""
+
+    def cell(column: Column, text: str) -> Cell:
+        return Cell(text, tracker=text if column is TRACKER else "")
+
+    cells = [tuple(cell(column, text_of(row)) for column, text_of in columns.items()) for row in rows]
+    return Table(name, tuple(columns), tuple(cells), caption)
+
+
+#: Of runs with hidden identities: title, and the metrics that are the columns.
+RANKING_OF_TRACKS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota")
+TRACK_GROUPS: dict[str, tuple[str, ...]] = {
+    "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
+    "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
+    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
+    "Association": (
+        "association_right", "association_wrong_object", "association_clutter", "association_missed",
+    ),
+}  # fmt: skip
+#: Words of the metrics' names that are written otherwise.
+ACRONYMS = {
+    "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
+    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES",
+}  # fmt: skip
+
+
+def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *first: TableColumn) -> Table:
+    """Metrics of tracks with hidden identities, a column each, after some that come first."""
+    columns = list(first)
+    for path in paths:
+        metric, words = TRACK_METRICS[path], " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
+        columns.append((Column(words + unit_of(metric.unit), metric.meaning, details=INTERVAL), values(trackers, path)))
+    return tracker_table(title.lower().replace(" ", "-"), trackers, columns)
+
+
+def table_without_truth(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str]) -> Table:
+    """Metrics that need no truth, a column each."""
+    columns: list[TableColumn] = []
+    for path in paths:
+        metric = DETECTION_METRICS[path]
+        columns.append((Column(path.replace("_", " ") + unit_of(metric.unit), metric.meaning), values(trackers, path)))
+    return tracker_table(title.lower().replace(" ", "_").replace("'", ""), trackers, columns)
+
+
+def unit_of(unit: str) -> str:
+    """A unit as it stands after a heading."""
+    return f", {unit}" if unit != "1" else ""
+
+
+def ranking(result: Result) -> Table:
+    """Every scored tracker, best first, with intervals and the letters of those that were not shown to differ."""
+    trackers = result.scored
+    groups = list(map(Cell, letters(result)))
+    if result.summary.identities == "hidden":
+        return track_table("Ranking", trackers, RANKING_OF_TRACKS, (Column("group", left=True), groups))
+    label, order = result.summary.held_against.label, [tracker.name for tracker in result.contenders]
+    margin = margin_words(result.summary.score.margin, "m")
+    letter = f"of two that share a letter neither was shown to be better by more than {margin}"
+    ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
+    judged = "mean, verdict under all conditions, 95 % interval"
+    present = "steps with a vehicle present at which there is an estimate"
+    diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
+    repaired = [_fault_count(tracker.health.repaired_covariances) for tracker in trackers]
+    columns = [
+        (Column("#", "rank by position RMSE"), ranks),
+        (TRACKER, names(trackers)),
+        (Column("group", letter, left=True), groups),
+        (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
+        (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),
+        (Column("course RMSE, deg", details=INTERVAL), values(trackers, "course_rmse")),
+        (Column("NEES, 4 expected", judged, details=VERDICT), values(trackers, "nees")),
+        (
+            Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
+            values(trackers, "position_over_reference"),
+        ),
+        (Column("coverage, %", present), values(trackers, "coverage", scale=100)),
+        (Column("diverged", f"of {result.summary.runs} runs"), diverged),
+        (Column("repaired", "covariances made positive definite again"), repaired),
+        (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
+    ]
+    return Table.of_columns("ranking", columns)
+
+
+def _fault_count(number: int | None) -> Cell:
+    return Cell(str(number or 0), tone="bad" if number else "")
+
+
+#: Metrics with a column of their own in some table, and the groups of which all have one.
+_SHOWN = (
+    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_over_reference", "velocity_over_reference",
+    "position_reference", "velocity_reference", "coverage", "step_time",
+)  # fmt: skip
+_SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
+
+
+def axes_and_reference(result: Result) -> Table:
+    """RMSE along each axis, and of the reference."""
+    trackers, label = result.scored, result.summary.held_against.label
+    paths = {
+        "rmse.px": "x, m",
+        "rmse.py": "y, m",
+        "rmse.vx": "vx, m/s",
+        "rmse.vy": "vy, m/s",
+        "position_reference": f"{label}, position, m",
+        "velocity_reference": f"{label}, velocity, m/s",
+        "velocity_over_reference": f"velocity RMSE over {label}",
+    }
+    columns = [(Column(heading, details=INTERVAL), values(trackers, path)) for path, heading in paths.items()]
+    return tracker_table("axes-and-reference", trackers, columns)
+
+
+def other_metrics(result: Result) -> Table | None:
+    """The metrics that no other table has, a column each; None if there are none."""
+    shown = _SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")
+    paths: dict[str, str] = {}
+    for tracker in result.scored:
+        for path, metric in tracker.metrics.items():
+            if path not in shown and not path.startswith(_SHOWN_GROUPS):
+                paths.setdefault(path, path + unit_of(metric.unit))
+    if not paths:
+        return None
+    columns = [(Column(heading, details=VERDICT), values(result.scored, path)) for path, heading in paths.items()]
+    return tracker_table("other-metrics", result.scored, columns)
+
+
+def innovations(result: Result) -> list[Table]:
+    """NIS and whiteness of the innovations of each sensor, for each tracker that gives them."""
+    tables = []
+    taken_in = "share of the measurements of a known object with an innovation; a late scan that is dropped has none"
+    white = f"of the normalised innovations; white within {WHITENESS_TOLERANCE} of 0"
+    below = Column("below the 95 % point, %", "share of the single innovations; 95 expected")
+    for number, sensor in enumerate(result.summary.sensors):
+        path = f"nis.{sensor}"
+        trackers = [tracker for tracker in result.scored if metric_of(tracker, path).value is not None]
+        if not trackers:
+            continue
+        nis = [metric_of(tracker, path) for tracker in trackers]
+        # A filter of positions has fewer degrees of freedom.
+        dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
+        inside = [_missing(m) if m.inside95 is None else Cell(_percents(m.inside95, 1)) for m in nis]
+        columns = [
+            (
+                Column(f"NIS, {dofs} expected", "mean, verdict and 95 % interval", details=VERDICT),
+                values(trackers, path),
+            ),
+            (below, inside),
+            (Column("lag-1 autocorrelation", white, details=VERDICT), values(trackers, f"whiteness.{sensor}")),
+        ]
+        if any(metric.coverage is not None and metric.coverage < 1 - SILENCE for metric in nis):
+            columns.insert(1, (Column("taken in, %", taken_in), [Cell(_percents(m.coverage)) for m in nis]))
+        tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
+    return tables
+
+
+def nees_by_condition(result: Result) -> Table | None:
+    """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
+    judged = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in result.scored]
+    unjudged = Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
+    columns = []
+    for name in dict.fromkeys(name for items in judged for name in items):
+        verdicts = [items.get(name) for items in judged]
+        cells = [unjudged if v is None else estimate_cell(mean_text(v.mean), v.ci95, 1, v.verdict) for v in verdicts]
+        columns.append((Column(name, details=VERDICT), cells))
+    caption = "Mean NEES under each condition, 4 expected"
+    return tracker_table("nees-by-condition", result.scored, columns, caption) if columns else None
+
+
+def key_differences(result: Result) -> Table:
+    """Each tracker against the best and against the one ranked just above it; a reference against the best alone."""
+    order = [tracker.name for tracker in result.contenders]
+    beside = [tracker for tracker in result.scored if tracker.name not in order]
+    pairs = Pairs(result.summary)
+    to_best = [pairs.get(name, order[0]) for name in (*order[1:], *(tracker.name for tracker in beside))]
+    to_next = [pairs.get(name, above) for above, name in pairwise(order)]
+    places = _places([*to_best, *to_next])
+    columns = [
+        (TRACKER, [*(Cell(name, tracker=name) for name in order[1:]), *names(beside)]),
+        (Column(f"minus {order[0]}, m", details=VERDICT), [_difference(pair, places) for pair in to_best]),
+        (
+            Column("minus the next better, m", details=VERDICT),
+            [*(_difference(pair, places) for pair in to_next), *(Cell("") for _ in beside)],
+        ),
+    ]
+    return Table.of_columns("differences", columns)
+
+
+def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
+    """Every pair of some trackers: row minus column; the colour says whether the row is better or worse."""
+    order = [tracker.name for tracker in trackers]
+    pairs = Pairs(result.summary)
+    places = _places(pairs.get(a, b) for a in order for b in order)
+    tones: dict[str, Tone] = {"better": "good", "worse": "bad"}
+
+    def cell(a: str, b: str) -> Cell:
+        pair = pairs.get(a, b)
+        if a == b or pair is None:
+            return Cell("") if a == b else _difference(None, places)
+        return Cell(signed(pair.value, places), (pair.verdict,), tones.get(pair.verdict, ""))
+
+    rows = tuple((Cell(a, tracker=a), *(cell(a, b) for b in order)) for a in order)
+    columns = (Column("row minus column, m", left=True), *(Column(name, details="verdict") for name in order))
+    return Table("all-differences", columns, rows, matrix=True)
+
+
+def _places(pairs: Iterable[Pair | None]) -> int:
+    """Decimals that the uncertainty of the differences leaves a meaning."""
+    compared = [pair for pair in pairs if pair]
+    widths = [(pair.ci95[1] - pair.ci95[0]) / 2 for pair in compared if pair.ci95]
+    return decimals(widths, 1) if widths else decimals([pair.value for pair in compared], 2)
+
+
+def _difference(pair: Pair | None, places: int) -> Cell:
+    if pair is None:
+        return Cell(NOT_AVAILABLE, reason="the pair was not compared")
+    return estimate_cell(signed(pair.value, places), pair.ci95, places, pair.verdict)
+
+
+def expectations(result: Result) -> Table:
+    """What the scenario states should hold, and the values."""
+    rows = [
+        (
+            Cell("passed", tone="good") if item.passed else Cell("failed", tone="bad"),
+            Cell(item.text),
+            Cell(value_text(item.value)),
+        )
+        for item in result.summary.expectations
+    ]
+    columns = (Column("result", left=True), Column("expected", left=True), Column("found"))
+    return Table("expectations", columns, tuple(rows))
+
+
+def sensors(result: Result) -> Table:
+    """The sensors, and how often each detected."""
+    table = result.summary.sensors
+    sensors = list(table.values())
+    single = Cell(NOT_AVAILABLE, reason="a single scan")
+    noise = "standard deviation of each component of a measurement"
+    pose = "pose on the observer: forward, to the left, counter-clockwise"
+    rates = "scans with a vehicle in the field of view that gave a measurement of it"
+    columns = [
+        (
+            Column("sensor", left=True, details="preset"),
+            [Cell(name, (sensor.preset,) if sensor.preset else ()) for name, sensor in table.items()],
+        ),
+        (Column("kind", left=True), [Cell(sensor.kind) for sensor in sensors]),
+        (Column("rate, Hz"), [Cell(f"{s.rate_hz:.4g}") if s.rate_hz is not None else single for s in sensors]),
+        (Column("noise", noise, left=True), [Cell(sensor_words.noise(sensor)) for sensor in sensors]),
+        (
+            Column("field of view, deg", "horizontal, centred on the boresight"),
+            [Cell(f"{sensor.fov_deg:g}") for sensor in sensors],
+        ),
+        (Column("range", "beyond it nothing is detected"), [Cell(sensor_words.reach(sensor)) for sensor in sensors]),
+        (Column("mount", pose, left=True), [Cell(sensor_words.mount(sensor)) for sensor in sensors]),
+        (Column("detections, %", rates), [Cell(_percents(sensor.detection_rate)) for sensor in sensors]),
+    ]
+    if any(sensor.latency_s[1] > 0 for sensor in sensors):
+        late = Column("latency, s", "from a measurement to its arrival at the trackers")
+        columns.insert(3, (late, [Cell(sensor_words.latency(sensor)) for sensor in sensors]))
+    return Table.of_columns("sensors", columns)
+
+
+def value_text(value: float | str | None) -> str:
+    """A value beside what was expected of it."""
+    if value is None:
+        return NOT_AVAILABLE
+    return fixed(value, decimals([value])) if isinstance(value, float) else str(value)
+
+
+def _percents(share: float | None, places: int = 0) -> str:
+    return percent(share, places).removesuffix("\N{NO-BREAK SPACE}%")

@@ -1,1 +1,0 @@
-"""Reports of runs whose detections nobody labelled."""
