@@ -67,6 +67,21 @@ def read_bytes(file: Path, most: int = LARGE) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
+def path_from(path: str, folder: Path, elsewhere: Path) -> str:
+    """A path as seen from another folder.
+
+    Args:
+        path: of a file, relative to its folder or to the working directory. One that is absolute, has a variable or
+            leads to no file stays as it is.
+        folder: where the path is relative to.
+        elsewhere: where it will be relative to.
+    """
+    if "$" in path or Path(path).expanduser().is_absolute():
+        return path
+    file = next((place for place in (folder / path, Path(path)) if place.is_file()), None)
+    return path if file is None else os.path.relpath(file.resolve(), elsewhere.resolve())
+
+
 def cache_folder() -> Path:
     """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME, else ~/.cache/trackbench."""
     own = os.environ.get("TRACKBENCH_CACHE")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
-from functools import partial
 
 import numpy as np
 
@@ -87,7 +86,7 @@ def _motion_problems(model: MotionModel) -> Iterator[str]:
             if not np.allclose(model.transition(x, dt), batch[:, i]):
                 yield f"transition of a batch differs from that of its members (dt {dt:g} s)"
                 break
-        jacobian, transition = partial(_at, model.jacobian, dt), partial(_at, model.transition, dt)
+        jacobian, transition = (lambda x, dt=dt, of=of: of(x, dt) for of in (model.jacobian, model.transition))
         yield from _compared("jacobian", "transition", states, jacobian, transition, model.angular)
         gain = model.noise_gain(states[:, 0], dt)
         if gain.shape != (size, noises):
@@ -95,10 +94,6 @@ def _motion_problems(model: MotionModel) -> Iterator[str]:
     yield from _compared("cartesian_jacobian", "to_cartesian", states, model.cartesian_jacobian, model.to_cartesian)
     if pickle.loads(pickle.dumps(model)) != model or hash(model) != hash(model.model_copy()):
         yield "it does not survive pickling, or its copies have another hash"
-
-
-def _at(function: Callable[[Array, float], Array], dt: float, x: Array) -> Array:
-    return function(x, dt)
 
 
 def _sensor_problems(sensor: Sensor) -> Iterator[str]:
@@ -142,15 +137,15 @@ def _compared(
     angular: tuple[int, ...] = (),
 ) -> Iterator[str]:
     for x in states.T:
-        given, wanted = np.asarray(jacobian(x)), derivative(function, x, angular)
-        if given.shape != wanted.shape:
-            yield f"{name} has the shape {given.shape}, not {wanted.shape}"
+        stated, wanted = np.asarray(jacobian(x)), derivative(function, x, angular)
+        if stated.shape != wanted.shape:
+            yield f"{name} has the shape {stated.shape}, not {wanted.shape}"
             return
-        wrong = np.abs(given - wanted) > CLOSE * (1.0 + np.abs(wanted))
+        wrong = np.abs(stated - wanted) > CLOSE * (1.0 + np.abs(wanted))
         if wrong.any():
             row, column = (int(i) for i in np.argwhere(wrong)[0])
             yield (
-                f"{name} is not the derivative of {of}: entry {row}, {column} is {given[row, column]:.6g}, "
+                f"{name} is not the derivative of {of}: entry {row}, {column} is {stated[row, column]:.6g}, "
                 f"by finite differences {wanted[row, column]:.6g}"
             )
             return

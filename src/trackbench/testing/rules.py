@@ -27,10 +27,10 @@ def require_known(identities: str) -> None:
         raise InputError(f"{identities!r} is not known; {nearest(identities, OF_OTHER_KIND)}", key="identities")
 
 
-def answers(found: Callable[[], Iterable[bool]]) -> bool:
+def answers(reports: Callable[[], Iterable[bool]]) -> bool:
     """Whether a tracker bears some scans and says something, given whether it does after each of them."""
     try:
-        return any(list(islice(found(), TRIED)))
+        return any(list(islice(reports(), TRIED)))
     except (Exception, SystemExit):
         return False
 
@@ -74,9 +74,9 @@ def require_state_kept(
     for scan in [side_by_side([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:
         after, first = unpack(tracker.step(state, scan), what)
         again = unpack(tracker.step(state, scan), what)[1]
-        one, two = check(first, scan), check(again, scan)
-        same = one is two is None or (
-            one is not None and two is not None and np.array_equal(one.mean, two.mean, equal_nan=True)
+        before, repeated = check(first, scan), check(again, scan)
+        same = before is repeated is None or (
+            before is not None and repeated is not None and np.array_equal(before.mean, repeated.mean, equal_nan=True)
         )
         if not same:
             raise TrackerCheckError(

@@ -29,6 +29,8 @@ from trackbench.testing.rules import (
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked
 from trackbench.trackers.published import create
 
+Make = Callable[[], Tracker]
+
 
 @dataclass(frozen=True)
 class Check:
@@ -66,19 +68,15 @@ def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "kn
         raise TrackerCheckError(OF_OTHER_KIND[identities])
     if broken:
         # A cause that breaks several rules is told once.
-        told = [f"- {'; '.join(kept)}: {problem}" for problem, kept in broken.items()]
-        raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(told))
+        lines = [f"- {'; '.join(names)}: {problem}" for problem, names in broken.items()]
+        raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(lines))
     return checks
 
 
-def _of_other_kind(make: Callable[[], Any], identities: Identities) -> bool:
-    def of_one() -> bool:
-        return answers(lambda: (answer is not None for answer in _answers(make, _usual())))
-
-    def of_several() -> bool:
-        return answers(lambda: tracks.reported(make))
-
-    return not of_one() and of_several() if identities == "known" else not of_several() and of_one()
+def _of_other_kind(make: Make, identities: Identities) -> bool:
+    kinds = [lambda: (answer is not None for answer in _answers(make, _usual())), lambda: tracks.reported(make)]
+    own, other = kinds if identities == "known" else kinds[::-1]
+    return not answers(own) and answers(other)
 
 
 def drive(
@@ -124,7 +122,7 @@ def _usual(**changes: Any) -> list[Scan]:
     return drive(["lidar", "radar"] * 60, times, **changes)
 
 
-def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Estimate | None]:
+def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
     """What a fresh tracker says of a drive, each answer of the right form, finite and definite."""
     tracker = Stateful(make(), checked)
     batched, begun = tracker.batched, False
@@ -148,12 +146,12 @@ def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Est
         yield estimate
 
 
-def _means(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Array:
+def _means(make: Make, scans: Sequence[Scan]) -> Array:
     """``(scans, 4, ...)`` estimates of a drive, those before the first left out."""
     return np.array([answer.mean for answer in _answers(make, scans) if answer is not None])
 
 
-def _problem(test: Callable[[Callable[[], Tracker]], None], make: Callable[[], Tracker]) -> str | None:
+def _problem(test: Callable[[Make], object], make: Make) -> str | None:
     try:
         test(make)
     except (TrackerFault, TrackerCheckError) as fault:
@@ -163,13 +161,13 @@ def _problem(test: Callable[[Callable[[], Tracker]], None], make: Callable[[], T
     return None
 
 
-def _gives_estimates(make: Callable[[], Tracker]) -> None:
+def _gives_estimates(make: Make) -> None:
     if len(_means(make, _usual())) == 0:
         raise TrackerCheckError("120 measurements of one target give no estimate")
 
 
-def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
-    def test(make: Callable[[], Tracker]) -> None:
+def _follows(**changes: Any) -> Callable[[Make], None]:
+    def test(make: Make) -> None:
         scans = _usual(**changes)
         means = _means(make, scans)
         if len(means) == 0:
@@ -186,37 +184,25 @@ def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
     return test
 
 
-def _bears(scans: Callable[[], list[Scan]]) -> Callable[[Callable[[], Tracker]], None]:
-    def test(make: Callable[[], Tracker]) -> None:
-        list(_answers(make, scans()))
-
-    return test
+def _bears(scans: Callable[[], list[Scan]]) -> Callable[[Make], object]:
+    return lambda make: list(_answers(make, scans()))
 
 
-def _one_sensor(kind: str) -> Callable[[Callable[[], Tracker]], None]:
-    return _bears(lambda: drive([kind] * 60, [0.05 * i for i in range(60)]))
-
-
-def _is_deterministic(make: Callable[[], Tracker]) -> None:
+def _is_deterministic(make: Make) -> None:
     if not np.array_equal(_means(make, _usual()), _means(make, _usual())):
         raise TrackerCheckError("two fresh trackers give different estimates of the same measurements")
 
 
-def _keeps_state(make: Callable[[], Tracker]) -> None:
-    require_state_kept(make(), _usual()[:40], checked, "estimate", "another estimate")
-
-
-def _stands_alone(make: Callable[[], Tracker]) -> None:
+def _stands_alone(make: Make) -> None:
     """Two trackers at once do not disturb each other."""
     alone = _means(make, _usual(target=1))
-    one, two = _answers(make, _usual()), _answers(make, _usual(target=1))
-    together = [b for _, b in zip(one, two, strict=False)]
-    shared = np.array([answer.mean for answer in together if answer is not None])
+    pairs = zip(_answers(make, _usual()), _answers(make, _usual(target=1)), strict=False)
+    shared = np.array([answer.mean for _, answer in pairs if answer is not None])
     if not np.array_equal(alone[: len(shared)], shared):
         raise TrackerCheckError("a second tracker at work at the same time changes the estimates")
 
 
-def _batch_is_loop(make: Callable[[], Tracker]) -> None:
+def _batch_is_loop(make: Make) -> None:
     if not getattr(make(), "batched", False):
         return
     missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
@@ -231,7 +217,7 @@ def _batch_is_loop(make: Callable[[], Tracker]) -> None:
             raise TrackerCheckError(f"target {target} of a batch of 3 has other estimates than alone")
 
 
-RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
+RULES: dict[str, Callable[[Make], object]] = {
     "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
     "follows a target in plain sight": _follows(),
     "follows it from a sensor that moves": _follows(velocity=(-10.0, -8.0)),
@@ -240,10 +226,12 @@ RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
         lambda: drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])
     ),
     "takes uneven time steps": _bears(lambda: drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])),
-    "works with lidar alone": _one_sensor("lidar"),
-    "works with radar alone": _one_sensor("radar"),
+    "works with lidar alone": _bears(lambda: drive(["lidar"] * 60, [0.05 * i for i in range(60)])),
+    "works with radar alone": _bears(lambda: drive(["radar"] * 60, [0.05 * i for i in range(60)])),
     "gives the same estimates every time": _is_deterministic,
-    "leaves the state that it is given as it is": _keeps_state,
+    "leaves the state that it is given as it is": lambda make: require_state_kept(
+        make(), _usual()[:40], checked, "estimate", "another estimate"
+    ),
     "does not disturb another tracker": _stands_alone,
     "gives a batch the same estimates as single targets (if batched)": _batch_is_loop,
 }

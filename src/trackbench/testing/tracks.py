@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array, FieldOfView, Scan, Tracks
+from trackbench.base.types import FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
@@ -92,10 +92,6 @@ def _follows(**changes: Any) -> Callable[[Make], None]:
     return test
 
 
-def _bears_empty_scans(make: Make) -> None:
-    list(_answers(make, _with_gaps(range(10), range(60, 80))))
-
-
 def _predicts_to_empty_scans(make: Make) -> None:
     count = 60
     scans = [_emptied(scan) if number >= count else scan for number, scan in enumerate(hidden_drive()[: count + 4])]
@@ -133,18 +129,11 @@ def _with_gaps(*gaps: range) -> list[Scan]:
 
 
 def _order_means_nothing(make: Make) -> None:
-    one, two = (list(_answers(make, hidden_drive(clutter=2.0, probability=0.9, order=order))) for order in (1, 2))
-    for first, second in zip(one, two, strict=True):
-        if not _same_places(first, second):
+    orders = (_answers(make, hidden_drive(clutter=2.0, probability=0.9, order=order)) for order in (1, 2))
+    for pair in zip(*map(list, orders), strict=True):
+        a, b = (np.array(sorted(map(tuple, np.round(tracks.mean.T, 6)))) for tracks in pair)
+        if a.shape != b.shape or not np.allclose(a, b, atol=1e-5):
             raise TrackerCheckError("detections in another order give other tracks")
-
-
-def _same_places(one: Tracks, two: Tracks) -> bool:
-    def places(tracks: Tracks) -> Array:
-        return np.array(sorted(map(tuple, np.round(tracks.mean.T, 6))))
-
-    a, b = places(one), places(two)
-    return a.shape == b.shape and bool(np.allclose(a, b, atol=1e-5))
 
 
 def _never_reuses(make: Make) -> None:
@@ -160,13 +149,9 @@ def _never_reuses(make: Make) -> None:
 
 def _is_deterministic(make: Make) -> None:
     runs = [list(_answers(make, hidden_drive(clutter=2.0))) for _ in range(2)]
-    for one, two in zip(*runs, strict=True):
-        if not (np.array_equal(one.ids, two.ids) and np.array_equal(one.mean, two.mean)):
+    for first, second in zip(*runs, strict=True):
+        if not (np.array_equal(first.ids, second.ids) and np.array_equal(first.mean, second.mean)):
             raise TrackerCheckError("two fresh trackers give different tracks of the same scans")
-
-
-def _keeps_state(make: Make) -> None:
-    require_state_kept(make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks")
 
 
 def _batch_is_loop(make: Make) -> None:
@@ -178,19 +163,21 @@ def _batch_is_loop(make: Make) -> None:
     for number, scans in enumerate(zip(*drives, strict=True)):
         tracks = tracker.step(side_by_side(scans))
         for run, single in enumerate(alone):
-            one, two = tracks_of_run(tracks, run), single[number]
-            if not (np.array_equal(one.ids, two.ids) and np.allclose(one.mean, two.mean, rtol=1e-9, atol=1e-9)):
+            own, other = tracks_of_run(tracks, run), single[number]
+            if not (np.array_equal(own.ids, other.ids) and np.allclose(own.mean, other.mean, rtol=1e-9, atol=1e-9)):
                 raise TrackerCheckError(f"run {run} of a batch of {len(drives)} has other tracks than alone")
 
 
-RULES: dict[str, Callable[[Make], None]] = {
+RULES: dict[str, Callable[[Make], object]] = {
     "gives tracks of the right form, and follows two cars in plain sight": _follows(),
     "follows them through missed detections and false alarms": _follows(clutter=1.0, probability=0.9),
-    "takes scans without a detection": _bears_empty_scans,
+    "takes scans without a detection": lambda make: list(_answers(make, _with_gaps(range(10), range(60, 80)))),
     "predicts its tracks to scans without a detection": _predicts_to_empty_scans,
     "gives the same tracks whatever the order of the detections": _order_means_nothing,
     "uses no id again": _never_reuses,
     "gives the same tracks every time": _is_deterministic,
-    "leaves the state that it is given as it is": _keeps_state,
+    "leaves the state that it is given as it is": lambda make: require_state_kept(
+        make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks"
+    ),
     "gives a batch the same tracks as single runs (if batched)": _batch_is_loop,
 }

@@ -24,10 +24,10 @@ TURNING = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sig
 
 def problem(names: Sequence[str]) -> str | None:
     """What is wrong with the names of a state's components, None if nothing is."""
-    known = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
+    every = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
     for name in names:
-        if name not in known:
-            return f"there is no component {name!r}: {nearest(name, known)}"
+        if name not in every:
+            return f"there is no component {name!r}: {nearest(name, every)}"
         if name != OTHER and names.count(name) > 1:
             return f"{name} is named twice"
     form = CARTESIAN if "vx" in names or "vy" in names else TURNING
@@ -51,9 +51,9 @@ class Layout:
         self.motion: MotionModel = TURNING if self.turning else CARTESIAN
         moving = TURNING_STATE if self.turning else COMMON_STATE
         self._moving = [self.names.index(name) for name in moving]
-        known = [name for name in names if name != OTHER]
-        self._own = [self.names.index(name) for name in known]
-        self._theirs = [self.motion.components.index(name) for name in known]
+        shared = [name for name in names if name != OTHER]
+        self._own = [self.names.index(name) for name in shared]
+        self._theirs = [self.motion.components.index(name) for name in shared]
 
     def to_cartesian(self, x: Array) -> Array:
         """``(4, ...)`` px, py, vx, vy of a state ``(n, ...)``."""

@@ -20,7 +20,7 @@ from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, components
 from trackbench.trackers.config import STATE_COMPONENTS
 from trackbench.trackers.initial import InitialConfig
 
-Found = TypeVar("Found")
+Entry = TypeVar("Entry")
 
 OWN = "own"
 #: How a track may start from measurements.
@@ -46,11 +46,10 @@ class SensorOptions(Config):
             yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
         if not isinstance(self.measurement, list):
             return
-        known = (*components(), ELEVATION)
+        every = (*components(), ELEVATION)
         for index, name in enumerate(self.measurement):
-            if name not in known:
-                hint = nearest(name, known)
-                yield Problem(("measurement", index), f"no sensor reads {name!r}: {hint}")
+            if name not in every:
+                yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest(name, every)}")
         if not self.measurement:
             yield Problem(("measurement",), f"empty; name components, or {POSITION}")
         if ELEVATION in self.measurement and self.R != OWN:
@@ -116,7 +115,7 @@ def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
                     yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 
 
-def of_sensor(sensors: Mapping[str, Found], scan: Scan) -> Found:
+def of_sensor(sensors: Mapping[str, Entry], scan: Scan) -> Entry:
     """The entry of a scan's sensor, which is by its name or by its kind.
 
     Raises:

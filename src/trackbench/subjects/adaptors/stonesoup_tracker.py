@@ -97,10 +97,10 @@ def measured(model: Any, measurement: str | Sequence[str] | None) -> str | Seque
         )
     if base is None or base in ANY_ORDER:
         return measurement or MEASURED[ANY_ORDER[0]]
-    known = MEASURED[base]
-    if measurement is not None and list(measurement) != list(known):
-        raise TrackbenchError(f"measurement: a {base} measures {', '.join(known)}, in this order; remove it")
-    return known
+    components = MEASURED[base]
+    if measurement is not None and list(measurement) != list(components):
+        raise TrackbenchError(f"measurement: a {base} measures {', '.join(components)}, in this order; remove it")
+    return components
 
 
 def placed(model: Any, scan: Scan) -> Any:

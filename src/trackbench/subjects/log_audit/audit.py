@@ -3,90 +3,42 @@
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.execution import one_blas_thread
-from trackbench.base.types import Array, Progress, no_progress
+from trackbench.base.files import path_from
+from trackbench.base.types import Progress, no_progress
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
-from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import (
-    EFFECT,
     FAMILY,
-    SHAPE,
-    SIGMA_OFF,
     LogFinding,
-    clock_findings,
-    drift_finding,
-    error_finding,
-    hole_findings,
-    outlier_finding,
-    shape_finding,
-    sigma_finding,
-    silence_finding,
-    truth_findings,
-    unit_finding,
+    SensorAudit,
+    sensor_findings,
+    shown,
 )
-from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, JointFit, converged, joint_fit
-from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift, detections_of, noise_of
+from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
+from trackbench.subjects.log_audit.noise import detections_of, noise_of
 from trackbench.subjects.log_audit.sensor_log import (
     Clock,
     SensorLog,
     VelocityCheck,
-    WrongUnit,
     clock_of,
     velocity_check,
     wrong_units,
 )
-from trackbench.truth.config.recording import COMPONENT_QUANTITIES
 from trackbench.truth.recorded import Drive, read
-from trackbench.truth.recorded.drive import Cycles, require_measurements, scan_cycles
+from trackbench.truth.recorded.drive import Cycles, Motion, require_measurements, scan_cycles
 from trackbench.truth.sources import RecordingTruth
-
-
-def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-    """By error, the key that takes it out, with its new value."""
-    mount, entry = log.config.mount, log.truth.measurements.get(log.name)
-    changes: dict[str, dict[str, Any]] = {}
-    for name, value in errors.items():
-        if name.startswith("mount_"):
-            key = "yaw_deg" if name == "mount_yaw" else f"{name.removeprefix('mount_')}_m"
-            change = float(np.rad2deg(value)) if name == "mount_yaw" else value
-            changes[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
-        elif entry is None:
-            changes[name] = {}
-        elif name == "time_offset":
-            key = f"truth.readings.{log.name}.time_offset_s"
-            changes[name] = {key: _rounded(entry.time_offset_s + value, value)}
-        else:
-            component = name.removeprefix("bias_")
-            i = log.components.index(component)
-            quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
-            factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
-            # In the unit of the column, before which one that was found wrong is put right.
-            stated = entry.bias.get(component, 0.0)
-            changes[name] = {
-                f"truth.readings.{log.name}.bias.{component}": _rounded(stated + value / factor, value / factor)
-            }
-    return changes
-
-
-def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
-    """The keys that state a sensor's noise, with the components that each is for."""
-    components: dict[str, list[int]] = {}
-    for i, key in enumerate(log.config.sigma_options):
-        components.setdefault(key, []).append(i)
-    return components
 
 
 def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | None = None) -> str:
@@ -105,51 +57,11 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
         truth = tree["truth"]
         places = [truth, *(truth.get("readings") or {}).values(), (truth.get("columns") or {}).get("observer")]
         for place in places:
-            path = place.get("path") if isinstance(place, dict) else None
-            if not isinstance(path, str) or "$" in path or path.startswith("~") or Path(path).is_absolute():
-                continue
-            file = loaded.path.resolve().parent / path
-            if file.is_file():
-                place["path"] = os.path.relpath(file, folder.resolve())
+            if isinstance(place, dict) and isinstance(place.get("path"), str):
+                place["path"] = path_from(place["path"], loaded.path.resolve().parent, folder)
     lines = [f"# {finding.title}." + ("" if finding.changes else " Not put in.") for finding in findings]
     head = [f"# {loaded.path.name} with the findings of `trackbench audit` put in:", *(lines or ["# none."])]
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
-
-
-def _rounded(value: float, change: float) -> float:
-    """With four digits of what changed."""
-    digits = 3 - int(np.floor(np.log10(abs(change)))) if change else 6
-    return round(float(value), max(digits, 0))
-
-
-#: A clock drifts if its offset changes by more than this during the log, s.
-DRIFT_S = 0.005
-#: More outliers than this share are no tail of the noise.
-OUTLIERS = 0.005
-
-
-@dataclass(frozen=True)
-class SensorAudit:
-    """What the log says of one sensor."""
-
-    log: SensorLog
-    units: tuple[WrongUnit, ...]
-    detections: Detections
-    fit: JointFit | None = None
-    """None where there are too few measurements."""
-    noise: tuple[ResidualNoise, ...] = ()
-    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """``(m, m)`` of a measurement: the suggested R."""
-    square_before: float | None = None
-    """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
-    square_after: float | None = None
-    """With the findings put in."""
-
-    @property
-    def tests(self) -> int:
-        """How many errors, noises and shapes are judged, and the drift."""
-        shapes = sum(noise.exponent is not None for noise in self.noise)
-        return 0 if self.fit is None else 1 + len(self.fit.estimates) + len(sigma_keys(self.log)) + shapes
 
 
 def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
@@ -173,55 +85,6 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
     return SensorAudit(log, units, detections_of(log, looked, fit.errors), fit, tuple(noise), covariance)
 
 
-def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
-    """What is wrong with a sensor.
-
-    Args:
-        item: its audit.
-        level: probability with which an interval holds the truth, so that all of the log's do so together.
-    """
-    for wrong in item.units:
-        yield unit_finding(item.log, wrong)
-    if item.detections.silent_from_s is not None:
-        yield silence_finding(item.log.name, item.detections)
-    if item.fit is None:
-        return
-    outliers = int(item.fit.outlier.sum())
-    if outliers > OUTLIERS * len(item.fit.inlier):
-        yield outlier_finding(item.log.name, outliers, len(item.fit.inlier))
-    drift = clock_drift(item.log, item.fit)
-    drifts = drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S
-    if drift is not None and drifts:
-        yield drift_finding(item.log, drift)
-    wrong_errors = [
-        name
-        for name, estimate in item.fit.estimates.items()
-        if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
-    ]
-    start = {name: item.fit.errors[name] for name in wrong_errors}
-    changes = error_changes(item.log, converged(item.log, wrong_errors, start) if wrong_errors else {})
-    for name in wrong_errors:
-        yield error_finding(item.log.name, item.fit.estimates[name], changes[name])
-    if not drifts:
-        yield from _noises(item, level)
-
-
-def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
-    for key, components in sigma_keys(item.log).items():
-        noises = [item.noise[i] for i in components]
-        # Logarithm of the standard deviation found over the stated one, the mean of several components.
-        logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
-        relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
-        freedom = min(noise.sigma.freedom for noise in noises)
-        ratio = BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
-        if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
-            yield sigma_finding(item.log, key, noises, ratio)
-    for noise in item.noise:
-        shape = noise.exponent
-        if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
-            yield shape_finding(item.log.name, noise, shape)
-
-
 @dataclass(frozen=True)
 class LogAudit:
     """What was found in a log."""
@@ -242,6 +105,112 @@ class LogAudit:
     def changes(self) -> dict[str, Any]:
         """All keys of the scenario that the findings change, with their new values."""
         return {key: value for finding in self.findings for key, value in finding.changes.items()}
+
+
+#: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
+HOLE_S, HOLE = 1.0, 5.0
+#: More rows than this share without truth are no matter of the first and the last ones.
+OUTSIDE = 0.1
+
+
+def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
+    """Rows out of order, repetitions, and rows at other times than the truth.
+
+    Args:
+        clocks: of the truth and of the sensors.
+        periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
+    """
+    for clock in clocks:
+        sensor = None if clock.name == "truth" else clock.name
+        order = clock.order
+        if clock.outside > OUTSIDE * order.rows:
+            yield LogFinding(
+                kind="outside",
+                sensor=sensor,
+                title=f"{clock.name}: many rows are at times without truth",
+                evidence=f"{clock.outside} of {counted(order.rows, 'row')} lie outside the time of the truth.",
+                fix="Check the units of time of the files, and whether their clocks begin alike.",
+            )
+        if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
+            back = shown(order.largest_step_back, "s")
+            yield LogFinding(
+                kind="clock",
+                sensor=sensor,
+                title=f"{clock.name}: time runs backwards",
+                evidence=f"{order.backwards} of {counted(order.rows, 'row')} are earlier than one before them, by up "
+                f"to {back}.",
+                fix="The rows are read in the order of their times. If the clock was set while it ran, split the log "
+                "there: the time offset differs before and after.",
+            )
+        if order.duplicates:
+            yield LogFinding(
+                kind="duplicates",
+                sensor=sensor,
+                title=f"{clock.name}: rows are repeated",
+                evidence=f"{order.duplicates} of {counted(order.rows, 'row')} are of an object and a time that came "
+                "before.",
+                fix="The first of them is read. Remove the others, or give each detection its own time.",
+            )
+
+
+def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
+    """Velocities that contradict the motion, of all objects of one wrong unit together, and jumps."""
+    alike: dict[str | None, list[VelocityCheck]] = {}
+    for check in checks:
+        if check.contradicts:
+            own = check.unit if check.unit is not None and check.name != "observer" else None
+            alike.setdefault(own, []).append(check)
+        elif check.jumps:
+            yield LogFinding(
+                kind="truth_jumps",
+                sensor=None,
+                title=f"truth: {check.name} jumps",
+                evidence=f"{counted(check.jumps, 'window')} of half a second with a displacement that its velocity "
+                "does not explain.",
+                fix="Cut the log there, or repair the positions.",
+                component=check.name,
+            )
+    columns = truth.columns
+    for unit, same in alike.items():
+        changes = {}
+        if unit is not None and columns is not None:
+            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
+            changes = {f"truth.columns.units.{key}": unit for key in keys}
+        names, worst = ", ".join(check.name for check in same), max(same, key=lambda check: check.difference)
+        yield LogFinding(
+            kind="truth_velocity",
+            sensor=None,
+            title=f"truth: the velocity of {names} is " + (f"in {unit}" if unit else "not that of the displacement"),
+            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second, {worst.name}); "
+            f"the displacement is {worst.scale:.3g} times what the velocity says.",
+            fix="; ".join(f"Set {key}: {value}" for key, value in changes.items()) + "."
+            if changes
+            else "Check unit, frame, sign and time of the velocity; range rates cannot be judged by it.",
+            value=worst.difference,
+            unit="m/s",
+            component=worst.name,
+            changes=changes,
+        )
+
+
+def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
+    """Objects whose truth has holes, through which it is drawn as a straight line."""
+    for name, motion in motions.items():
+        intervals = np.diff(motion.time)
+        if not len(intervals):
+            continue
+        holes = intervals > max(HOLE_S, HOLE * float(np.median(intervals)))
+        if holes.any():
+            longest = int(np.argmax(intervals))
+            yield LogFinding(
+                kind="truth_holes",
+                sensor=None,
+                title=f"truth: {name} has {counted(int(holes.sum()), 'hole')}",
+                evidence=f"The longest, {intervals[longest]:.3g} s, begins at {motion.time[longest]:.2f} s; the truth "
+                "is a straight line through it.",
+                fix="Give the object another name after a hole.",
+                component=name,
+            )
 
 
 @one_blas_thread()

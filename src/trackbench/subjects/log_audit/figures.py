@@ -11,9 +11,9 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, time_axis
 from trackbench.document.palette import TRACKER_COLOURS
-from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
-from trackbench.subjects.log_audit.findings import LogFinding, spelt
-from trackbench.subjects.log_audit.joint_fit import residual_scale
+from trackbench.subjects.log_audit.audit import LogAudit
+from trackbench.subjects.log_audit.findings import LogFinding, SensorAudit, spelt
+from trackbench.subjects.log_audit.joint_fit import JointFit, residual_scale
 from trackbench.subjects.log_audit.noise import Band, ResidualNoise
 
 _FOUND = TRACKER_COLOURS[4]
@@ -27,19 +27,36 @@ def finding_figure(audit: LogAudit, finding: LogFinding, number: int) -> Figure 
     """The figure that shows a finding."""
     name = f"finding-{number}"
     if finding.kind in ("truth_velocity", "truth_jumps"):
-        return _velocity(audit, finding, name)
+        check = next((check for check in audit.velocities if check.name == finding.component), None)
+        if check is None:
+            return None
+        title = f"{check.name}: speed of the truth"
+        caption = (
+            "The speed that the truth states, and that of its displacement, over windows of half a second. They should "
+            "be the same."
+        )
+        lines = {"stated": check.stated, "displacement": check.moved}
+        return _over_time(name, title, caption, "speed, m/s", check.time, lines)
     if finding.sensor is None or finding.kind in ("clock", "duplicates", "silence", "outside"):
-        return _intervals(audit, finding, name)
+        clock = next((clock for clock in audit.clocks if clock.name == (finding.sensor or "truth")), None)
+        if clock is None or len(clock.time) < 2:
+            return None
+        title = f"{clock.name}: intervals between its times"
+        caption = "Time to the next row, after sorting. A gap stands out; times that are repeated are left out."
+        lines = {"interval": 1e3 * np.diff(clock.time)}
+        return _over_time(name, title, caption, "interval, ms", clock.time[:-1], lines)
     item = audit.sensors[finding.sensor]
     if finding.kind in ("unit", "sign"):
         return _expected(item, finding, name)
     if finding.kind in ("sigma", "sigma_by_range"):
         return next((_sigma(item, noise, name) for noise in item.noise if noise.name == finding.component), None)
+    if item.fit is None:
+        return None
     if finding.kind == "outliers":
-        return _outliers(item, name)
+        return _outliers(item, item.fit, name)
     if finding.kind == "clock_drift":
-        return _drift(item, name)
-    return _partial(item, finding.kind, name)
+        return _drift(item, item.fit, name)
+    return _partial(item, item.fit, finding.kind, name)
 
 
 def band_figures(item: SensorAudit) -> Iterator[Figure]:
@@ -56,10 +73,9 @@ def band_figures(item: SensorAudit) -> Iterator[Figure]:
         yield _by_range(name, texts, "detected, %", item.detections.bands, 100.0, most=100.0)
 
 
-def _partial(item: SensorAudit, kind: str, name: str) -> Figure | None:
+def _partial(item: SensorAudit, fit: JointFit, kind: str, name: str) -> Figure | None:
     """Added-variable plot: what the other estimates leave of the errors, over what they leave of the effect."""
-    fit = item.fit
-    if fit is None or kind not in fit.estimates:
+    if kind not in fit.estimates:
         return None
     names = list(fit.estimates)
     scale = residual_scale(fit.residual)
@@ -73,7 +89,10 @@ def _partial(item: SensorAudit, kind: str, name: str) -> Figure | None:
     x, slope = own / factor, estimate.interval.value * factor
     y = x * slope + rest
     chosen = np.unique(np.linspace(0, len(x) - 1, _POINTS).astype(int))
-    centres, means, spread = _means(x, y)
+    # Bins with equally many points.
+    parts = np.array_split(np.argsort(x), min(_BINS, max(1, len(x) // 5)))
+    centres, means = (np.array([values[part].mean() for part in parts]) for values in (x, y))
+    spread = np.array([y[part].std() / np.sqrt(len(part)) for part in parts])
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=f"effect, sigma per {unit}", ylabel="error, sigma")
@@ -99,14 +118,6 @@ def _partial(item: SensorAudit, kind: str, name: str) -> Figure | None:
             LegendEntry("estimate", _FOUND),
         ),
     )
-
-
-def _means(x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Middle, mean and its standard error in bins with equally many points."""
-    parts = np.array_split(np.argsort(x), min(_BINS, max(1, len(x) // 5)))
-    centres = np.array([x[part].mean() for part in parts])
-    means = np.array([y[part].mean() for part in parts])
-    return centres, means, np.array([y[part].std() / np.sqrt(len(part)) for part in parts])
 
 
 def _sigma(item: SensorAudit, noise: ResidualNoise, name: str) -> Figure:
@@ -171,10 +182,7 @@ def _expected(item: SensorAudit, finding: LogFinding, name: str) -> Figure:
     )
 
 
-def _outliers(item: SensorAudit, name: str) -> Figure | None:
-    fit = item.fit
-    if fit is None:
-        return None
+def _outliers(item: SensorAudit, fit: JointFit, name: str) -> Figure:
     away = np.abs(fit.residual / residual_scale(fit.residual)).max(axis=0)
     time = item.log.log.time
 
@@ -196,10 +204,7 @@ def _outliers(item: SensorAudit, name: str) -> Figure | None:
     )
 
 
-def _drift(item: SensorAudit, name: str) -> Figure | None:
-    fit = item.fit
-    if fit is None:
-        return None
+def _drift(item: SensorAudit, fit: JointFit, name: str) -> Figure:
     scale = residual_scale(fit.residual)
     column = (fit.derivatives[list(fit.estimates).index("time_offset")] / scale)[:, fit.inlier]
     rest, time = (fit.residual / scale)[:, fit.inlier], item.log.log.time[fit.inlier]
@@ -223,35 +228,6 @@ def _drift(item: SensorAudit, name: str) -> Figure | None:
         f"Time offset of {item.log.name} over time.",
         paint,
         _HEIGHT,
-    )
-
-
-def _intervals(audit: LogAudit, finding: LogFinding, name: str) -> Figure | None:
-    clock = next((clock for clock in audit.clocks if clock.name == (finding.sensor or "truth")), None)
-    if clock is None or len(clock.time) < 2:
-        return None
-    return _over_time(
-        name,
-        f"{clock.name}: intervals between its times",
-        "Time to the next row, after sorting. A gap stands out; times that are repeated are left out.",
-        "interval, ms",
-        clock.time[:-1],
-        {"interval": 1e3 * np.diff(clock.time)},
-    )
-
-
-def _velocity(audit: LogAudit, finding: LogFinding, name: str) -> Figure | None:
-    check = next((check for check in audit.velocities if check.name == finding.component), None)
-    if check is None:
-        return None
-    return _over_time(
-        name,
-        f"{check.name}: speed of the truth",
-        "The speed that the truth states, and that of its displacement, over windows of half a second. They should be "
-        "the same.",
-        "speed, m/s",
-        check.time,
-        {"stated": check.stated, "displacement": check.moved},
     )
 
 

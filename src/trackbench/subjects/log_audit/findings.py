@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from trackbench.base.errors import counted
+from trackbench.base.types import Array
 from trackbench.subjects.log_audit.blocks import BlockInterval
-from trackbench.subjects.log_audit.joint_fit import ErrorEstimate
-from trackbench.subjects.log_audit.noise import Detections, ResidualNoise
-from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, VelocityCheck, WrongUnit
-from trackbench.truth.recorded.drive import Motion
-from trackbench.truth.sources import RecordingTruth
+from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
+from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
+from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
+from trackbench.truth.config.recording import COMPONENT_QUANTITIES
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
 EFFECT = 0.1
@@ -22,6 +21,12 @@ EFFECT = 0.1
 SIGMA_OFF = 1.1
 #: The noise depends on the range if it changes by at least this factor over the middle 80 % of the ranges.
 SHAPE = 1.25
+#: A clock drifts if its offset changes by more than this during the log, s.
+DRIFT_S = 0.005
+#: More outliers than this share are no tail of the noise.
+OUTLIERS = 0.005
+
+
 #: Probability with which a log without errors gives no finding of an error, a noise or a shape.
 FAMILY = 0.95
 
@@ -46,6 +51,30 @@ class LogFinding:
     component: str | None = None
     changes: dict[str, Any] = field(default_factory=dict)
     """What puts it right in the scenario, by dotted key; empty where the log itself has to be changed."""
+
+
+@dataclass(frozen=True)
+class SensorAudit:
+    """What the log says of one sensor."""
+
+    log: SensorLog
+    units: tuple[WrongUnit, ...]
+    detections: Detections
+    fit: JointFit | None = None
+    """None where there are too few measurements."""
+    noise: tuple[ResidualNoise, ...] = ()
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """``(m, m)`` of a measurement: the suggested R."""
+    square_before: float | None = None
+    """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
+    square_after: float | None = None
+    """With the findings put in."""
+
+    @property
+    def tests(self) -> int:
+        """How many errors, noises and shapes are judged, and the drift."""
+        shapes = sum(noise.exponent is not None for noise in self.noise)
+        return 0 if self.fit is None else 1 + len(self.fit.estimates) + len(sigma_keys(self.log)) + shapes
 
 
 #: The units in which angles and times are read.
@@ -74,11 +103,6 @@ def shown(value: float, unit: str, *, signed: bool = False) -> str:
     return f"{value * factor:{'+' if signed else ''}.3g}{name}"
 
 
-def between(interval: BlockInterval, unit: str) -> str:
-    """The 95 % interval in words."""
-    return f"95 %: {bounds_shown(interval.bounds(), unit)}"
-
-
 def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
     """ "0.48 to 0.52 m"."""
     factor, name = _READ.get(unit, (1.0, f" {unit}"))
@@ -99,7 +123,8 @@ def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, An
         title = f"{sensor}: its {component} reads {size} too {'much' if value > 0 else 'little'}"
     evidence = (
         f"{spelt(estimate.name)} {shown(value, unit, signed=True)} "
-        f"({between(estimate.interval, unit)}); it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
+        f"(95 %: {bounds_shown(estimate.interval.bounds(), unit)}); "
+        f"it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
     )
     if estimate.or_else:
         others = " and ".join(spelt(name) for name in estimate.or_else)
@@ -124,10 +149,37 @@ def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, An
     )
 
 
-#: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
-HOLE_S, HOLE = 1.0, 5.0
-#: More rows than this share without truth are no matter of the first and the last ones.
-OUTSIDE = 0.1
+def error_changes(log: SensorLog, errors: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+    """By error, the key that takes it out, with its new value."""
+    mount, entry = log.config.mount, log.truth.measurements.get(log.name)
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in errors.items():
+        if name.startswith("mount_"):
+            key = "yaw_deg" if name == "mount_yaw" else f"{name.removeprefix('mount_')}_m"
+            change = float(np.rad2deg(value)) if name == "mount_yaw" else value
+            changes[name] = {f"sensors.{log.name}.mount.{key}": _rounded(getattr(mount, key) + change, change)}
+        elif entry is None:
+            changes[name] = {}
+        elif name == "time_offset":
+            key = f"truth.readings.{log.name}.time_offset_s"
+            changes[name] = {key: _rounded(entry.time_offset_s + value, value)}
+        else:
+            component = name.removeprefix("bias_")
+            i = log.components.index(component)
+            quantity = COMPONENT_QUANTITIES.get(log.config.units[i])
+            factor = log.truth.units.factor(quantity, entry.units.get(component)) * log.factors[i]
+            # In the unit of the column, before which one that was found wrong is put right.
+            stated = entry.bias.get(component, 0.0)
+            changes[name] = {
+                f"truth.readings.{log.name}.bias.{component}": _rounded(stated + value / factor, value / factor)
+            }
+    return changes
+
+
+def _rounded(value: float, change: float) -> float:
+    """With four digits of what changed."""
+    digits = 3 - int(np.floor(np.log10(abs(change)))) if change else 6
+    return round(float(value), max(digits, 0))
 
 
 def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
@@ -182,161 +234,102 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: 
     )
 
 
-def shape_finding(sensor: str, noise: ResidualNoise, shape: BlockInterval) -> LogFinding:
-    """That the noise depends on the range."""
-    name = noise.name.replace("_", " ")
-    near, far = noise.bands[0], noise.bands[-1]
-    return LogFinding(
-        kind="sigma_by_range",
-        sensor=sensor,
-        title=f"{sensor}: the noise of {name} {'grows' if shape.value > 0 else 'falls'} with the range",
-        evidence=f"It is proportional to the range to the power {shape.value:.2f} (95 %: {shape.bounds()[0]:.2f} to "
-        f"{shape.bounds()[1]:.2f}): {shown(near.interval.value, noise.unit)} at {near.from_m:.0f} to {near.to_m:.0f} m "
-        f"and {shown(far.interval.value, noise.unit)} at {far.from_m:.0f} to {far.to_m:.0f} m.",
-        fix="A scenario states one sigma for all ranges: take that of the range that matters, or let a tracker of your "
-        "own compute R from the range.",
-        value=shape.value,
-        ci95=shape.bounds(),
-        component=noise.name,
-    )
-
-
-def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
-    """Rows out of order, repetitions, and rows at other times than the truth.
+def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
+    """What is wrong with a sensor.
 
     Args:
-        clocks: of the truth and of the sensors.
-        periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
+        item: its audit.
+        level: probability with which an interval holds the truth, so that all of the log's do so together.
     """
-    for clock in clocks:
-        sensor = None if clock.name == "truth" else clock.name
-        order = clock.order
-        if clock.outside > OUTSIDE * order.rows:
-            yield LogFinding(
-                kind="outside",
-                sensor=sensor,
-                title=f"{clock.name}: many rows are at times without truth",
-                evidence=f"{clock.outside} of {counted(order.rows, 'row')} lie outside the time of the truth.",
-                fix="Check the units of time of the files, and whether their clocks begin alike.",
-            )
-        if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
-            back = shown(order.largest_step_back, "s")
-            yield LogFinding(
-                kind="clock",
-                sensor=sensor,
-                title=f"{clock.name}: time runs backwards",
-                evidence=f"{order.backwards} of {counted(order.rows, 'row')} are earlier than one before them, by up "
-                f"to {back}.",
-                fix="The rows are read in the order of their times. If the clock was set while it ran, split the log "
-                "there: the time offset differs before and after.",
-            )
-        if order.duplicates:
-            yield LogFinding(
-                kind="duplicates",
-                sensor=sensor,
-                title=f"{clock.name}: rows are repeated",
-                evidence=f"{order.duplicates} of {counted(order.rows, 'row')} are of an object and a time that came "
-                "before.",
-                fix="The first of them is read. Remove the others, or give each detection its own time.",
-            )
-
-
-def silence_finding(sensor: str, detections: Detections) -> LogFinding:
-    """That a sensor detected nothing for a time, though objects were in its field of view."""
-    return LogFinding(
-        kind="silence",
-        sensor=sensor,
-        title=f"{sensor}: silent for {detections.silent_for_s:.3g} s",
-        evidence=f"From {detections.silent_from_s:.2f} s on nothing was detected, though objects were in its field of "
-        f"view; elsewhere it detects {100 * detections.share.value:.0f} %.",
-        fix="Rows are missing, or something stood before it, or its clock was set forward there. State dropouts in the "
-        "scenario, so that its gap is known.",
-    )
-
-
-def outlier_finding(sensor: str, outliers: int, rows: int) -> LogFinding:
-    """That more measurements are far from the truth than noise explains."""
-    return LogFinding(
-        kind="outliers",
-        sensor=sensor,
-        title=f"{sensor}: {100 * outliers / rows:.1f} % of its measurements are outliers",
-        evidence=f"{outliers} of {rows} are further than four sigma from the truth, where normal noise leaves less "
-        "than one in a thousand.",
-        fix="They are clutter, reflections or of another object: look at the figure. They are left out here, but not "
-        "in a run.",
-    )
-
-
-def drift_finding(log: SensorLog, change: BlockInterval) -> LogFinding:
-    """That the clock drifts or was set."""
-    return LogFinding(
-        kind="clock_drift",
-        sensor=log.name,
-        title=f"{log.name}: its time offset changes by {shown(change.value, 's', signed=True)} during the log",
-        evidence=f"{between(change, 's')}, from the first measurement to the last.",
-        fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log, and audit "
-        "again: until then the noise that is found is not the sensor's alone.",
-        value=change.value,
-        ci95=change.bounds(),
-        unit="s",
-    )
-
-
-def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """Velocities that contradict the motion, of all objects of one wrong unit together, and jumps."""
-    alike: dict[str | None, list[VelocityCheck]] = {}
-    for check in checks:
-        if check.contradicts:
-            own = check.unit if check.unit is not None and check.name != "observer" else None
-            alike.setdefault(own, []).append(check)
-        elif check.jumps:
-            yield LogFinding(
-                kind="truth_jumps",
-                sensor=None,
-                title=f"truth: {check.name} jumps",
-                evidence=f"{counted(check.jumps, 'window')} of half a second with a displacement that its velocity "
-                "does not explain.",
-                fix="Cut the log there, or repair the positions.",
-                component=check.name,
-            )
-    columns = truth.columns
-    for unit, same in alike.items():
-        changes = {}
-        if unit is not None and columns is not None:
-            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
-            changes = {f"truth.columns.units.{key}": unit for key in keys}
-        names, worst = ", ".join(check.name for check in same), max(same, key=lambda check: check.difference)
+    sensor, detections, fit = item.log.name, item.detections, item.fit
+    for wrong in item.units:
+        yield unit_finding(item.log, wrong)
+    if detections.silent_from_s is not None:
         yield LogFinding(
-            kind="truth_velocity",
-            sensor=None,
-            title=f"truth: the velocity of {names} is " + (f"in {unit}" if unit else "not that of the displacement"),
-            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second, {worst.name}); "
-            f"the displacement is {worst.scale:.3g} times what the velocity says.",
-            fix="; ".join(f"Set {key}: {value}" for key, value in changes.items()) + "."
-            if changes
-            else "Check unit, frame, sign and time of the velocity; range rates cannot be judged by it.",
-            value=worst.difference,
-            unit="m/s",
-            component=worst.name,
-            changes=changes,
+            kind="silence",
+            sensor=sensor,
+            title=f"{sensor}: silent for {detections.silent_for_s:.3g} s",
+            evidence=f"From {detections.silent_from_s:.2f} s on nothing was detected, though objects were in its field "
+            f"of view; elsewhere it detects {100 * detections.share.value:.0f} %.",
+            fix="Rows are missing, or something stood before it, or its clock was set forward there. State dropouts in "
+            "the scenario, so that its gap is known.",
         )
+    if fit is None:
+        return
+    outliers, rows = int(fit.outlier.sum()), len(fit.inlier)
+    if outliers > OUTLIERS * rows:
+        yield LogFinding(
+            kind="outliers",
+            sensor=sensor,
+            title=f"{sensor}: {100 * outliers / rows:.1f} % of its measurements are outliers",
+            evidence=f"{outliers} of {rows} are further than four sigma from the truth, where normal noise leaves less "
+            "than one in a thousand.",
+            fix="They are clutter, reflections or of another object: look at the figure. They are left out here, but "
+            "not in a run.",
+        )
+    drift = clock_drift(item.log, fit)
+    drifts = drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S
+    if drift is not None and drifts:
+        yield LogFinding(
+            kind="clock_drift",
+            sensor=sensor,
+            title=f"{sensor}: its time offset changes by {shown(drift.value, 's', signed=True)} during the log",
+            evidence=f"95 %: {bounds_shown(drift.bounds(), 's')}, from the first measurement to the last.",
+            fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log, and "
+            "audit again: until then the noise that is found is not the sensor's alone.",
+            value=drift.value,
+            ci95=drift.bounds(),
+            unit="s",
+        )
+    wrong_errors = [
+        name
+        for name, estimate in fit.estimates.items()
+        if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
+    ]
+    start = {name: fit.errors[name] for name in wrong_errors}
+    changes = error_changes(item.log, converged(item.log, wrong_errors, start) if wrong_errors else {})
+    for name in wrong_errors:
+        yield error_finding(sensor, fit.estimates[name], changes[name])
+    if not drifts:
+        yield from _noises(item, level)
 
 
-def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:
-    """Objects whose truth has holes, through which it is drawn as a straight line."""
-    for name, motion in motions.items():
-        intervals = np.diff(motion.time)
-        if not len(intervals):
-            continue
-        holes = intervals > max(HOLE_S, HOLE * float(np.median(intervals)))
-        if holes.any():
-            longest = int(np.argmax(intervals))
-            yield LogFinding(
-                kind="truth_holes",
-                sensor=None,
-                title=f"truth: {name} has {counted(int(holes.sum()), 'hole')}",
-                evidence=f"The longest, {intervals[longest]:.3g} s, begins at {motion.time[longest]:.2f} s; the truth "
-                "is a straight line through it.",
-                fix="Give the object another name after a hole.",
-                component=name,
+def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
+    for key, components in sigma_keys(item.log).items():
+        noises = [item.noise[i] for i in components]
+        # Logarithm of the standard deviation found over the stated one, the mean of several components.
+        logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
+        relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
+        freedom = min(noise.sigma.freedom for noise in noises)
+        ratio = BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
+        if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
+            yield sigma_finding(item.log, key, noises, ratio)
+    for noise in item.noise:
+        shape = noise.exponent
+        if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
+            name, sensor = noise.name.replace("_", " "), item.log.name
+            low, high = shape.bounds()
+            near, far = (
+                f"{shown(band.interval.value, noise.unit)} at {band.from_m:.0f} to {band.to_m:.0f} m"
+                for band in (noise.bands[0], noise.bands[-1])
             )
+            yield LogFinding(
+                kind="sigma_by_range",
+                sensor=sensor,
+                title=f"{sensor}: the noise of {name} {'grows' if shape.value > 0 else 'falls'} with the range",
+                evidence=f"It is proportional to the range to the power {shape.value:.2f} (95 %: {low:.2f} to "
+                f"{high:.2f}): {near} and {far}.",
+                fix="A scenario states one sigma for all ranges: take that of the range that matters, or let a tracker "
+                "of your own compute R from the range.",
+                value=shape.value,
+                ci95=(low, high),
+                component=noise.name,
+            )
+
+
+def sigma_keys(log: SensorLog) -> dict[str, list[int]]:
+    """The keys that state a sensor's noise, with the components that each is for."""
+    components: dict[str, list[int]] = {}
+    for i, key in enumerate(log.config.sigma_options):
+        components.setdefault(key, []).append(i)
+    return components

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.subjects.log_audit import tables
-from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit, corrected
+from trackbench.subjects.log_audit.audit import LogAudit, corrected
 from trackbench.subjects.log_audit.figures import band_figures, finding_figure
-from trackbench.subjects.log_audit.findings import spelt
+from trackbench.subjects.log_audit.findings import SensorAudit, spelt
 
 _METHOD = (
     "The errors of time, mount and bias of a sensor are estimated together, by least squares of measurement minus "

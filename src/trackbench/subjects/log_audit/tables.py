@@ -8,9 +8,9 @@ import numpy as np
 
 from trackbench.document import Cell, Column, Table
 from trackbench.report.numbers import NOT_AVAILABLE
-from trackbench.subjects.log_audit.audit import LogAudit, SensorAudit
+from trackbench.subjects.log_audit.audit import LogAudit
 from trackbench.subjects.log_audit.blocks import BlockInterval
-from trackbench.subjects.log_audit.findings import bounds_shown, shown, spelt
+from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, shown, spelt
 from trackbench.subjects.log_audit.noise import ResidualNoise
 
 #: Two estimates are called correlated from here on.

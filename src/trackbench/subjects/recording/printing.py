@@ -64,7 +64,10 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         console.print(_table(moments, *names, *ESTIMATE_ERRORS))
         _command(inspection, list(inspection.worst)[:1], console)
     elif inspection.worst is not None:
-        _events(inspection.worst, summary.truth.known, console)
+        if summary.truth.known:
+            _events(inspection.worst, console)
+        else:
+            console.print("\nThere is no truth, so no event has a cost.")
         _command(inspection, [event.tracker for event in inspection.worst[:1]], console)
     if inspection.at is None and inspection.worst is None:
         _contents(inspection, console)
@@ -168,11 +171,8 @@ def _tracks(moment: TracksMoment, console: Console) -> None:
     console.print(_table(moment.tracks, *track, *place))
 
 
-def _events(events: list[TrackEvent], known: bool, console: Console) -> None:
-    """The events that cost most; ``known``: whether there is a truth."""
-    if not known:
-        console.print("\nThere is no truth, so no event has a cost.")
-    elif not events:
+def _events(events: list[TrackEvent], console: Console) -> None:
+    if not events:
         console.print("\nNo event of the recorded run cost anything.")
     else:
         console.print("\nThe events of the recorded run that cost most")

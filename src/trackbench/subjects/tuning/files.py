@@ -6,7 +6,6 @@ import copy
 import itertools
 import json
 import math
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ import yaml
 
 from trackbench import results
 from trackbench.base.errors import InputError
+from trackbench.base.files import path_from
 from trackbench.document.drawing import svg_file
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
@@ -29,7 +29,6 @@ from trackbench.subjects.tuning.report import headline, remarks, tuning_document
 from trackbench.subjects.tuning.response import NEGLIGIBLE
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
-from trackbench.truth.recorded.table import find
 
 SCHEMA_VERSION = 1
 
@@ -200,7 +199,7 @@ def written(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
     entries = {name: plain(loaded, name, values) for name, values in tuned.items()}
 
     def seen(path: str) -> str:
-        return _seen_from(folder, path, loaded)
+        return path_from(path, loaded.path.resolve().parent, folder)
 
     truth = loaded.document.value["truth"]
     wanted = {
@@ -247,13 +246,6 @@ def _with_entries(loaded: Scenario, entries: Mapping[str, Any], names: Mapping[s
         else:
             trackers |= {name: entries[name], names[name]: copy.deepcopy(entry)}
     return trackers
-
-
-def _seen_from(folder: Path, path: str, loaded: Scenario) -> str:
-    """A path of a recording as seen from another folder."""
-    if "$" in path or Path(path).expanduser().is_absolute():
-        return path
-    return os.path.relpath(find(path, loaded.path.resolve().parent, "truth").resolve(), folder.resolve())
 
 
 def _replaced(node: Any, seen: Callable[[str], str]) -> Any:
