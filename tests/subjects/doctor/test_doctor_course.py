@@ -15,10 +15,10 @@ from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.doctor.step_faults import MeanWrappedFirst
 
 from trackbench.base.types import Scan
+from trackbench.subjects.doctor.checks.steps import jumping_angle
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.failed_step import jumping_angle
 from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.probes import COURSE_TURN, GENERAL, Probes
 from trackbench.subjects.doctor.session import StepFailed
@@ -106,7 +106,7 @@ def _failure(make: Callable[[], Any], scans: list[Scan]) -> StepFailed:
 def test_a_step_that_fails_where_the_course_jumps_is_named() -> None:
     found = jumping_angle(Definite, _failure(Definite, _scans()))
     assert found is not None
-    assert found.fault == "course_not_wrapped"
+    assert found[0] == "course_not_wrapped"
 
 
 class RaisesAt(PlainUkf):

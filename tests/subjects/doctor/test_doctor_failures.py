@@ -16,10 +16,15 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 
 from trackbench.base.types import Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.checks.steps import CannotRun, failure_findings, require_runnable
+from trackbench.subjects.doctor.checks.steps import (
+    CannotRun,
+    circumstances,
+    failure_findings,
+    jumping_angle,
+    require_runnable,
+)
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.failed_step import circumstances, jumping_angle
 from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.probes import AXES, GENERAL, Probe, Probes
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -74,14 +79,14 @@ def test_a_mean_of_azimuths_across_pi_is_named_by_the_failed_factor() -> None:
     assert failure.fault.cause == "LinAlgError: Matrix is not positive definite"
     found = jumping_angle(CrossNotWrapped, failure)
     assert found is not None
-    assert (found.fault, found.sensor) == ("angle_mean_not_circular", "radar")
+    assert (found[0], found[2]) == ("angle_mean_not_circular", "radar")
 
 
 def test_an_innovation_across_pi_is_named_by_the_error() -> None:
     failure = failure_of(Gated, scans_of(CROSSING, until=0.5))
     found = jumping_angle(Gated, failure)
     assert found is not None
-    assert (found.fault, found.sensor) == ("azimuth_not_wrapped", "radar")
+    assert (found[0], found[2]) == ("azimuth_not_wrapped", "radar")
 
 
 def test_another_reason_behind_the_sensor_is_no_angle() -> None:
@@ -93,6 +98,7 @@ def test_the_circumstances_of_a_failure() -> None:
     scans = scans_of(CROSSING, until=0.5)
     failure = failure_of(Gated, scans)
     known = circumstances(Gated, failure)
+    assert known is not None
     session = TrackerSession(PlainEkf)
     for scan in failure.given:
         before = session.step(scan)

@@ -1,44 +1,62 @@
-"""Does the tracker predict the right measurement of the target that it estimates?"""
+"""Does the tracker predict the right measurement of the target that it estimates?
+
+Wrong innovations are explained by models with a known fault, and by constant errors of a sensor.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Mask, Scan
+from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.wrong_models import WrongModel, systematic_error, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
 #: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
 ASIDE = 2.0
-#: Share of the trials in which the innovation of the right model must be zero.
+#: Share of the trials in which the innovation of the right model must be zero, and in which the measurement without an
+#: innovation has to be found.
 MOST = 0.85
+#: Distance from the fitted error in the median of the trials, in standard deviations of the measurement, and besides
+#: as a share of that error.
+SPREAD, SHARE = 0.5, 0.1
+#: Time over which a target's measurement is differentiated, s.
+SHORT = 1e-3
+DEGREE = 180.0 / np.pi
+
+#: Fault, description, and the azimuth that the wrong model gives for the right one.
+AZIMUTHS: tuple[tuple[str, str, Callable[[float], float]], ...] = (
+    ("arctan_quadrant", "azimuths behind the sensor are predicted ahead of it", lambda a: np.arctan(np.tan(a))),
+    ("axis_mirrored", "the azimuth is measured clockwise", lambda a: -a),
+    ("axis_mirrored", "the x axis points backward", lambda a: np.pi - a),
+    ("axis_swapped", "the azimuth is measured from the y axis", lambda a: np.pi / 2 - a),
+    ("degrees_for_radians", "the azimuth is predicted in degrees", lambda a: a * DEGREE),
+    ("degrees_for_radians", "the azimuth in radians is converted to radians again", lambda a: a / DEGREE),
+)
 
 
 def expectation(tracker: TrackerUnderTest) -> PartResult:
     """Try the measurements that the right and the wrong models predict, to find the one that has no innovation."""
     result = PartResult()
     for sensor, trials in tracker.trials.items():
-        if not trials:
-            result.add(f"expectation.{sensor}", None, "there was no estimate")
-            continue
-        _examine(sensor, trials, ZERO + ERRORS * tracker.once(sampling_noise), result)
+        zero = ZERO + ERRORS * tracker.once(sampling_noise) if trials else ZERO
+        result.add(f"expectation.{sensor}", *_examined(sensor, trials, zero))
     ego_motion = [finding for finding in result.findings if finding.fault == "ego_motion_ignored"]
     if tracker.assumptions.still:
         # Of a sensor that stands still the pose alone can be left out.
-        result.findings = [
-            replace(finding, fault="sensor_pose_ignored") if finding in ego_motion else finding
-            for finding in result.findings
-        ]
+        for finding in ego_motion:
+            result.findings[result.findings.index(finding)] = replace(finding, fault="sensor_pose_ignored")
         return result
     moving = {probe.name for probe in tracker.probes.regular if probe.observer.moves}
     trials = [trial for of in tracker.trials.values() for trial in of if trial.name in moving]
@@ -49,48 +67,50 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     return result.add("ego_motion", not ego_motion, text)
 
 
-def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:
-    kind, name = trials[0].scan.kind, f"expectation.{sensor}"
-    answered = [trial for trial in trials if _answers(trial)]
+def _examined(sensor: str, trials: Sequence[Trial], zero: float) -> tuple[bool | None, str, Finding | None]:
+    if not trials:
+        return None, "there was no estimate", None
+    kind = trials[0].scan.kind
+    # A step that fails says nothing of what it would do.
+    answered = [
+        trial
+        for trial in trials
+        if any(trial.posterior(z) is not None for z in (trial.predicted_measurement, trial.scan.measurement))
+    ]
     if not answered:
-        text = f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials"
-        result.add(name, None, text)
-        return
+        return None, f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials", None
     if not any(_moves(trial, kind) for trial in answered):
         text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
         exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
-        result.add(name, False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
-        return
+        return False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit)
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
     if float(np.mean(innovations < zero)) >= MOST:
-        text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
-        result.add(name, True, text)
-        return
+        return True, f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma", None
     finding = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
     worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
         f"in {np.sum(~(innovations < zero))} of {len(trials)} trials the predicted measurement has an innovation, of "
         f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
     )
-    result.add(name, False, text, finding)
+    return False, text, finding
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
-    best: tuple[float, WrongModel] | None = None
-    for model in wrong_models(kind):
-        quiet = float(np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials]))
-        if best is None or quiet > best[0] + 1e-9:
-            best = (quiet, model)
-    assert best is not None
-    share, model = best
+    shares = [
+        (float(np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials])), model)
+        for model in wrong_models(kind)
+    ]
+    share, model = shares[0]
+    for better, simplest in shares[1:]:
+        if better > share + 1e-9:
+            share, model = better, simplest
     if share < MOST:
         return None
     clearest = max(trials, key=lambda trial: float(np.max(_deviation(trial, model))))
     used, right = _measured(clearest, model), clearest.predicted_measurement
-    names = SENSOR_MODELS[kind].components
     differing = np.flatnonzero(_deviation(clearest, model) > 0.5)
     numbers = ", ".join(
-        f"{names[i].replace('_', ' ')} {used[i]:.4g} is predicted and {right[i]:.4g} is right"
+        f"{SENSOR_MODELS[kind].components[i].replace('_', ' ')} {used[i]:.4g} is predicted and {right[i]:.4g} is right"
         for i in (differing if len(differing) else [0])
     )
     text = (
@@ -119,11 +139,6 @@ def _deviation(trial: Trial, model: WrongModel) -> Array:
     return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
 
 
-def _answers(trial: Trial) -> bool:
-    """Whether there is an estimate after a measurement: a step that fails says nothing of what it would do."""
-    return any(trial.posterior(one) is not None for one in (trial.predicted_measurement, trial.scan.measurement))
-
-
 def _moves(trial: Trial, kind: str) -> bool:
     tried = [trial.predicted_measurement, trial.scan.measurement]
     tried += [_measured(trial, model) for model in wrong_models(kind)]
@@ -131,6 +146,184 @@ def _moves(trial: Trial, kind: str) -> bool:
     return any(
         update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
     )
+
+
+class WrongModel(NamedTuple):
+    """A measurement model with one known fault."""
+
+    fault: str
+    description: str
+    """What the tracker does."""
+    measure: Callable[[Array, Scan], Array]
+    """The predicted measurement ``(m,)`` of a target ``(4,)`` at a scan."""
+
+
+def wrong_models(kind: str) -> Iterator[WrongModel]:
+    """The wrong models of a kind of sensor, simple ones first."""
+    if kind == "lidar":
+        rotated = "x and y are swapped, and one has the other sign"
+        for fault, description, order, signs in (
+            ("axis_swapped", "x and y are swapped", -1, [1, 1]),
+            ("axis_mirrored", "y has the other sign", 1, [1, -1]),
+            ("axis_mirrored", "x has the other sign", 1, [-1, 1]),
+            ("axis_swapped", rotated, -1, [1, -1]),
+            ("axis_swapped", rotated, -1, [-1, 1]),
+        ):
+            yield WrongModel(fault, description, partial(_reordered, order=order, signs=signs))
+    if kind == "radar":
+        description = "the range rate has the other sign"
+        yield WrongModel("doppler_sign", description, partial(_reordered, order=1, signs=[1, 1, -1]))
+        for relative in (False, True):
+            description = "the range rate is predicted as the speed"
+            yield WrongModel("speed_for_range_rate", description, partial(_speed, relative=relative))
+        description = "the range rate leaves out the sensor's own velocity"
+        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=(1, 1, 1), velocity=0))
+    for fixed in (False, True) if kind != "lidar" else ():
+        for fault, description, change in AZIMUTHS:
+            yield WrongModel(fault, description, partial(_azimuth, change=change, fixed=fixed))
+    for description, pose, velocity in (
+        ("the sensor's pose is left out", (0, 0, 0), 1),
+        ("the sensor's position is left out", (0, 0, 1), 1),
+        ("the sensor's yaw is left out", (1, 1, 0), 1),
+        ("the sensor's pose and velocity are left out", (0, 0, 0), 0),
+        ("the sensor's position and velocity are left out", (0, 0, 1), 0),
+        ("the sensor's yaw and velocity are left out", (1, 1, 0), 0),
+    ):
+        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=pose, velocity=velocity))
+    for description, factor in (("in degrees", DEGREE), ("converted to radians twice", 1 / DEGREE)):
+        measure = partial(_posed, pose=(1, 1, factor), velocity=1)
+        yield WrongModel("degrees_for_radians", f"the sensor's yaw is {description}", measure)
+
+
+def _right(target: Array, scan: Scan) -> Array:
+    return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
+
+
+def _reordered(target: Array, scan: Scan, order: int, signs: list[int]) -> Array:
+    return _right(target, scan)[::order] * signs
+
+
+def _azimuth(target: Array, scan: Scan, change: Callable[[float], float], fixed: bool) -> Array:
+    """The azimuth changed in the sensor's frame, or in the fixed frame before the yaw is subtracted."""
+    z, yaw = _right(target, scan).copy(), scan.sensor_pose[2] if fixed else 0.0
+    z[1] = change(float(z[1] + yaw)) - yaw
+    return z
+
+
+def _posed(target: Array, scan: Scan, pose: tuple[float, float, float], velocity: float) -> Array:
+    """With the sensor's pose and velocity multiplied by factors."""
+    pose_used, velocity_used = scan.sensor_pose * np.array(pose, dtype=float), scan.sensor_velocity * velocity
+    return SENSOR_MODELS[scan.kind].measure(target, pose_used, velocity_used)
+
+
+def _speed(target: Array, scan: Scan, relative: bool) -> Array:
+    z = _right(target, scan).copy()
+    z[2] = float(np.hypot(*(target[2:] - (scan.sensor_velocity if relative else 0.0))))
+    return z
+
+
+class SystematicFit(NamedTuple):
+    """The offsets of all trials by one kind of error."""
+
+    fault: str
+    offsets: Array
+    """``(trials, m)``"""
+    size: Array
+    """``(m,)`` the bias, the factor less 1, or the time in s of all components."""
+
+
+def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Finding | None:
+    """The kind of error that fits best what measurements have no innovation.
+
+    Args:
+        sensor: its name.
+        trials: of that sensor.
+        clear: offset of a component that is one, in standard deviations of the measurement.
+    """
+    pairs = [(trial, offset) for trial in trials if (offset := trial.offset()) is not None]
+    if len(pairs) < MOST * len(trials):
+        return None
+    known, offsets = [trial for trial, _ in pairs], np.array([offset for _, offset in pairs])
+    sigma = known[0].sigma
+    bias = np.median(offsets, axis=0)
+    candidates = (
+        SystematicFit("sensor_bias", np.tile(bias, (len(offsets), 1)), bias),
+        _scale(known, offsets),
+        _time(known, offsets),
+    )
+    fits = [fit for fit in candidates if _good(fit, offsets, sigma, clear)]
+    if not fits:
+        return None
+    best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
+    clearest = int(np.argmax(np.max(np.abs(offsets) / sigma, axis=1)))
+    text, confidence, factor = _evidence(sensor, known, best, offsets, clear)
+    exhibit = measurement_shown(known[clearest], known[clearest].predicted_measurement + offsets[clearest], clear)
+    return Finding(best.fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit)
+
+
+def _scale(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
+    """By least squares; an angle has no scale."""
+    predicted = np.array([trial.predicted_measurement for trial in trials])
+    factor = np.sum(offsets * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), 1e-12)
+    factor[list(SENSOR_MODELS[trials[0].scan.kind].angular)] = 0.0
+    return SystematicFit("scale_error", factor * predicted, factor)
+
+
+def _time(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
+    """By least squares of all components, each in its standard deviations."""
+    rates = np.array([_rate(trial) for trial in trials])
+    weighted = rates / trials[0].sigma ** 2
+    delay = float(np.sum(offsets * weighted) / max(np.sum(rates * weighted), 1e-12))
+    return SystematicFit("time_offset", delay * rates, np.full(offsets.shape[1], delay))
+
+
+def _rate(trial: Trial) -> Array:
+    """``(m,)`` change of the measurement by the target's motion, per second."""
+    mean = trial.prediction.mean
+    ahead, behind = (_right(mean + np.array([*side * SHORT * mean[2:], 0.0, 0.0]), trial.scan) for side in (0.5, -0.5))
+    return np.asarray(difference(ahead, behind, SENSOR_MODELS[trial.scan.kind].angular) / SHORT)
+
+
+def _spread(fit: SystematicFit, offsets: Array, sigma: Array) -> Array:
+    """``(m,)`` median distance of the offsets from the fit, in sigma."""
+    return np.asarray(np.median(np.abs(offsets - fit.offsets), axis=0) / sigma)
+
+
+def _off(fit: SystematicFit, sigma: Array, clear: float) -> Mask:
+    """``(m,)`` which components are off, in the median of the trials."""
+    return np.asarray(np.median(np.abs(fit.offsets), axis=0) > clear * sigma)
+
+
+def _good(fit: SystematicFit, offsets: Array, sigma: Array, clear: float) -> bool:
+    allowed = SPREAD + SHARE * np.median(np.abs(fit.offsets), axis=0) / sigma
+    return bool(_off(fit, sigma, clear).any()) and not np.any(_spread(fit, offsets, sigma) > allowed)
+
+
+def _evidence(
+    sensor: str, trials: Sequence[Trial], fit: SystematicFit, offsets: Array, clear: float
+) -> tuple[str, float, float | None]:
+    """The evidence for a fit, its confidence and its factor."""
+    model, sigma = SENSOR_MODELS[trials[0].scan.kind], trials[0].sigma
+    off = np.flatnonzero(_off(fit, sigma, clear))
+    names = [model.components[i].replace("_", " ") for i in off]
+    around = f"(spread {np.max(_spread(fit, offsets, sigma)[off]):.2g} sigma over {len(offsets)} trials)"
+    if fit.fault == "scale_error":
+        factors = [1.0 / (1.0 + fit.size[i]) for i in off]
+        parts = ", ".join(f"{name} times {factor:.4g}" for name, factor in zip(names, factors, strict=True))
+        return f"the tracker takes the measurements of {sensor} as {parts} {around}", 0.92, factors[0]
+    if fit.fault == "time_offset":
+        delay = float(fit.size[0])
+        when = "after" if delay > 0.0 else "before"
+        text = (
+            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.2g} ms {when} the "
+            f"time of the scan {around}"
+        )
+        return text, 0.92, None
+    parts = ", ".join(
+        f"{name} {fit.size[i]:+.3g} {'rad' if i in model.angular else 'm or m/s'}"
+        for name, i in zip(names, off, strict=True)
+    )
+    return f"the predicted measurement has a constant bias: {parts} {around}", 0.9, None
 
 
 EXPECTATION_CHECK = DoctorCheck(

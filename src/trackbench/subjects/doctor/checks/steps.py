@@ -1,20 +1,35 @@
-"""What a failed step means: a finding, or a tracker of which nothing can be asked."""
+"""What a failed step means: the scans before it are given again, to fresh trackers.
+
+A failed step is a finding, or the tracker is one of which nothing can be asked.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import TrackbenchError, counted
-from trackbench.base.types import Estimate
+from trackbench.base.types import Estimate, Scan
 from trackbench.driving.alone import NOT_COPIED
-from trackbench.subjects.doctor.covariance_origin import indefinite, indefinite_entries, indefinite_shown, named
-from trackbench.subjects.doctor.exhibits import Exhibit
-from trackbench.subjects.doctor.failed_step import Circumstances, circumstances, jumping_angle, measured
+from trackbench.driving.drive import empty_scan
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.course_jump import course_jump, followed
+from trackbench.subjects.doctor.covariance_origin import Make, indefinite, indefinite_entries, indefinite_shown, named
+from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR
-from trackbench.subjects.doctor.session import FAR, StepFailed, finite, plausible
+from trackbench.subjects.doctor.probes import TURNS, turned_mounting
+from trackbench.subjects.doctor.session import (
+    FAR,
+    MissGiven,
+    StepFailed,
+    TrackerSession,
+    apart,
+    finite,
+    plausible,
+)
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import TOO_LARGE
 
@@ -34,9 +49,18 @@ SHOWN = 4
 #: Eigenvalue of a covariance over its largest one that rounding explains, negative or not: an update rounds sums of
 #: some 16 products to 2e-16 of the largest term, and 300 scans add up to 1e-12.
 ROUNDED = 1e-12
+#: Difference of two estimates that rounding does not explain, in standard deviations.
+APART = 1e-3
+#: How far an estimate that follows its target may be from the last measured position, beside six of its standard
+#: deviations, m.
+NEAR = 1.0
 
 Failures = Sequence[tuple[str, StepFailed]]
 """Each with the name of the probe, drive or check where it happened."""
+
+
+Cause = tuple[str, str, str | None, Exhibit | None]
+"""A fault, the evidence, the sensor and the exhibit."""
 
 
 class CannotRun(TrackbenchError):
@@ -104,13 +128,13 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
             fault, because, sensor, exhibit = "too_far_off", "", None, None
         else:
             fault, because, sensor, exhibit = _cause(tracker, where, failure) or (_named(failure), "", only, None)
-        known = _circumstances(tracker, failure)
-        if _overflows(failure) and known is not None and known.before is not None and _grown(known.before):
-            fault, because = "covariance_unbelievable", _grown_to(known.before)
+        known = circumstances(tracker.make, failure)
+        if _overflows(failure) and known is not None and (grown := _grown(known.before)) is not None:
+            fault, because = "covariance_unbelievable", grown
         if fault in named:
             continue
         named.add(fault)
-        parts = [_sentence(where, failure), *_replayed(failure, known), because]
+        parts = [_sentence(where, failure), *(() if known is None else _replayed(failure, known)), because]
         if len(group) > 1:
             places = list(first) if len(first) <= SHOWN else [*list(first)[:SHOWN], f"{len(first) - SHOWN} others"]
             parts.append(f"{len(group)} steps failed at that line, in {', '.join(places)}")
@@ -120,16 +144,13 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         yield Finding(fault, confidence, text, sensor=sensor, shown_by=where, exhibit=exhibit)
 
 
-def _grown(before: Estimate) -> bool:
-    """Whether it is the covariance that has diverged, and not the estimate."""
-    if not finite(before):
-        return False
-    return float(np.abs(before.mean).max()) < FAR < float(np.sqrt(np.abs(np.diag(before.covariance)).max()))
-
-
-def _grown_to(before: Estimate) -> str:
-    px, py, vx, vy = before.mean
-    largest = float(np.sqrt(np.abs(np.diag(before.covariance)).max()))
+def _grown(before: Estimate | None) -> str | None:
+    """That it is the covariance that has diverged, and not the estimate."""
+    if before is None or not finite(before):
+        return None
+    (px, py, vx, vy), largest = before.mean, float(np.sqrt(np.abs(np.diag(before.covariance)).max()))
+    if not float(np.abs(before.mean).max()) < FAR < largest:
+        return None
     return (
         f"at the scan before, the estimate is px, py, vx, vy = {px:.3g}, {py:.3g}, {vx:.3g}, {vy:.3g}, and its largest "
         f"standard deviation has grown to {largest:.3g} m or m/s"
@@ -158,43 +179,144 @@ def _named(failure: StepFailed) -> str:
     return "invalid_estimate" if fault.kind == "answer" else "exception_raised"
 
 
-def _cause(
-    tracker: TrackerUnderTest, where: str, failure: StepFailed
-) -> tuple[str, str, str | None, Exhibit | None] | None:
-    """What the same scans, given again, tell: the fault, the evidence, the sensor and the exhibit."""
+def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> Cause | None:
+    """What the same scans, given again, tell."""
     if _named(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE) or where in SINGULAR:
         return None
-    angle = jumping_angle(tracker.make, failure)
-    if angle is not None:
+    if (angle := jumping_angle(tracker.make, failure)) is not None:
         return angle
-    found = indefinite(tracker.make, [*failure.given, failure.scan])
-    if found is None:
+    step = indefinite(tracker.make, [*failure.given, failure.scan])
+    if step is None:
         return None
-    text = f"the covariance first is not positive definite {found.words}: {indefinite_entries(found)}"
-    return named("covariance_not_psd", found), text, None, indefinite_shown(found)
+    text = f"the covariance first is not positive definite {step.words}: {indefinite_entries(step)}"
+    return named("covariance_not_psd", step), text, None, indefinite_shown(step)
 
 
-def _circumstances(tracker: TrackerUnderTest, failure: StepFailed) -> Circumstances | None:
-    if _named(failure) in ("not_deterministic", "process_ended"):
-        return None
+def _passes(make: Make, scans: Sequence[Scan]) -> bool:
+    """Whether no step fails, and the estimate after the last measurement is at it."""
+    session, last = TrackerSession(make), None
     try:
-        return circumstances(tracker.make, failure)
+        for scan in scans:
+            estimate = session.step(scan)
+            last = (scan, estimate) if scan.valid else last
+    except StepFailed:
+        return False
+    if last is None or last[1] is None or not finite(last[1]):
+        return False
+    position = SENSOR_MODELS[last[0].kind].position(last[0])
+    return bool(np.hypot(*(last[1].mean[:2] - position.mean)) < NEAR + 6.0 * np.sqrt(np.trace(position.covariance)))
+
+
+def jumping_angle(make: Make, failure: StepFailed) -> Cause | None:
+    """Whether a step fails where an angle jumps: then the same scene, turned, does not break the tracker.
+
+    A sensor mounted at another yaw measures other azimuths of the same target; a scene turned about the origin has
+    other courses, and the same azimuths.
+    """
+    scans = [*failure.given, failure.scan]
+    for angle in TURNS:
+        turned = [turned_mounting(scan, angle) for scan in scans]
+        if _passes(make, turned):
+            return _azimuth(make, scans, turned, angle)
+    course = course_jump(make, scans, followed(make, scans))
+    return None if course is None else ("course_not_wrapped", course.text, None, None)
+
+
+def _azimuth(make: Make, scans: Sequence[Scan], turned: Sequence[Scan], angle: float) -> Cause | None:
+    """Whether it is the mean of sigma points or the innovation: the former acts without an innovation too."""
+    here, there = TrackerSession(make), TrackerSession(make)
+    # The first scan after which the estimates differ; the last one fails in one of them.
+    pairs = zip(scans[:-1], turned, strict=False)
+    k = next(
+        (k for k, (scan, other) in enumerate(pairs) if not _same(here.step(scan), there.step(other))), len(scans) - 1
+    )
+    scan, angular = scans[k], SENSOR_MODELS[scans[k].kind].angular
+    try:
+        predicted = _fed(make, scans[:k]).predict(scan)
+    except StepFailed:
+        return None
+    if predicted is None or not finite(predicted) or not scan.valid or not angular:
+        return None
+    measurement = SENSOR_MODELS[scan.kind].measure(predicted.mean, scan.sensor_pose, scan.sensor_velocity)
+    if all(np.pi - abs(measurement[i]) >= max(TURNS) for i in angular):
+        return None
+    text = (
+        f"from a sensor mounted at another yaw ({-angle:+g} rad) the same target does not break it: the azimuth jumps "
+        f"at pi, first at {scan.time:.4g} s, where {_measured(scan)}"
+    )
+    exhibit = Matrices(
+        f"Measurement of {scan.sensor} at {scan.time:.4g} s, where the azimuth jumps",
+        components_of(scan.kind),
+        ("value",),
+        (Panel("measured", scan.measurement[:, None]), Panel("predicted", measurement[:, None], "before")),
+        tuple((i, 0) for i in angular),
+    )
+    expected = scan._replace(measurement=measurement)
+    with_jump = _after(make, scans[:k], expected)
+    if _same(with_jump, _after(make, turned[:k], turned_mounting(expected, angle))):
+        return "azimuth_not_wrapped", text, scan.sensor, exhibit
+    text += "; the update by its own predicted measurement, without an innovation, is wrong too"
+    return "angle_mean_not_circular", text, scan.sensor, exhibit
+
+
+def _same(one: Estimate | None, other: Estimate | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return apart(one, other) < APART
+
+
+def _fed(make: Make, scans: Sequence[Scan]) -> TrackerSession:
+    """A session that has been given some scans."""
+    session = TrackerSession(make)
+    for scan in scans:
+        session.step(scan)
+    return session
+
+
+def _after(make: Make, earlier: Sequence[Scan], scan: Scan) -> Estimate | None:
+    """The estimate after a scan, and None where a step fails."""
+    try:
+        return _fed(make, earlier).step(scan)
     except StepFailed:
         return None
 
 
-def _replayed(failure: StepFailed, known: Circumstances | None) -> list[str]:
-    return [] if known is None else [_missed(failure, known), _definite(failure, known)]
+class Circumstances(NamedTuple):
+    """What goes before a failed step."""
+
+    before: Estimate | None
+    """After the scan before."""
+    predicted: Estimate | None
+    """Predicted to the time of the scan, as for a missed measurement."""
+    missed_fails: bool | None
+    """Whether a missed measurement at that time fails as well; None where none may be given."""
 
 
-def _missed(failure: StepFailed, known: Circumstances) -> str:
-    if not failure.scan.valid.any() or known.missed_fails is None:
-        return ""
-    return f"a missed measurement at that time {'breaks it too' if known.missed_fails else 'does not break it'}"
+def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
+    """Give the scans before the failed step to a fresh tracker, and then a missed measurement.
+
+    None where that tells nothing, or the tracker fails at another scan this time.
+    """
+    if _named(failure) in ("not_deterministic", "process_ended"):
+        return None
+    session, before = TrackerSession(make), None
+    try:
+        for scan in failure.given:
+            before = session.step(scan)
+    except StepFailed:
+        return None
+    try:
+        return Circumstances(before, session.step(empty_scan(failure.scan)), False)
+    except MissGiven:
+        return Circumstances(before, None, None)
+    except StepFailed:
+        return Circumstances(before, None, True)
 
 
-def _definite(failure: StepFailed, known: Circumstances) -> str:
-    found = [
+def _replayed(failure: StepFailed, known: Circumstances) -> Iterator[str]:
+    if failure.scan.valid.any() and known.missed_fails is not None:
+        yield f"a missed measurement at that time {'breaks it too' if known.missed_fails else 'does not break it'}"
+    eigenvalues = [
         f"{_least(estimate)} {when}"
         for estimate, when in (
             (known.before, f"after the scan before, at {failure.given[-1].time:.4g} s" if failure.given else ""),
@@ -202,7 +324,8 @@ def _definite(failure: StepFailed, known: Circumstances) -> str:
         )
         if estimate is not None and finite(estimate)
     ]
-    return f"the smallest eigenvalue of the covariance is {' and '.join(found)}" if found else ""
+    if eigenvalues:
+        yield f"the smallest eigenvalue of the covariance is {' and '.join(eigenvalues)}"
 
 
 def _least(estimate: Estimate) -> str:
@@ -212,11 +335,20 @@ def _least(estimate: Estimate) -> str:
     return f"{eigenvalues[0]:.3g}"
 
 
+def _measured(scan: Scan) -> str:
+    """The measurement in words."""
+    if not scan.valid:
+        return f"{scan.sensor} measures nothing"
+    names = SENSOR_MODELS[scan.kind].components
+    values = (f"{name.replace('_', ' ')} {scan.measurement[i]:.4g}" for i, name in enumerate(names))
+    return f"{scan.sensor} measures {', '.join(values)}"
+
+
 def _sentence(where: str, failure: StepFailed) -> str:
     scan = failure.scan
     measurement = f"a measurement of {scan.sensor}" if scan.valid.any() else f"a missed measurement of {scan.sensor}"
     place = "" if failure.fault.place is None else f"{failure.fault.place}, "
-    values = f": {measured(scan)}" if scan.valid.any() else ""
+    values = f": {_measured(scan)}" if scan.valid.any() else ""
     values += ", where the range is 0" if where in SINGULAR else ""
     return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"
 

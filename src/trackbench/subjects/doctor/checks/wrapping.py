@@ -1,20 +1,50 @@
-"""Is every angle wrapped where it passes pi?"""
+"""Is every angle wrapped where it passes pi?
+
+If the target, the prediction and the measurement are turned about the sensor, the estimate must turn with them. It does
+not where an angle at pi is not wrapped. So updates of a target near the axis are held against those of the same target
+turned away.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.right_answers import named
+from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.subjects.doctor.trial import Trial
-from trackbench.subjects.doctor.turned_update import FAR, OTHER_TURN, TURN, Jump, beyond_pi, jumps_of
+from trackbench.subjects.doctor.trial import ZERO, Trial
 
+#: Difference from the estimate of the turned target that is a fault, in standard deviations of the prediction.
+FAR = 3.0
+#: The gain counts as lost where the difference is more than the share `LOST` of the turned target's update, if that is
+#: more than `CLEAR` standard deviations.
+LOST, CLEAR = 0.5, 0.6
+#: Difference of logarithms below which two variances count as equal.
+EQUAL = 0.2
+PARTS = (slice(0, 2), slice(2, 4))
+#: Error of a turned target's position from which on nothing is compared with it, m.
+NEAR = 1.0
+#: Difference of two covariances after an update that rounding does not explain, relative to the predicted variances.
+SPREAD = 1e-3
+#: Measurements tried beside the predicted one, standard deviations.
+SIDES = (-2.0, 2.0)
+#: Standard deviations of the predicted azimuth within which all sigma points lie; those of the measurement by which it
+#: is beyond pi, where a prediction is so far from it.
+SPREAD_OVER, BEYOND = 5.0, 2.0
+#: Angles by which the target is turned, rad: no angle is near pi then.
+TURN, OTHER_TURN = -1.2, 1.9
+#: Share of a jump which the two turned targets may differ by.
+ALIKE = 0.2
 #: Error of the velocity after 3 s without noise, as a share of the speed, of a target that is as good as lost, and the
 #: least ratio to that of the turned target.
 ASTRAY, WORSE = 0.05, 5.0
@@ -27,6 +57,26 @@ ELSEWHERE = (TURN, OTHER_TURN, np.pi / 2, np.pi)
 TURNING = 5.0
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
+
+
+class Jump(NamedTuple):
+    """An update that is not turned with the target."""
+
+    size: float
+    """Of the difference, in standard deviations of the prediction."""
+    text: str
+    sensor: str
+    probe: Probe
+    exhibit: Predictions | None
+    measured: bool = False
+    """Whether only the measurement is on the other side of pi."""
+    without_innovation: bool = False
+    """Whether the update by the predicted measurement differs too."""
+    confirmed: bool = False
+    """Whether the update is right where the same target is seen by a sensor mounted at another yaw, or by a measurement
+    before pi."""
+    innovation: float = np.nan
+    """That of the predicted azimuth, in standard deviations of the measurement."""
 
 
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
@@ -43,9 +93,10 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             jump
             for probe in probes
             for name in sensors
-            if angle == "course" or _at_pi(tracker, probe, name)
+            # The sensor has to see the target near the azimuth pi.
+            if angle == "course" or np.pi - abs(probe.scan(name, tracker.sensors[name], 0.0).measurement[1]) < NEAR_PI
             for sensor_set in tracker.sensor_sets()
-            for jump in jumps_of(tracker, probe, name, sensor_set, angle == "azimuth")
+            for jump in _jumps_of(tracker, probe, name, sensor_set, angle == "azimuth")
         ]
         if angle == "course":
             jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
@@ -55,29 +106,25 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             continue
         worst = max(jumps, key=lambda jump: jump.size)
         finding = None
-        if worst.size >= FAR:
-            far = [jump for jump in jumps if jump.size >= FAR]
-            finding = _course(worst) if angle == "course" else _azimuth(tracker, far, worst)
+        if worst.size >= FAR and angle == "azimuth":
+            finding = _azimuth(tracker, [jump for jump in jumps if jump.size >= FAR], worst)
+        elif worst.size >= FAR:
+            # Wrong gains are not turned with the target either.
+            confidence = 0.97 if worst.size > 5 * FAR else 0.75
+            # The drive on a circle passes the course pi; the probe's own has no other target.
+            drive = "long_run"
+            finding = Finding("course_not_wrapped", confidence, worst.text, shown_by=drive, exhibit=worst.exhibit)
         result.add(f"{angle}_wrapping", finding is None, worst.text, finding)
     return result
 
 
-def _at_pi(tracker: TrackerUnderTest, probe: Probe, name: str) -> bool:
-    """Whether the sensor sees the target near the azimuth pi."""
-    return bool(np.pi - abs(probe.scan(name, tracker.sensors[name], 0.0).measurement[1]) < NEAR_PI)
-
-
-def _course(worst: Jump) -> Finding:
-    # Wrong gains are not turned with the target either.
-    confidence = 0.97 if worst.size > 5 * FAR else 0.75
-    # The drive on a circle passes the course pi; the probe's own has no other target.
-    return Finding("course_not_wrapped", confidence, worst.text, shown_by="long_run", exhibit=worst.exhibit)
-
-
 def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> Finding:
     of_mean = any(jump.without_innovation for jump in jumps) and not any(jump.measured for jump in jumps)
-    if of_mean and (wider := _beyond_pi(tracker, worst)) is not None:
-        of_mean, worst = False, wider
+    if of_mean:
+        # Uncertain predictions beside pi have azimuths on both sides: an update may jump for the measurement alone.
+        wider = (_beyond_pi(tracker, worst.probe, worst.sensor, sensor_set) for sensor_set in tracker.sensor_sets())
+        far = next((jump for jump in wider if jump is not None and jump.measured and jump.size >= FAR), None)
+        of_mean, worst = far is None, far or worst
     confidence = 0.97 if worst.confirmed and worst.size > 5 * FAR else 0.85
     fault, text = "azimuth_not_wrapped", worst.text
     if of_mean:
@@ -87,12 +134,6 @@ def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> F
         if abs(worst.innovation) > FAR:
             text += f", and its azimuth has an innovation of {worst.innovation:+.3g} sigma"
     return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name, exhibit=worst.exhibit)
-
-
-def _beyond_pi(tracker: TrackerUnderTest, worst: Jump) -> Jump | None:
-    """An update that jumps for the measurement alone: uncertain predictions beside pi have azimuths on both sides."""
-    found = (beyond_pi(tracker, worst.probe, worst.sensor, sensor_set) for sensor_set in tracker.sensor_sets())
-    return next((jump for jump in found if jump is not None and jump.measured and jump.size >= FAR), None)
 
 
 def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Jump | None:
@@ -118,13 +159,9 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         f"After 3 s of measurements without noise: {probe.description}",
         None,
         named("tracker", here.prediction),
-        StatedBelief(
-            "the same target turned away",
-            both @ others[0].mean,
-            both @ others[0].covariance @ both.T,
-        ),
+        StatedBelief("the same target turned away", both @ others[0].mean, both @ others[0].covariance @ both.T),
     )
-    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, False, False, False, shown)
+    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, shown)
 
 
 def _turning(tracker: TrackerUnderTest) -> list[Jump]:
@@ -136,11 +173,10 @@ def _turning(tracker: TrackerUnderTest) -> list[Jump]:
     if here.failure is not None:
         tracker.failures.append((probe.name, here.failure))
         text += f": {here.failure}"
-    found = course_jump(tracker.make, scans, here)
-    if found is None:
+    jump = course_jump(tracker.make, scans, here)
+    if jump is None:
         return []
-    text += f"; {found.text}"
-    return [Jump(found.size, text, found.scan.sensor, probe, False, False, False, found.exhibit)]
+    return [Jump(jump.size, f"{text}; {jump.text}", jump.scan.sensor, probe, jump.exhibit)]
 
 
 def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:
@@ -150,6 +186,159 @@ def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ..
         return None, np.inf
     error = float(np.hypot(*(trial.prediction.mean - probe.truth(0.0))[2:]))
     return trial, error if np.isfinite(error) else float(np.hypot(*probe.target[2:]))
+
+
+def _jumps_of(
+    tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...], azimuth: bool
+) -> list[Jump]:
+    """The updates beside the target, each compared with that of the turned target."""
+    away = probe.turned(TURN, tracker.sensors[name])
+    here, turned = tracker.trial(probe, name, sensor_set), tracker.trial(away, name, sensor_set)
+    # Where the other update is wrong, the two differ for another reason.
+    if here is None or turned is None or not (here.usable and _right(turned, away)):
+        return []
+    found = [jump for side in SIDES if (jump := _jump(here, turned, rotation(-TURN), side, probe)) is not None]
+    if all(jump.size < FAR for jump in found):
+        return found
+    if not azimuth:
+        return [] if _turns_differ(tracker, probe, turned, max(jump.size for jump in found)) else found
+    mounted = _mounted(tracker, probe, name, sensor_set)
+    if mounted is None or not _right(mounted, probe):
+        return found
+    moved, update = _moved(here, mounted), here.update(here.predicted_measurement)
+    innovation = np.nan if update is None else float(update.innovation[1])
+    again = [_jump(here, mounted, np.eye(2), side, probe) for side in SIDES]
+    return [
+        jump._replace(
+            measured=jump.measured and not moved, without_innovation=moved, confirmed=True, innovation=innovation
+        )
+        for jump in again
+        if jump is not None
+    ]
+
+
+def _beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Jump | None:
+    """The update by a measurement beyond pi, of the target turned so far that all of its own azimuths are before it."""
+    trial, sensor = tracker.trial(probe, name, sensor_set), tracker.sensors[name]
+    if trial is None or not trial.usable:
+        return None
+    row, side = trial.jacobian[1], np.sign(trial.predicted_measurement[1])
+    margin = SPREAD_OVER * float(np.sqrt(row @ trial.prediction.covariance @ row))
+    before = probe.turned(-side * margin, sensor)
+    away = before.turned(TURN, sensor)
+    here, turned = tracker.trial(before, name, sensor_set), tracker.trial(away, name, sensor_set)
+    if here is None or turned is None or not (_right(here, before) and _right(turned, away)):
+        return None
+    jump = _jump(here, turned, rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
+    return None if jump is None else jump._replace(confirmed=True)
+
+
+def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: float) -> bool:
+    """Whether the updates of two turned targets, whose courses are not near pi, differ like that of the probe: a wrong
+    gain is not turned with the target either."""
+    name = turned.scan.sensor
+    other = tracker.trial(probe.turned(OTHER_TURN, tracker.sensors[name]), name, turned.sensor_set)
+    if other is None or not other.usable:
+        return False
+    jumps = (_jump(turned, other, rotation(TURN - OTHER_TURN), side, probe) for side in SIDES)
+    return any(jump is not None and jump.size > ALIKE * size for jump in jumps)
+
+
+def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
+    """The same target, seen by sensors that are mounted at another yaw: away from pi."""
+    angle = TURNS[1]
+    session = TrackerSession(tracker.make)
+    try:
+        for scan in tracker.approach(probe, sensor_set):
+            session.step(turned_mounting(scan, angle))
+        scan = turned_mounting(probe.scan(name, tracker.sensors[name], 0.0), angle)
+        prediction = session.predict(scan)
+    except StepFailed:
+        return None
+    return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
+
+
+def _right(trial: Trial, probe: Probe) -> bool:
+    """Whether the estimate is at the target, and the predicted azimuth has no innovation."""
+    if not trial.usable or np.hypot(*(trial.prediction.mean - probe.truth(0.0))[:2]) > NEAR:
+        return False
+    update = trial.update(trial.predicted_measurement)
+    angular = list(SENSOR_MODELS[trial.scan.kind].angular)
+    return update is not None and bool(np.all(np.nan_to_num(np.abs(update.innovation[angular])) < ZERO))
+
+
+def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
+    """``back`` ``(2, 2)`` turns positions and velocities of the turned target back."""
+    change, other = _change(here, side), _change(turned, side)
+    if change is None or other is None:
+        return None
+    both: Array = np.asarray(np.kron(np.eye(2), back))
+    apart = np.abs(change - both @ other) / here.state_sigma
+    usual = np.abs(both @ other) / here.state_sigma
+    size = float(np.max(apart))
+    p, q = here.prediction.covariance, turned.prediction.covariance
+    # The gains can be compared where the predictions have similar variances.
+    ratios = (np.trace(p[part, part]) / np.trace(q[part, part]) for part in PARTS)
+    lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and all(abs(np.log(ratio)) < EQUAL for ratio in ratios)
+    centre, beside = here.predicted_measurement, _beside(here, side)
+    angular = list(SENSOR_MODELS[here.scan.kind].angular)
+    measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
+    text, shown = _text(here, side, size), _shown(here, turned, both, side)
+    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, shown, measured)
+
+
+def _shown(here: Trial, turned: Trial, both: Array, side: float) -> Predictions | None:
+    """The update beside the target, and that of the turned target, turned back to it ``(4, 4)``."""
+    after, other = here.posterior(_beside(here, side)), turned.posterior(_beside(turned, side))
+    if after is None or other is None:
+        return None
+    mean = here.prediction.mean + both @ (other.mean - turned.prediction.mean)
+    return Predictions(
+        f"Update with {here.scan.sensor}: {here.description}",
+        named("before the measurement", here.prediction),
+        named("tracker, after it", after),
+        StatedBelief("as of the same target turned away", mean, both @ other.covariance @ both.T),
+    )
+
+
+def _moved(here: Trial, mounted: Trial) -> bool:
+    """Whether the covariance after the predicted measurement depends on the yaw of the mounting."""
+    one, other = here.posterior(here.predicted_measurement), mounted.posterior(mounted.predicted_measurement)
+    if one is None or other is None:
+        return True
+    gap = (one.covariance - other.covariance) / np.outer(here.state_sigma, here.state_sigma)
+    return float(np.abs(gap).max()) > SPREAD
+
+
+def _change(trial: Trial, side: float) -> Array | None:
+    """``(4,)`` the estimate after a measurement beside the predicted one, minus that after the predicted one."""
+    estimate, centre = trial.posterior(_beside(trial, side)), trial.posterior(trial.predicted_measurement)
+    return None if estimate is None or centre is None else estimate.mean - centre.mean
+
+
+def _beside(trial: Trial, side: float) -> Array:
+    """The predicted measurement moved by some standard deviations to the left, as seen from the sensor."""
+    if trial.scan.kind != "lidar":
+        measurement = trial.predicted_measurement.copy()
+        measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
+        return measurement
+    dx, dy = trial.prediction.mean[:2] - trial.scan.sensor_pose[:2]
+    left = side * trial.sigma[0] * np.array([-dy, dx, 0.0, 0.0]) / np.hypot(dx, dy)
+    target, scan = trial.prediction.mean + left, trial.scan
+    return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
+
+
+def _text(trial: Trial, side: float, size: float) -> str:
+    if trial.scan.kind == "lidar":
+        course = np.arctan2(trial.prediction.mean[3], trial.prediction.mean[2])
+        at = f"course {course:+.4f} rad, measurement {abs(side):g} sigma to the side"
+    else:
+        measured, predicted = _beside(trial, side)[1], trial.predicted_measurement[1]
+        at = (
+            f"predicted azimuth {predicted:+.4f} rad, measurement {measured:+.4f} rad, {abs(side):g} sigma apart "
+            f"(plain difference {measured - predicted:+.4f})"
+        )
+    return f"{at}: the update differs by {size:.3g} of its standard deviations from that of the same target turned away"
 
 
 WRAPPING_CHECK = DoctorCheck(
