@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.files import read_bytes
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
-from trackbench.results.metric_value import Part
+from trackbench.results.metric_value import ResultModel
 
 SCHEMA_VERSION = 3
 #: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
@@ -24,7 +24,7 @@ DIGITS = 4
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 
 
-class Entrant(Part):
+class Entrant(ResultModel):
     """One tracker in one set of results."""
 
     tracker: str
@@ -32,7 +32,7 @@ class Entrant(Part):
     """Number of the set, in the order given; 0 is the baseline."""
 
 
-class ComparedResult(Part):
+class ComparedResult(ResultModel):
     """One result that takes part."""
 
     set: int
@@ -49,7 +49,7 @@ class ComparedResult(Part):
     """Why they are paired, or not; empty for the baseline."""
 
 
-class ComparedScenario(Part):
+class ComparedScenario(ResultModel):
     """One scenario, with its results in the order of the sets."""
 
     name: str
@@ -57,7 +57,7 @@ class ComparedScenario(Part):
     results: list[ComparedResult]
 
 
-class EntrantScore(Part):
+class EntrantScore(ResultModel):
     """What an entrant reached in a scenario."""
 
     scenario: str
@@ -81,7 +81,7 @@ class EntrantScore(Part):
         return None if found is None else found.value
 
 
-class PairDifference(Part):
+class PairDifference(ResultModel):
     """A metric of one entrant minus that of another, in one scenario."""
 
     scenario: str
@@ -130,7 +130,7 @@ class PairDifference(Part):
         return self.paired_runs is not None and max(map(abs, ends)) <= reach
 
 
-class NotCompared(Part):
+class NotCompared(ResultModel):
     """What could not be compared."""
 
     scenario: str
@@ -142,7 +142,7 @@ class NotCompared(Part):
     """Whether it is the entrant that has no value, and the other one has."""
 
 
-class OverallChange(Part):
+class OverallChange(ResultModel):
     """A metric of an entrant against the baseline, over all scenarios in which both have it."""
 
     metric: str
@@ -154,7 +154,7 @@ class OverallChange(Part):
     """The geometric mean of the ratios less one, in percent; None where a value is not positive."""
 
 
-class RankedTracker(Part):
+class RankedTracker(ResultModel):
     """One tracker over all its scenarios."""
 
     tracker: str
@@ -178,7 +178,7 @@ class RankedTracker(Part):
     """Whether it is no competitor: its rank is that which it would have, and it stands after the others."""
 
 
-class RankDifference(Part):
+class RankDifference(ResultModel):
     """The mean rank of one tracker against that of another."""
 
     a: str
@@ -189,7 +189,7 @@ class RankDifference(Part):
     """Whether they are shown to differ."""
 
 
-class GateResult(Part):
+class GateResult(ResultModel):
     """A limit held against one tracker of a later set in one scenario."""
 
     scenario: str
@@ -202,7 +202,7 @@ class GateResult(Part):
     """What was found, in one line."""
 
 
-class Comparison(Part):
+class Comparison(ResultModel):
     """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline.
 
     The fields are of the scenarios that the same metric ranks; ``groups`` has those of every such metric.

@@ -21,7 +21,7 @@ FORMATS: tuple[Format, ...] = get_args(Format)
 #: Columns of a text for a terminal.
 TEXT_WIDTH = 80
 
-Part = TypeVar("Part")
+Page = TypeVar("Page")
 
 _TABLES, _FIGURES = "tables", "figures"
 
@@ -74,8 +74,8 @@ def _figures(document: Document, ending: Literal["svg", "pdf"]) -> Iterator[tupl
         yield f"{_FIGURES}/{figure.name}.{ending}", draw
 
 
-def _encoded(render: Callable[[Part], str], part: Part) -> bytes:
-    return render(part).encode()
+def _encoded(render: Callable[[Page], str], page: Page) -> bytes:
+    return render(page).encode()
 
 
 ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")

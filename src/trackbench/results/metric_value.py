@@ -12,13 +12,13 @@ from trackbench.base.errors import InputError, nearest
 Json = dict[str, Any]
 
 
-class Part(BaseModel):
+class ResultModel(BaseModel):
     """A part of a result: frozen, and without keys that are not known."""
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class ConditionVerdict(Part):
+class ConditionVerdict(ResultModel):
     """The mean of a chi-square statistic under one condition, and what it says."""
 
     name: str
@@ -28,7 +28,7 @@ class ConditionVerdict(Part):
     verdict: str
 
 
-class MetricValue(Part):
+class MetricValue(ResultModel):
     """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well."""
 
     value: float | None = None

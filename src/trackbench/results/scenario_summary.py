@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from trackbench.base.errors import counted
-from trackbench.results.metric_value import Part
+from trackbench.results.metric_value import ResultModel
 from trackbench.results.truth_audit import TruthAudit
 
 #: None where a truth was not audited; such a ``Truth`` has an empty mapping.
 Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
 
 
-class ScenarioSummary(Part):
+class ScenarioSummary(ResultModel):
     """The scenario as it was run."""
 
     name: str
@@ -24,7 +24,7 @@ class ScenarioSummary(Part):
     overrides: list[str]
 
 
-class SceneSummary(Part):
+class SceneSummary(ResultModel):
     """One of several scenes."""
 
     name: str
@@ -41,7 +41,7 @@ class SceneSummary(Part):
         return sorted(self.error, key=self.error.__getitem__)
 
 
-class TruthSummary(Part):
+class TruthSummary(ResultModel):
     """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
 
     model_config = ConfigDict(extra="allow")
@@ -64,7 +64,7 @@ class TruthSummary(Part):
         return counted(len(self.objects), "vehicle") if self.known else "no truth"
 
 
-class ComponentNoise(Part):
+class ComponentNoise(ResultModel):
     """Of one component of a measurement."""
 
     sigma: float
@@ -72,7 +72,7 @@ class ComponentNoise(Part):
     """"m", "deg" or "m/s"."""
 
 
-class MountSummary(Part):
+class MountSummary(ResultModel):
     """The pose of a sensor on the observer."""
 
     x_m: float
@@ -80,7 +80,7 @@ class MountSummary(Part):
     yaw_deg: float
 
 
-class SensorSummary(Part):
+class SensorSummary(ResultModel):
     """One sensor."""
 
     kind: str
@@ -101,7 +101,7 @@ class SensorSummary(Part):
     """The least and the most time from a measurement to its arrival."""
 
 
-class ReferenceSummary(Part):
+class ReferenceSummary(ResultModel):
     """What errors are held against: the Cramer-Rao bound of targets that move with white acceleration.
 
     It also takes for granted that the sensors' noise is as stated and without bias, and that each measurement is known

@@ -6,10 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from trackbench.results.metric_value import Part
+from trackbench.results.metric_value import ResultModel
 
 
-class MetricSummary(Part):
+class MetricSummary(ResultModel):
     """A metric, of a result that can be read where its class is not."""
 
     name: str
@@ -22,7 +22,7 @@ class MetricSummary(Part):
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-class MarginSummary(Part):
+class MarginSummary(ResultModel):
     """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
 
     percent: float
@@ -39,7 +39,7 @@ class MarginSummary(Part):
         return max(self.percent / 100 * abs(value), self.absolute(unit))
 
 
-class ScoreSummary(Part):
+class ScoreSummary(ResultModel):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float

@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field
 
 from trackbench.engine.equations import ComputedBy
-from trackbench.results.metric_value import Part
+from trackbench.results.metric_value import ResultModel
 from trackbench.results.scenario_summary import ReferenceSummary, ScenarioSummary, SensorSummary, TruthSummary
 from trackbench.results.score_summary import ScoreSummary
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
@@ -17,7 +17,7 @@ from trackbench.results.tracker_result import TrackerResult
 SCHEMA_VERSION = 3
 
 
-class FewerEstimates(Part):
+class FewerEstimates(ResultModel):
     """Of two trackers the one with the better values, which is not called better: it left out what the other gave."""
 
     tracker: str
@@ -25,7 +25,7 @@ class FewerEstimates(Part):
     """Of the estimates that are due, by how much its share is smaller than that of the other."""
 
 
-class Difference(Part):
+class Difference(ResultModel):
     """The value of one tracker minus that of another, paired over the runs."""
 
     a: str
@@ -47,7 +47,7 @@ class Difference(Part):
     """Why neither is better where the difference is shown; None where that is not so."""
 
 
-class ExpectationResult(Part):
+class ExpectationResult(ResultModel):
     """What the scenario expects, and what was found."""
 
     tracker: str
@@ -59,7 +59,7 @@ class ExpectationResult(Part):
     text: str
 
 
-class PrecisionReached(Part):
+class PrecisionReached(ResultModel):
     """How well the leading difference is known, where the number of runs was left to it."""
 
     target: float
@@ -70,7 +70,7 @@ class PrecisionReached(Part):
     second: str | None
 
 
-class Summary(Part):
+class Summary(ResultModel):
     """``result.json``"""
 
     schema_version: int = SCHEMA_VERSION

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
 from trackbench.engine.equations import ComputedBy
-from trackbench.results.metric_value import MetricsByPath, MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
 
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
@@ -21,7 +21,7 @@ Metrics = Annotated[
 ]
 
 
-class Failure(Part):
+class Failure(ResultModel):
     """Why and where a tracker could not go on."""
 
     cause: str
@@ -42,7 +42,7 @@ class Failure(Part):
         return f"{self.cause} ({', '.join(place)})"
 
 
-class Health(Part):
+class Health(ResultModel):
     """What went wrong without ending the run; None where the tracker failed before it could be counted."""
 
     diverged_runs: int | None = None
@@ -53,7 +53,7 @@ class Health(Part):
     """Identities that were used again after their track had ended; None where identities are known."""
 
 
-class ConditionScores(Part):
+class ConditionScores(ResultModel):
     """Scores of the estimates under one condition."""
 
     count: int
@@ -68,7 +68,7 @@ class ConditionScores(Part):
     to_m: float | None = None
 
 
-class Breakdown(Part):
+class Breakdown(ResultModel):
     """Scores by condition; what did not occur is left out."""
 
     all: ConditionScores
@@ -80,7 +80,7 @@ class Breakdown(Part):
     """By whether the velocity of the truth jumped within the second before."""
 
 
-class TrackerResult(Part):
+class TrackerResult(ResultModel):
     """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
 
     name: str

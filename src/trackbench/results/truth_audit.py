@@ -6,10 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from trackbench.results.metric_value import Part
+from trackbench.results.metric_value import ResultModel
 
 
-class VelocityMismatch(Part):
+class VelocityMismatch(ResultModel):
     """How far a velocity is from the displacement that it should cause; None where nothing moves."""
 
     max_mps: float | None
@@ -19,7 +19,7 @@ class VelocityMismatch(Part):
     time_s: float | None
 
 
-class PositionJump(Part):
+class PositionJump(ResultModel):
     """A body moves in a way that its velocity does not explain, and its track ends there."""
 
     object: str
@@ -27,7 +27,7 @@ class PositionJump(Part):
     distance_m: float
 
 
-class VelocityJumps(Part):
+class VelocityJumps(ResultModel):
     """Steps in which a velocity changes by more than a car can do. They are counted and stay."""
 
     limit_mps2: float
@@ -44,14 +44,14 @@ class VelocityJumps(Part):
     """Largest change of the velocity vector over the step's duration, jump or not."""
 
 
-class EndedEarly(Part):
+class EndedEarly(ResultModel):
     """The truth is shorter than the scenario asks for."""
 
     time_s: float
     reason: str
 
 
-class Repairs(Part):
+class Repairs(ResultModel):
     """What was corrected."""
 
     velocity_from_course_and_slip: list[str] = Field(default_factory=list)
@@ -67,7 +67,7 @@ class Repairs(Part):
         return any(vars(self).values())
 
 
-class TruthAudit(Part):
+class TruthAudit(ResultModel):
     """What the audit of a truth found and did."""
 
     mode: Literal["repair", "refuse", "by construction"]

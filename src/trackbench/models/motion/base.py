@@ -107,7 +107,7 @@ class MotionModel(Config, ABC):
         """The state whose position and velocity have the given distribution; its other components are zero."""
         if len(self.components) == 4:
             return belief
-        return extended(self, belief, sigmas)
+        return pad_state(self, belief, sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         """``(n, ...)`` the state of a body in the given motion."""
@@ -151,7 +151,7 @@ def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> fl
     return sigmas.yaw_rate if component in YAW_RATE else model.first_sigmas[component]
 
 
-def extended(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gaussian:
+def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gaussian:
     """A belief of the first four components of a model's state, its other components at zero."""
     size, batch = len(model.components), first.mean.shape[1:]
     mean = np.zeros_like(first.mean, dtype=float, shape=(size, *batch))

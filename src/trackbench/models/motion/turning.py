@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian
 from trackbench.base.units import cos_sin
-from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, extended
+from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, pad_state
 
 #: Below this half turn (rad) the series of the spherical Bessel functions are exact to double precision.
 SMALL = 0.5
@@ -185,7 +185,7 @@ class SpeedAndYaw(MotionModel):
         scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
         p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
         mean = linalg.vector([px, py, speed, np.arctan2(vy, vx)])
-        return extended(self, Gaussian(mean, linalg.symmetrise(p)), sigmas)
+        return pad_state(self, Gaussian(mean, linalg.symmetrise(p)), sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         known = {
