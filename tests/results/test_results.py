@@ -13,7 +13,12 @@ from pydantic import ValidationError
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.results import SCHEMA_VERSION, MetricValue, Result, folder, to_json
-from trackbench.results.table_check import COLUMNS
+from trackbench.results.declared import LABELLED
+
+
+def numbers_of(table: str) -> list[str]:
+    return [column.name for column in LABELLED[table].columns if column.kind != "name"]
+
 
 SMALL = Result.from_json(
     {
@@ -86,9 +91,9 @@ SMALL = Result.from_json(
     },
     {
         "steps": pa.table(
-            {"tracker": ["ekf"] * 2, **{name: [0.0, 0.1] for name in COLUMNS["steps"][1]}, "own": [None, 0.25]}
+            {"tracker": ["ekf"] * 2, **{name: [0.0, 0.1] for name in numbers_of("steps")}, "own": [None, 0.25]}
         ),
-        "roads": pa.table({name: pa.array([], "f8") for name in COLUMNS["roads"][1]}),
+        "roads": pa.table({name: pa.array([], "f8") for name in numbers_of("roads")}),
     },
 )
 

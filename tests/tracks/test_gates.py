@@ -10,7 +10,7 @@ from matplotlib.path import Path as Outline
 
 from trackbench.base.types import Scan
 from trackbench.results import Result
-from trackbench.runner.recorded_gates import CORNERS, outlines
+from trackbench.runner.traffic_tables import CORNERS, outlines
 
 
 def test_the_edge_is_where_the_distance_is_the_threshold() -> None:

@@ -1,15 +1,85 @@
-"""Arrow tables as NumPy columns, and the rows of one vehicle or tracker out of them."""
+"""A table of a result: its columns, what they are made from, and its rows as NumPy arrays."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from trackbench.base.types import Array
+
 #: Columns by name; null floats are NaN.
 Columns = dict[str, npt.NDArray[Any]]
+#: What some rows are made from, by name: arrays and lists ``(rows,)``, or single values for all of them.
+Record = Mapping[str, Any]
+#: A name tells series apart. whole: a count, or what holds or not. sparse: a number that every row may lack.
+Kind = Literal["name", "number", "whole", "sparse"]
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    unit: str
+    """As it stands after a number: "1" where there is none, empty of names and of what has the sensor's units."""
+    source: str | Callable[[Record], Any]
+    """The entry of a record that it is, or what computes it from a record."""
+    kind: Kind = "number"
+    required: bool = False
+    """Whether a stored table without it is none of a run. Another one is left out where its entry is missing."""
+
+    def values(self, record: Record) -> Any:
+        """``(rows,)``, or a single value for all rows."""
+        return record[self.source] if isinstance(self.source, str) else self.source(record)
+
+
+class Table(NamedTuple):
+    """What a table holds."""
+
+    meaning: str
+    columns: list[Column]
+    series: bool = False
+    """Whether all series have the same times."""
+    single_rows: bool = False
+    """Whether each record is one row."""
+
+    def written(self, records: Sequence[Record], more: Iterable[str] = ()) -> pa.Table:
+        """The table of these records; without columns where there are none.
+
+        Args:
+            records: each of some rows.
+            more: names of entries that are columns of this result alone.
+        """
+        if not records:
+            return pa.table({})
+        columns = [
+            column
+            for column in self.columns
+            if column.required or not isinstance(column.source, str) or column.source in records[0]
+        ]
+        columns += [Column(name, "1", name) for name in more]
+        parts = [{column.name: column.values(record) for column in columns} for record in records]
+        if self.single_rows:
+            return pa.Table.from_pylist(parts)
+        sizes = [next((len(each) for each in part.values() if not isinstance(each, str | float)), 1) for part in parts]
+        stacked: dict[str, pa.Array] = {}
+        for column in columns:
+            values = [(part[column.name], size) for part, size in zip(parts, sizes, strict=True)]
+            if column.kind == "name":
+                texts = [text for each, size in values for text in ([each] * size if isinstance(each, str) else each)]
+                stacked[column.name] = pa.array(texts, pa.string()).dictionary_encode()
+            else:
+                arrays = [np.broadcast_to(each, size) for each, size in values]
+                stacked[column.name] = pa.array(np.concatenate(arrays), from_pandas=True)
+        return pa.table(stacked)
+
+
+def mean(total: Array, count: Array) -> Array:
+    """NaN where the count is zero."""
+    return total / np.where(count > 0, count, np.nan)
 
 
 def columns(table: pa.Table) -> Columns:

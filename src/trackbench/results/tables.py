@@ -10,45 +10,15 @@ import pyarrow.parquet as pq
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
+from trackbench.results.declared import HIDDEN, LABELLED
 from trackbench.results.table_check import TableLayout, require_table
 
 
-class _Table:
-    """A table as an attribute of :class:`Tables`."""
-
-    def __init__(self, describes: str) -> None:
-        self.__doc__ = describes
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, tables: Tables, owner: type) -> pa.Table:
-        return tables[self.name]
-
-
 class Tables(Mapping[str, pa.Table]):
-    """The tables of a result by name, in memory or in its folder."""
+    """The tables of a result by name, in memory or in its folder.
 
-    steps = _Table("errors of each tracker at each instant, over runs and objects")
-    nis = _Table("normalised innovation squared of each tracker and sensor at each measurement")
-    runs = _Table("errors of each tracker in each run")
-    breakdown = _Table("errors of each tracker by manoeuvre and range band")
-    autocorrelation = _Table("autocorrelation of each tracker's whitened innovations, by lag")
-    truth = _Table("motion of every target and of the observer in the recorded run")
-    measurements = _Table("every measurement of the recorded run")
-    estimates = _Table("every tracker's estimates of the recorded run")
-    recorded_nis = _Table("normalised innovation squared of every measurement of the recorded run")
-    modes = _Table("if trackers have modes: their probability at each instant, mean over runs and objects")
-    recorded_modes = _Table("if trackers have modes: their probability in the recorded run")
-    roads = _Table("lane edges to draw")
-    tracks = _Table("where identities are hidden: every confirmed track of the recorded run")
-    taken = _Table("where identities are hidden: the detection that each track of the recorded run took in each scan")
-    gates = _Table("where identities are hidden: outlines of the gates of built-in trackers in the recorded run")
-    due = _Table("where identities are hidden: 0 absent, 1 optional, 2 due, of each object in the recorded run")
-    events = _Table("where identities are hidden: what happened to objects and tracks")
-    objects = _Table("where identities are hidden: what each object's time was spent on in the recorded run")
-    association = _Table("where identities are hidden: how often tracks took a detection of their own object")
-    existence = _Table("where identities are hidden: tracks by stated existence probability, and how many are real")
+    A table is an attribute too, such as ``tables.steps``; ``results.declared`` says what each holds.
+    """
 
     def __init__(
         self, known: Mapping[str, pa.Table], folder: Path | None = None, layout: TableLayout | None = None
@@ -61,6 +31,15 @@ class Tables(Mapping[str, pa.Table]):
     def __iter__(self) -> Iterator[str]:
         there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]
         return iter(dict.fromkeys([*self._known, *there]))
+
+    def __getattr__(self, name: str) -> pa.Table:
+        """A table as an attribute."""
+        if name not in LABELLED | HIDDEN:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return self[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *(LABELLED | HIDDEN)]
 
     def __len__(self) -> int:
         return sum(1 for _ in self)

@@ -2,146 +2,237 @@
 
 from __future__ import annotations
 
+import math
+import platform
 from collections.abc import Sequence
+from importlib.metadata import version
 
-import pyarrow as pa
+import numpy as np
 
-from trackbench.metrics import health, no_metrics
+from trackbench.base.types import Array
+from trackbench.engine.equations import EngineUsed
+from trackbench.metrics import Evaluation, Metric, health, no_metrics, ratio, variance_shares
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
 from trackbench.metrics.evaluate import log_broken
-from trackbench.results import Health, Result, Tables, TrackerResult
-from trackbench.results.scenario_summary import ReferenceSummary
-from trackbench.results.score_summary import MarginSummary
-from trackbench.runner import recorded_tables, tables
+from trackbench.metrics.sums import ERROR
+from trackbench.metrics.traffic import TRACKS, run_sums
+from trackbench.models.sensors import Sensor
+from trackbench.results import Health, Result, Summary, Tables, TrackerResult
+from trackbench.results.scenario_summary import (
+    ComponentNoise,
+    MountSummary,
+    ReferenceSummary,
+    ScenarioSummary,
+    SceneSummary,
+    SensorSummary,
+    TruthSummary,
+)
+from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
 from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
-from trackbench.runner.evaluated import evaluated
+from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
-from trackbench.runner.mode_tables import mode_tables
-from trackbench.runner.summary import summarised, summary_of_metric
+from trackbench.runner.tables import labelled_tables
+from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
+from trackbench.sensing.scans import scan_rate
 from trackbench.trackers.answers import NOT_FINITE
-from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
+
+PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
 
 def assemble(
     loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
 ) -> Result:
     """The result of all blocks of a run."""
-    scenario = loaded.config
-    assembly = _Assembly(work, blocks)
-    found = assembly.found
-    compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
+    scenario, hidden = loaded.config, work.cutoff is not None
+    scores = evaluated(work, blocks)
     margin = MarginSummary(**scenario.score.margin.model_dump())
-    coverage = {name: found.scores[name].coverage for name in found.ranked}
-    wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    pairs = differences(compared, work.metrics, margin, coverage, wanted)
-    trackers = [assembly.tracker(name) for name in work.trackers]
-    summary = summarised(
-        loaded,
-        truths,
-        work,
-        blocks,
-        command,
-        errors={name: found.error_by_scene(name) for name in found.ranked},
-        detected={
-            sensor.name: sum(block.detections[sensor.name] for block in blocks) for sensor in work.scenes[0].sensors
-        },
-        reference=ReferenceSummary(
-            kind="bound" if work.acceleration_as_drawn else "reference",
-            motion="cv",
-            acceleration_sigma_mps2=work.acceleration,
-            acceleration_from="truth" if scenario.score.reference.acceleration_sigma_mps2 is None else "scenario",
-            acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
-            velocity_sigma_mps=work.velocity_sigma,
-        ),
-        engine=engine_of_all(work, assembly.engines),
-        common_share=found.common_share,
-        metrics=[summary_of_metric(metric) for metric in scenario.score.metrics],
-        trackers=trackers,
-        ranking=[*found.ranked, *(name for name in work.trackers if name not in found.ranked)],
-        differences=pairs,
-        expectations=judge(scenario.expect, trackers, pairs, work.min_coverage),
-    )
-    for name, used in assembly.engines.items():
+    engines = engines_of(work, blocks)
+    for name, used in engines.items():
         log_left_to_numpy(work.scenario, name, used)
-    log_broken(evaluation.broken for evaluation in found.evaluations.values())
-    return Result(summary, Tables(assembly.tables()))
+    log_broken(evaluation.broken for evaluation in scores.evaluations.values())
+    pairs = []
+    if work.has_truth:
+        compared = {name: scores.evaluations[name].intervals for name in scores.coverage}
+        wanted = {item.metric for item in scenario.expect if item.better_than is not None}
+        pairs = differences(compared, work.metrics, margin, scores.coverage, wanted)
+    trackers = [_tracker(work, name, scores, engines.get(name)) for name in work.trackers]
+    min_coverage = 0.0 if hidden else work.min_coverage
+    expectations = judge(scenario.expect, trackers, pairs, min_coverage)
+    instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
+    summary = Summary(
+        identities=scenario.sensing.identities,
+        scenario=ScenarioSummary(
+            name=scenario.name,
+            description=scenario.description,
+            file=loaded.path.name,
+            text=loaded.text,
+            overrides=list(loaded.overrides),
+        ),
+        seed=work.seed,
+        runs=work.runs * len(work.scenes),
+        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        engine=engine_of_all(work, engines),
+        command=command,
+        fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
+        truth=_truth(loaded, truths, work, scores),
+        sensors=_sensors(work, blocks),
+        reference=None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work),
+        score=ScoreSummary(
+            settle_s=work.settle,
+            divergence_m=work.divergence,
+            lost_after_s=work.lost_after,
+            min_coverage=min_coverage,
+            common_share=scores.common_share,
+            cutoff_m=work.cutoff,
+            from_s=min(float(time[0]) for time in instants),
+            to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
+            metrics=[_summary_of_metric(metric) for metric in (work.metrics if hidden else scenario.score.metrics)],
+        ),
+        recorded_run=work.number(work.recorded_scene, work.recorded_run),
+        trackers=trackers,
+        ranking=[*scores.ranked, *(name for name in work.trackers if name not in scores.ranked)],
+        differences=pairs,
+        expectations=expectations,
+        passed=all(item.passed for item in expectations),
+        artifacts={},
+    )
+    return Result(summary, Tables((hidden_tables if hidden else labelled_tables)(work, blocks, scores)))
 
 
-class _Assembly:
-    """What the blocks of a run amount to."""
-
-    def __init__(self, work: Work, blocks: Sequence[Block]) -> None:
-        self._work = work
-        self._blocks = blocks
-        self.found = evaluated(work, blocks)
-        self.engines = engines_of(work, blocks)
-
-    def tracker(self, name: str) -> TrackerResult:
-        """The entry of one tracker."""
-        failure = self.found.failures.get(name)
-        config = self._work.trackers[name]
-        described, smoother = (
-            describe(config, self._work.late_sensors),
-            config.smoother if isinstance(config, FilterConfig) else None,
-        )
-        engine = self.engines[name].engine if name in self.engines else None
-        if failure is not None:
-            return TrackerResult(
-                name=name,
-                describe=described,
-                smoother=smoother,
-                engine=engine,
-                failed=failure,
-                metrics=no_metrics("the tracker failed", self._work.metrics),
-                health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE)),
-            )
-        evaluation = self.found.evaluations[name]
+def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None) -> TrackerResult:
+    """The entry of one tracker."""
+    config, failure = work.trackers[name], scores.failures.get(name)
+    associate = getattr(config, "associate", None)
+    entry = {
+        "name": name,
+        "describe": describe(config, work.late_sensors),
+        "association": None if associate is None else associate.method,
+        "smoother": getattr(config, "smoother", None),
+        "engine": None if engine is None else engine.engine,
+        "failed": failure,
+    }
+    if failure is not None:
+        metrics = work.metrics if work.cutoff is None else metrics_of_truth(work)
+        values = no_metrics("the tracker failed", metrics)
         return TrackerResult(
-            name=name,
-            describe=described,
-            smoother=smoother,
-            engine=engine,
-            failed=None,
-            metrics=evaluation.values,
-            health=health(self.found.scores[name]),
-            breakdown=breakdown(evaluation.scores.classes),
-            scene_share=self.found.scene_share(name),
+            **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
         )
+    evaluation = scores.evaluations[name]
+    entry |= {"metrics": evaluation.values, "scene_share": _scene_share(work, evaluation)}
+    if work.cutoff is not None:
+        reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
+        return TrackerResult(**entry, health=Health(reused_ids=reused))
+    return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
 
-    def tables(self) -> dict[str, pa.Table]:
-        """Every table by name."""
-        work, run = self._work, self._work.recorded_run
-        scene = work.scenes[work.recorded_scene]
-        truth, instants = scene.truth, scene.instants()
-        block = next(block for block in self._blocks if block.recorded_scans is not None)
-        assert block.recorded_scans is not None
-        longest = max(work.scenes, key=lambda item: len(item.instants()))
-        times = {sensor.name: sensor.time for sensor in longest.sensors}
-        own = {sensor.name: sensor.time for sensor in scene.sensors}
-        evaluations = self.found.evaluations
-        recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
-        return {
-            "steps": tables.steps_table(evaluations, longest.truth.time[longest.instants()]),
-            "nis": tables.nis_table(self.found.scores, times),
-            "runs": tables.runs_table(self.found, work.scene_of_run),
-            "breakdown": tables.breakdown_table(evaluations),
-            "autocorrelation": tables.autocorrelation_table(self.found.scores),
-            "truth": recorded_tables.truth_table(truth, run),
-            "measurements": recorded_tables.measurements_table(block.recorded_scans.scans, truth.ids),
-            "estimates": recorded_tables.estimates_table(recorded, truth, instants, run),
-            "recorded_nis": recorded_tables.recorded_nis_table(recorded, truth.ids, own),
-            "roads": recorded_tables.roads_table(truth),
-            **mode_tables(
-                {name: work.trackers[name] for name in evaluations},
-                self._blocks,
-                longest.truth.time[longest.instants()],
-                truth.time[instants],
-                truth.ids,
-            ),
-        }
+
+def _headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
+    """``(runs,)`` sums of what trackers are ranked by, squared, and the number of terms in each."""
+    if work.cutoff is not None:
+        total, count = run_sums(evaluation.sums[TRACKS.name], work.headline)
+        return total, count
+    sums = evaluation.scores.per_run
+    return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
+
+
+def _scene_share(work: Work, evaluation: Evaluation) -> float | None:
+    """Share of the variance of one run's squared error that is between scenes."""
+    total, count = _headline_sums(work, evaluation)
+    if work.headline not in evaluation.intervals:
+        return None
+    shares = variance_shares(ratio(total, count), work.scene_of_run)
+    return None if shares is None else shares.scene
+
+
+def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
+    return ReferenceSummary(
+        kind="bound" if work.acceleration_as_drawn else "reference",
+        motion="cv",
+        acceleration_sigma_mps2=work.acceleration,
+        acceleration_from="truth" if stated_acceleration is None else "scenario",
+        acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
+        velocity_sigma_mps=work.velocity_sigma,
+    )
+
+
+def _summary_of_metric(metric: Metric) -> MetricSummary:
+    return MetricSummary(
+        name=metric.name,
+        unit=metric.unit,
+        meaning=metric.meaning,
+        better=metric.better,
+        compared=metric.compared and metric.better is not None,
+        per_sensor=metric.per_sensor,
+        options=metric.model_dump(mode="json", fallback=str),
+    )
+
+
+def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
+    """The sensors by name, with their share of detections of the objects in view, over instants, objects and runs."""
+    summaries = {}
+    for number, sensor in enumerate(work.scenes[0].sensors):
+        detected = sum(block.detections.get(sensor.name, 0.0) for block in blocks)
+        seen = sum(float(scene.sensors[number].visible.mean(axis=-1).sum() * work.runs) for scene in work.scenes)
+        config = sensor.config
+        summaries[sensor.name] = SensorSummary(
+            kind=config.type,
+            dof=len(sensor.noise_covariance),
+            noise=_noise(config),
+            fov_deg=config.fov_deg,
+            max_range_m=config.max_range_m,
+            mount=MountSummary.model_validate(config.mount.model_dump()),
+            rate_hz=scan_rate(sensor),
+            preset=config.preset,
+            detection_rate=float(detected / seen) if seen > 0 else None,
+            latency_s=config.latency,
+        )
+    return summaries
+
+
+def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
+    """Of each component, angles in degrees."""
+    noise = {}
+    for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
+        angle = unit == "rad"
+        noise[name] = ComponentNoise(sigma=math.degrees(sigma) if angle else sigma, unit="deg" if angle else unit)
+    return noise
+
+
+def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
+    recorded = truths[work.recorded_scene]
+    truth, scenes = recorded.truth, []
+    if len(truths) > 1:
+        names = scores.ranked if work.cutoff is None else scores.evaluations
+        errors: dict[str, Array] = {}
+        for name in names:
+            total, count = (
+                np.bincount(work.scene_of_run, sums) for sums in _headline_sums(work, scores.evaluations[name])
+            )
+            errors[name] = np.sqrt(total / np.where(count > 0, count, np.nan))
+        scenes = [
+            SceneSummary(
+                name=source.scene_name or f"scene {number + 1}",
+                objects=list(item.truth.ids),
+                duration_s=float(item.truth.time[-1]),
+                audit=item.truth.audit,
+                error={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
+            )
+            for number, (item, source) in enumerate(zip(truths, loaded.config.truth.scenes(), strict=True))
+        ]
+    entries = {
+        "objects": list(truth.ids),
+        "known": truth.known,
+        "steps": len(truth.time),
+        "dt": float(truth.time[1] - truth.time[0]) if len(truth.time) > 1 else None,
+        "duration_s": float(truth.time[-1]),
+        "audit": truth.audit,
+        "cached": all(item.cached for item in truths),
+        "scenes": scenes,
+    }
+    return TruthSummary.model_validate({**truth.source, **entries})

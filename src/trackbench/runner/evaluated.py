@@ -2,65 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
-import numpy as np
-
-from trackbench.base.types import Array, Indices
-from trackbench.metrics import BUILT_IN, BlockScores, Evaluation, evaluate, merge_sums, ratio, variance_shares
+from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.registry import headline
 from trackbench.metrics.sums import ERROR
-from trackbench.results import Failure
+from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
+from trackbench.results import Failure, MetricValue
 from trackbench.runner.block import Block, failures_and_outcomes
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
+
+#: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
+NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
 
 
 @dataclass(frozen=True)
 class Evaluated:
     """What the trackers of a run reached."""
 
-    failures: dict[str, Failure]
+    failures: Mapping[str, Failure]
     """By tracker that could not go on."""
-    scores: dict[str, BlockScores]
-    """By each other tracker, the sums over all runs."""
-    evaluations: dict[str, Evaluation]
+    evaluations: Mapping[str, Evaluation]
     """By each other tracker, its metrics."""
-    scene: Indices
-    """``(runs,)`` number of the scene of each run."""
-    ranked: list[str]
+    ranked: Sequence[str]
     """Those with enough estimates, best first. They are scored where all of them gave an estimate."""
-
-    def error_by_scene(self, name: str) -> Array:
-        """``(scenes,)`` position RMSE of a tracker, m; NaN where it has no estimate."""
-        sums = self.evaluations[name].scores.per_run
-        square, count = (
-            np.bincount(self.scene, row) for row in (sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]])
-        )
-        return np.sqrt(square / np.where(count > 0, count, np.nan))
-
-    def scene_share(self, name: str) -> float | None:
-        """Share of the variance of one run's squared position error that is between scenes."""
-        sums = self.evaluations[name].scores.per_run
-        count = sums[ERROR["count"]]
-        if not count.sum():
-            return None
-        shares = variance_shares(ratio(sums[ERROR["px"]] + sums[ERROR["py"]], count), self.scene)
-        return None if shares is None else shares.scene
-
-    @property
-    def common_share(self) -> float | None:
-        """Share of the estimates that are due which all ranked trackers gave; None where none is ranked."""
-        if not self.ranked:
-            return None
-        best = self.ranked[0]
-        return float(self.evaluations[best].scores.per_run[ERROR["count"]].sum() / self.scores[best].due.sum())
+    coverage: Mapping[str, float]
+    """By ranked tracker, the share of the estimates due that it gave; in the order in which they are compared."""
+    scores: Mapping[str, BlockScores] = field(default_factory=dict)
+    """With known identities, by each tracker that did not fail, the sums over all runs."""
+    common_share: float | None = None
+    """With known identities, the share of the estimates due that all ranked trackers gave."""
+    tracks: Mapping[str, Sequence[TrafficScores]] = field(default_factory=dict)
+    """With hidden identities, by each tracker that did not fail, what its blocks left."""
 
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     """The metrics of every tracker."""
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
+    if work.cutoff is not None:
+        return _evaluated_tracks(work, failures, outcomes)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
     together = frozenset(name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage)
@@ -68,7 +50,42 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         name: evaluate(item, work.scene_of_run, work.metrics, together if name in together else frozenset({name}))
         for name, item in sums.items()
     }
-    errors = {name: evaluations[name].intervals.get(headline(BUILT_IN)) for name in together}
-    known = {name: error.value for name, error in errors.items() if error is not None}
-    ranked = sorted(known, key=lambda name: (known[name], list(sums).index(name)))
-    return Evaluated(failures, scores, evaluations, work.scene_of_run, ranked)
+    errors = {name: evaluations[name].intervals.get(work.headline) for name in together}
+    values = {name: error.value for name, error in errors.items() if error is not None}
+    ranked = sorted(values, key=lambda name: (values[name], list(sums).index(name)))
+    coverage = {name: item.coverage for name, item in scores.items() if name in ranked}
+    common_share = None
+    if ranked:
+        count = evaluations[ranked[0]].scores.per_run[ERROR["count"]]
+        common_share = float(count.sum() / scores[ranked[0]].due.sum())
+    return Evaluated(failures, evaluations, ranked, coverage, scores, common_share)
+
+
+def _evaluated_tracks(
+    work: Work, failures: Mapping[str, Failure], outcomes: Mapping[str, Sequence[TrafficScores]]
+) -> Evaluated:
+    """The same where identities are hidden."""
+    evaluations = {name: _evaluation_of_tracks(work, blocks) for name, blocks in outcomes.items()}
+    ranked = list(evaluations)
+    if all(work.headline in evaluation.intervals for evaluation in evaluations.values()):
+        ranked.sort(key=lambda name: evaluations[name].intervals[work.headline].value)
+    return Evaluated(failures, evaluations, ranked, dict.fromkeys(ranked, 1.0), tracks=outcomes)
+
+
+def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evaluation:
+    metrics = [metric for metric in work.metrics if work.has_truth or metric.without_truth]
+    evaluation = Evaluation(merge_sums([block.metrics for block in blocks], metrics))
+    if work.has_truth and not run_sums(evaluation.sums[TRACKS.name], "matched_share")[1].any():
+        evaluation.values = no_metrics(NOTHING_DUE, work.metrics)
+    else:
+        evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics)
+        if not work.has_truth:
+            evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
+    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
+    evaluation.values["step_time"] = MetricValue(value=1e6 * seconds / max(steps, 1), unit="us")
+    return evaluation
+
+
+def metrics_of_truth(work: Work) -> list[Metric]:
+    """Where identities are hidden, the metrics that need a truth."""
+    return [*TRACK_METRICS.values(), *(metric for metric in work.metrics if not metric.without_truth)]

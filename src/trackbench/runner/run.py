@@ -15,7 +15,6 @@ from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks, failures_and_outcomes
-from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
@@ -98,9 +97,7 @@ class PendingRun:
         """The result, once all runs are done; as ``run``."""
         blocks = list(self._blocks.collect(progress, on_recorded_run))
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        if self._work.cutoff is None:
-            return assemble(self._loaded, self._truths, self._work, blocks, command)
-        return assemble_traffic(self._loaded, self._truths, self._work, blocks, command)
+        return assemble(self._loaded, self._truths, self._work, blocks, command)
 
 
 def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:

@@ -1,164 +1,243 @@
-"""What all runs leave per step, per run and by condition, as tables with a unit in each column's name."""
+"""The records that the tables of a result are made of; ``results.declared`` has the columns of each table."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from trackbench.base.types import Array, Indices
-from trackbench.metrics import Evaluation
+from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.metrics import BlockScores, Evaluation
 from trackbench.metrics.breakdown import cells
-from trackbench.metrics.consistency import mean_bounds
+from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.protocol import run_column
-from trackbench.metrics.sums import ERROR, NIS, BlockScores, Scores
-from trackbench.runner.columns import Columns, stacked
+from trackbench.metrics.sums import ERROR, NIS
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.results.columns import Record, mean
+from trackbench.results.declared import LABELLED
+from trackbench.results.table_check import OBSERVER
+from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.recorded import RecordedEstimates
+from trackbench.runner.work import Work
+from trackbench.trackers.config import FilterConfig, ImmConfig
+
+#: By table, the records that it is made of.
+Records = dict[str, list[Record]]
 
 
-def steps_table(evaluations: Mapping[str, Evaluation], time: Array) -> pa.Table:
-    """Errors of each tracker at each instant over runs and objects, with the reference."""
-    return stacked([_steps(name, item.scores, time) for name, item in evaluations.items()])
+def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> dict[str, pa.Table]:
+    """Every table of a run with known identities, by name."""
+    scene = work.scenes[work.recorded_scene]
+    truth, instants = scene.truth, scene.instants()
+    times = {sensor.name: sensor.time for sensor in work.longest_scene.sensors}
+    evaluations, scores = evaluated.evaluations, evaluated.scores
+    own_paths = list(dict.fromkeys(path for item in evaluations.values() for path in item.own))
+    block = next(block for block in blocks if block.recorded_scans is not None)
+    assert block.recorded_scans is not None
+    recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
+    records: Records = {
+        "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
+        "nis": _nis_records(scores, times),
+        "runs": [_run_record(name, item, scores[name], work, own_paths) for name, item in evaluations.items()],
+        "breakdown": [
+            {"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)
+        ],
+        "autocorrelation": _autocorrelation_records(scores),
+        "truth": truth_records(truth, work.recorded_run),
+        "measurements": measurement_records(block.recorded_scans.scans, truth.ids),
+        "estimates": estimate_records(recorded, truth, instants, work.recorded_run),
+        "recorded_nis": [
+            {"tracker": name, "sensor": sensor.name, "object": target, "time_s": sensor.time, "nis": nis}
+            for name, estimates in recorded.items()
+            for sensor in scene.sensors
+            if sensor.name in estimates.nis
+            for target, nis in zip(truth.ids, np.stack(estimates.nis[sensor.name]).T, strict=True)
+        ],
+        "roads": road_records(truth),
+        **_mode_records(work, blocks, list(evaluations)),
+    }
+    more = {"runs": [run_column(path) for path in own_paths]}
+    return {name: LABELLED[name].written(parts, more.get(name, ())) for name, parts in records.items()}
 
 
-def nis_table(scores: Mapping[str, BlockScores], sensor_times: Mapping[str, Array]) -> pa.Table:
-    """Normalised innovation squared of each tracker and sensor at each measurement."""
-    parts = []
-    for name, item in scores.items():
-        for sensor, nis in item.nis.items():
-            if nis.dof == 0:
-                continue
-            count = nis.per_step[NIS["count"]]
-            low, high = mean_bounds(nis.dof, count)
-            rows = len(count)
-            parts.append(
-                {
-                    "tracker": [name] * rows,
-                    "sensor": [sensor] * rows,
-                    "time_s": sensor_times[sensor],
-                    "count": count,
-                    "nis_mean": _mean(nis.per_step[NIS["nis"]], count),
-                    "nis_low": np.where(count > 0, low, np.nan),
-                    "nis_high": np.where(count > 0, high, np.nan),
-                    "dof": np.full(rows, float(nis.dof)),
-                    "inside95": _mean(nis.per_step[NIS["inside"]], count),
-                }
-            )
-    return stacked(parts)
+def truth_records(truth: Truth, run: int) -> list[Record]:
+    """The motion of every target and of the observer in one run."""
+    column = min(run, truth.px.shape[2] - 1)
+    fields = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
+    records: list[Record] = [
+        {
+            "object": name,
+            "role": "target",
+            "time_s": truth.time,
+            "alive": truth.alive[:, i],
+            **{field: getattr(truth, field)[:, i, column] for field in fields},
+            "length": float(truth.length[i]),
+            "width": float(truth.width[i]),
+        }
+        for i, name in enumerate(truth.ids)
+    ]
+    observer, steps = truth.observer, len(truth.time)
+    speed = np.hypot(observer.vx, observer.vy)
+    records.append(
+        {
+            "object": OBSERVER,
+            "role": OBSERVER,
+            "time_s": truth.time,
+            "alive": np.ones(steps, dtype=bool),
+            **{field: getattr(observer, field) for field in ("px", "py", "vx", "vy", "yaw_rate")},
+            "heading": observer.yaw,
+            "course": np.where(speed > 0, np.arctan2(observer.vy, observer.vx), observer.yaw),
+            "speed": speed,
+            "acceleration": np.gradient(speed, truth.time) if steps > 1 else np.zeros(steps),
+            "length": float(observer.length),
+            "width": float(observer.width),
+        }
+    )
+    return records
 
 
-def runs_table(found: Evaluated, scene: Indices) -> pa.Table:
-    """Errors of each tracker in each run, for paired comparisons, and what it adds to each metric of a plug-in.
+def measurement_records(scans: Sequence[Scan], ids: Sequence[str]) -> list[Record]:
+    """Every measurement of a run with known identities."""
+    return [{**scan_record(scan), "object": list(ids), "valid": scan.valid} for scan in scans]
 
-    Args:
-        found: what the trackers reached.
-        scene: ``(runs,)`` number of the scene of each run.
-    """
-    parts = []
-    own = list(dict.fromkeys(path for item in found.evaluations.values() for path in item.own))
-    for name, item in found.scores.items():
-        per_run = found.evaluations[name].scores.per_run
-        rows = len(scene)
-        parts.append(
+
+def estimate_records(
+    recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int
+) -> list[Record]:
+    """Every tracker's estimates of one run at some steps of the truth, with their errors."""
+    column = min(run, truth.px.shape[2] - 1)
+    state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., column][:, instants]
+    records: list[Record] = []
+    for name, estimates in recorded.items():
+        error = estimates.mean - state
+        nees = normalised_square(error, estimates.covariance)[0]
+        records += [
             {
-                "tracker": [name] * rows,
-                "run": np.arange(rows, dtype=float),
-                "scene": scene.astype(float),
-                "count": per_run[ERROR["count"]],
-                "course_count": per_run[ERROR["course_count"]],
-                "due": item.due,
-                **_errors(per_run),
-                "nees_mean": _mean(per_run[ERROR["nees"]], per_run[ERROR["count"]]),
-                "nis_mean": _mean(*_all_nis(item)),
-                "position_reference_m": _mean_root(per_run, "position_reference"),
-                "velocity_reference_mps": _mean_root(per_run, "velocity_reference"),
-                "diverged": item.diverged,
-                "repaired": item.repaired,
-                **{run_column(path): found.evaluations[name].per_run(path, rows) for path in own},
+                "tracker": name,
+                "object": target,
+                "time_s": truth.time[instants],
+                "mean": estimates.mean[:, :, i],
+                "covariance": estimates.covariance[:, :, :, i],
+                "error": error[:, :, i],
+                "nees": nees[:, i],
+                "due": estimates.due[:, i].astype(float),
             }
-        )
-    return stacked(parts)
+            for i, target in enumerate(truth.ids)
+        ]
+    return records
 
 
-def breakdown_table(evaluations: Mapping[str, Evaluation]) -> pa.Table:
-    """Errors of each tracker in each manoeuvre and range band over all runs."""
-    rows = [{"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)]
-    return pa.Table.from_pylist(rows)
+def road_records(truth: Truth) -> list[Record]:
+    """Lane edges to draw."""
+    lines = truth.roads or [np.zeros((0, 2))]
+    return [{"line": float(i), "x_m": line[:, 0], "y_m": line[:, 1]} for i, line in enumerate(lines)]
 
 
-def autocorrelation_table(scores: Mapping[str, BlockScores]) -> pa.Table:
-    """Autocorrelation of each tracker's whitened innovations over all runs, by lag in measurements.
+def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
+    """Errors at each instant over runs and objects, with the reference."""
+    sums, spread = dict(zip(ERROR, evaluation.scores.per_step, strict=True)), evaluation.scores.spread
+    bounds = _bounds("nees", 4, sums["count"])
+    return {"tracker": name, "time_s": time, **sums, "position_p10_m": spread[0], "position_p90_m": spread[1], **bounds}
 
-    ``low`` and ``high`` hold 95 % of the values where the innovations are white.
-    """
-    parts: list[Columns] = []
+
+def _bounds(name: str, dof: int, count: Array) -> Record:
+    """Where the mean of a chi-square statistic is expected."""
+    low, high = mean_bounds(dof, count)
+    return {f"{name}_low": np.where(count > 0, low, np.nan), f"{name}_high": np.where(count > 0, high, np.nan)}
+
+
+def _run_record(name: str, evaluation: Evaluation, scores: BlockScores, work: Work, own_paths: Sequence[str]) -> Record:
+    """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
+    runs = len(work.scene_of_run)
+    nis, nis_count = (
+        sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
+        for row in ("nis", "count")
+    )
+    return {
+        **run_keys(name, work),
+        **dict(zip(ERROR, evaluation.scores.per_run, strict=True)),
+        "nis": nis,
+        "nis_count": nis_count,
+        "due": scores.due,
+        "diverged": scores.diverged,
+        "repaired": scores.repaired,
+        **{run_column(path): evaluation.per_run(path, runs) for path in own_paths},
+    }
+
+
+def run_keys(name: str, work: Work) -> Record:
+    scene = work.scene_of_run
+    return {"tracker": name, "run": np.arange(len(scene), dtype=float), "scene": scene.astype(float)}
+
+
+def _nis_records(scores: Mapping[str, BlockScores], times: Mapping[str, Array]) -> list[Record]:
+    records: list[Record] = []
     for name, item in scores.items():
         for sensor, nis in item.nis.items():
-            pairs, product, square = nis.lags
+            if nis.dof > 0:
+                sums = dict(zip(NIS, nis.per_step, strict=True))
+                keys = {"tracker": name, "sensor": sensor, "time_s": times[sensor], "dof": float(nis.dof)}
+                records.append({**keys, **sums, **_bounds("nis", nis.dof, sums["count"])})
+    return records
+
+
+def _autocorrelation_records(scores: Mapping[str, BlockScores]) -> list[Record]:
+    records: list[Record] = []
+    for name, item in scores.items():
+        for sensor, nis in item.nis.items():
+            pairs, product_sum, square = nis.lags
             if nis.dof == 0 or square[0] == 0:
                 continue
             reach = 1.96 / np.sqrt(np.where(pairs > 0, pairs, np.nan) * nis.dof)
-            parts.append(
-                {
-                    "tracker": [name] * len(pairs),
-                    "sensor": [sensor] * len(pairs),
-                    "lag": np.arange(len(pairs), dtype=float),
-                    "pairs": pairs,
-                    "correlation": product / np.where(square > 0, square, np.nan),
-                    "low": -reach,
-                    "high": reach,
-                }
-            )
-    return stacked(parts)
+            lag = np.arange(len(pairs), dtype=float)
+            sums = {"pairs": pairs, "product": product_sum, "square": square}
+            records.append({"tracker": name, "sensor": sensor, "lag": lag, **sums, "low": -reach, "high": reach})
+    return records
 
 
-def _steps(name: str, scores: Scores, time: Array) -> Columns:
-    count = scores.per_step[ERROR["count"]]
-    low, high = mean_bounds(4, count)
+def _mode_records(work: Work, blocks: Sequence[Block], trackers: Sequence[str]) -> Records:
+    """The mode probabilities: mean over runs and objects, and the recorded run; no tables where no tracker has any."""
+    scene, time = work.scenes[work.recorded_scene], work.longest_time
+    means: list[Record] = []
+    single: list[Record] = []
+    for tracker in trackers:
+        config, outcomes = work.trackers[tracker], [block.outcomes[tracker] for block in blocks]
+        sums = [item.modes for item in outcomes if isinstance(item, LabelledOutcome) and item.modes is not None]
+        if not sums:
+            continue
+        names = [f"mode {number}" for number in range(1, len(sums[0].total) + 1)]
+        if isinstance(config, FilterConfig) and isinstance(config.motion, ImmConfig):
+            names = config.motion.names
+        total, count = np.zeros((len(names), len(time))), np.zeros(len(time))
+        for part in sums:
+            total[:, : len(part.count)] += part.total
+            count[: len(part.count)] += part.count
+        means += [
+            {"tracker": tracker, "mode": mode, "time_s": time, "probability": probability}
+            for mode, probability in zip(names, mean(total, count), strict=True)
+        ]
+        for recorded in (part.recorded for part in sums if part.recorded is not None):
+            for (m, mode), (i, target) in product(enumerate(names), enumerate(scene.truth.ids)):
+                keys = {"tracker": tracker, "mode": mode, "object": target}
+                time_s = scene.truth.time[scene.instants()]
+                single.append({**keys, "time_s": time_s, "probability": recorded[m, :, i]})
+    return {"modes": means, "recorded_modes": single} if means else {}
+
+
+def scan_record(scan: Scan) -> dict[str, Any]:
+    """A scan with the position in the fixed frame that each of its measurements ``(m, rows)`` states."""
+    components, rows = scan.measurement.shape
     return {
-        "tracker": [name] * len(time),
-        "time_s": time,
-        "count": count,
-        **_errors(scores.per_step),
-        "position_p10_m": scores.spread[0],
-        "position_p90_m": scores.spread[1],
-        "nees_mean": _mean(scores.per_step[ERROR["nees"]], count),
-        "nees_low": np.where(count > 0, low, np.nan),
-        "nees_high": np.where(count > 0, high, np.nan),
-        "position_reference_m": _mean_root(scores.per_step, "position_reference"),
-        "velocity_reference_mps": _mean_root(scores.per_step, "velocity_reference"),
+        "sensor": scan.sensor,
+        "kind": scan.kind,
+        "time_s": float(scan.time),
+        "arrival_time_s": float(scan.arrival_time),
+        "measurement": np.concatenate([scan.measurement, np.full((max(0, 3 - components), rows), np.nan)]),
+        "position": SENSOR_MODELS[scan.kind].position(scan).mean,
+        "sensor_pose": scan.sensor_pose,
     }
-
-
-def _errors(sums: Array) -> Columns:
-    count, course_count = sums[ERROR["count"]], sums[ERROR["course_count"]]
-
-    def rms(*rows: str) -> Array:
-        return np.sqrt(_mean(sum((sums[ERROR[row]] for row in rows), np.zeros_like(count)), count))
-
-    return {
-        "position_rmse_m": rms("px", "py"),
-        "velocity_rmse_mps": rms("vx", "vy"),
-        "course_rmse_deg": np.rad2deg(np.sqrt(_mean(sums[ERROR["course"]], course_count))),
-        "px_rmse_m": rms("px"),
-        "py_rmse_m": rms("py"),
-        "vx_rmse_mps": rms("vx"),
-        "vy_rmse_mps": rms("vy"),
-    }
-
-
-def _mean_root(sums: Array, row: str) -> Array:
-    """NaN where there is none."""
-    total = sums[ERROR[row]]
-    return np.sqrt(_mean(np.where(total > 0, total, np.nan), sums[ERROR["count"]]))
-
-
-def _all_nis(scores: BlockScores) -> tuple[Array, Array]:
-    nothing = np.zeros_like(scores.due)
-    total = sum((nis.per_run[NIS["nis"]] for nis in scores.nis.values()), nothing)
-    return total, sum((nis.per_run[NIS["count"]] for nis in scores.nis.values()), nothing)
-
-
-def _mean(total: Array, count: Array) -> Array:
-    return total / np.where(count > 0, count, np.nan)

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array
-from trackbench.metrics import Evaluation
-from trackbench.metrics.traffic import TRACKS, RunScores, run_sums
+from trackbench.metrics.traffic import RunScores
 from trackbench.metrics.traffic.events import TrafficEvent
 from trackbench.metrics.traffic.track_quality import ExistenceBins
 
@@ -62,16 +61,3 @@ def dearest(events: Sequence[Event], recorded: int | None) -> list[Event]:
         others = heapq.nlargest(MOST_EVENTS, others, key=lambda item: (item[1].cost, -item[0], -item[1].instant))
     own = [event for event in events if event[0] == recorded]
     return sorted([*own, *others], key=lambda item: (item[0], item[1].instant))
-
-
-@dataclass
-class TrafficEvaluation:
-    """What one tracker reached over all runs."""
-
-    blocks: list[TrafficSums]
-    metrics: Evaluation
-    reused_ids: int
-
-    def sums(self, path: str) -> Array:
-        """``(2, runs)`` totals and counts of a built-in metric; zeros where a run cannot tell it."""
-        return run_sums(self.metrics.sums[TRACKS.name], path)

@@ -1,255 +1,242 @@
-"""What a run of unlabelled detections leaves, as tables with a unit in each column's name."""
+"""The records that the tables of a result with hidden identities are made of."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
+from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.metrics import Evaluation
 from trackbench.metrics.protocol import run_column
-from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TrackHistory
+from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.metrics.traffic.events import STATES
 from trackbench.metrics.traffic.track_quality import BINS
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.results.columns import Record
+from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
-from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
+from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.hidden_run import TrafficScores
-from trackbench.runner.recorded_gates import gates_table
-from trackbench.runner.recorded_tables import roads_table, truth_table
-from trackbench.runner.traffic_sums import TrafficEvaluation, dearest, summed
+from trackbench.runner.tables import Records, road_records, run_keys, scan_record, truth_records
+from trackbench.runner.traffic_sums import TrafficSums, dearest, summed
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
+from trackbench.trackers.config import FilterConfig
 
-ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
-PARTS = ("localisation", "missed", "false")
+#: Points of the outline of a gate, of which the last is the first.
+CORNERS = 17
 
 
-def tables(work: Work, blocks: Sequence[Block], found: Mapping[str, TrafficEvaluation]) -> dict[str, pa.Table]:
-    """Every table by name."""
+def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> dict[str, pa.Table]:
+    """Every table of a run with hidden identities, by name."""
     scene = work.scenes[work.recorded_scene]
-    block = next(block for block in blocks if block.recorded_scans is not None)
+    evaluations, block = evaluated.evaluations, next(block for block in blocks if block.recorded_scans is not None)
     scans = block.recorded_scans
     assert scans is not None
     assert scans.status is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
-    longest = max(work.scenes, key=lambda item: len(item.instants()))
-    kept = {name: item for name, item in block.outcomes.items() if name in found and isinstance(item, TrafficScores)}
-    recorded = {name: scores.recorded for name, scores in kept.items() if scores.recorded is not None}
-    taken = {name: scores.taken for name, scores in kept.items() if scores.taken is not None}
+    kept = {
+        name: item for name, item in block.outcomes.items() if name in evaluations and isinstance(item, TrafficScores)
+    }
+    sums = {name: [block.sums for block in blocks] for name, blocks in evaluated.tracks.items()}
+    records: Records = {
+        "steps": [_gospa_record(name, blocks, work.longest_time) for name, blocks in sums.items()],
+        "runs": _run_records(evaluations, work),
+        "truth": truth_records(scene.truth, work.recorded_run),
+        "measurements": _detection_records(scene.truth, scans.scans, scans.origins),
+        "tracks": [_tracks_record(name, item, time) for name, item in kept.items() if item.recorded is not None],
+        "taken": [_taken_record(name, item, scans.scans) for name, item in kept.items() if item.taken is not None],
+        "gates": [record for name, item in kept.items() for record in _gate_records(work, name, item, scans.scans)],
+        "events": [_events_record(name, blocks, work) for name, blocks in sums.items()],
+        "objects": [record for name, blocks in sums.items() for record in _stretch_records(name, blocks, ids, time)],
+        "association": [_association_record(name, item) for name, item in evaluations.items()],
+        "existence": [_existence_record(name, blocks) for name, blocks in sums.items()],
+        "due": [
+            {"object": name, "time_s": time, "status": scans.status[:, number].astype(float)}
+            for number, name in enumerate(ids)
+        ],
+        "roads": road_records(scene.truth),
+    }
+    # Those of the metrics, beside the declared ones.
+    columns = list(records["runs"][0])[4:] if evaluations else []
+    more = {"runs": columns}
     return {
-        "steps": _steps(found, longest.truth.time[longest.instants()]),
-        "runs": _runs(work, found),
-        "truth": truth_table(scene.truth, work.recorded_run),
-        "measurements": _measurements(scene.truth, scans.scans, scans.origins),
-        "tracks": _tracks(recorded, time),
-        "taken": _taken(taken, scans.scans),
-        "gates": gates_table(work.trackers, {name: scores.predicted for name, scores in kept.items()}, scans.scans),
-        "events": events_table(work, found),
-        "objects": objects_table(work, found, time),
-        "association": association_table(found),
-        "existence": existence_table(found),
-        "due": _due(scans.status, ids, time),
-        "roads": roads_table(scene.truth),
+        name: HIDDEN[name].written([record for record in parts if record], more.get(name, ()))
+        for name, parts in records.items()
     }
 
 
-def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
-    """Root mean square over runs of GOSPA and its parts at each instant, m."""
-    parts: list[Columns] = []
-    for name, evaluation in found.items():
-        columns: dict[str, Array] = {}
-        for part in ("total", *PARTS):
-            total, count = np.zeros(len(time)), np.zeros(len(time))
-            for block in evaluation.blocks:
-                values = block.gospa.sum(axis=0) if part == "total" else block.gospa[PARTS.index(part)]
-                total[: len(values)] += values
-                count[: len(values)] += block.runs
-            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(
-                total / np.where(count > 0, count, np.nan)
-            )
-        parts.append({"tracker": [name] * len(time), "time_s": time, **columns})
-    return stacked(parts)
+def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> tuple[Array, Array]:
+    """``(K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
+
+    The sensor's equation is linearised at the track. A gate is an ellipsoid, and its shadow on two components is the
+    ellipse of their covariance with the same threshold.
+
+    Args:
+        scan: of the sensor.
+        mean: ``(4, K)`` of the predicted tracks.
+        covariance: ``(4, 4, K)``.
+        threshold: of the squared Mahalanobis distance.
+    """
+    model = SENSOR_MODELS[scan.kind]
+    pose, velocity = scan.sensor_pose[:, None], scan.sensor_velocity[:, None]
+    slope = model.jacobian(mean, pose, velocity)
+    spread = np.einsum("iak,abk,jbk->ijk", slope, covariance, slope) + scan.noise_covariance[..., None]
+    expected = model.measure(mean, pose, velocity)
+    angle = np.linspace(0, 2 * np.pi, CORNERS)
+    circle = np.sqrt(threshold) * np.stack([np.cos(angle), np.sin(angle)])
+    factor = np.linalg.cholesky(np.moveaxis(spread[:2, :2], 2, 0))
+    edge = expected[:, :, None] * np.ones(CORNERS)
+    edge[:2] += np.einsum("kij,jc->ikc", factor, circle)
+    flat = edge.reshape(len(edge), -1)
+    position = model.position(scan._replace(measurement=flat, valid=np.ones(flat.shape[1], dtype=bool))).mean
+    return position[0].reshape(-1, CORNERS), position[1].reshape(-1, CORNERS)
 
 
-def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
-    """Of each run the total and the count of each metric, for paired comparisons."""
-    scene = work.scene_of_run.astype(float)
-    rows = len(scene)
-    metrics = TRACK_METRICS | DETECTION_METRICS
-    known = dict.fromkeys(path for item in found.values() for path in item.metrics.intervals)
-    paths, own = [path for path in known if path in metrics], [path for path in known if path not in metrics]
-    parts: list[Columns] = []
-    for name, item in found.items():
-        values = {
-            column: sums for path in paths for column, sums in zip(metrics[path].columns, item.sums(path), strict=True)
-        }
-        for path in own:
-            values[run_column(path)] = item.metrics.per_run(path, rows)
-        run = np.arange(rows, dtype=float)
-        parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
-    return stacked(parts)
-
-
-def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> pa.Table:
+def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> list[Record]:
     """Every detection of the recorded run, with what caused it, which no tracker knows.
 
-    Without a truth nobody knows, and there is the number of the sensor's own track.
+    Without a truth the cause is unknown, and there is the number of the sensor's own track.
     """
     # The last one is also that of -1, which is the origin of a false alarm.
     names = [*truth.ids, FALSE_ALARM]
-    parts: list[Columns] = []
-    for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
-        rows = len(origin)
-        parts.append(
-            {
-                "sensor": [scan.sensor] * rows,
-                "kind": [scan.kind] * rows,
-                "object": [names[one] if truth.known else NO_OBJECT for one in origin],
-                "scan": np.full(rows, float(number)),
-                "detection": np.arange(rows, dtype=float),
-                "time_s": np.full(rows, scan.time),
-                "valid": np.ones(rows, dtype=bool),
-                **measurement_columns(scan),
-                **({} if truth.known else {"own_track": np.where(origin >= 0, origin, np.nan)}),
-            }
-        )
-    return stacked(parts)
+    return [
+        {
+            **scan_record(scan),
+            "object": [names[caused] if truth.known else NO_OBJECT for caused in origin],
+            "scan": float(number),
+            "detection": np.arange(len(origin), dtype=float),
+            "valid": np.ones(len(origin), dtype=bool),
+            **({} if truth.known else {"own_track": np.where(origin >= 0, origin, np.nan)}),
+        }
+        for number, (scan, origin) in enumerate(zip(scans, origins, strict=True))
+    ]
 
 
-def _tracks(recorded: Mapping[str, TrackHistory], time: Array) -> pa.Table:
-    """Every confirmed track of the recorded run at each instant."""
-    parts: list[Columns] = []
-    for name, history in recorded.items():
-        instant, column = np.nonzero(history.ids != NO_TRACK)
-        existence = history.existence
-        rows = len(instant)
-        parts.append(
-            {
-                "tracker": [name] * rows,
-                "time_s": time[instant],
-                "track": history.ids[instant, column].astype(float),
-                **state_columns(history.mean[:, instant, column], history.covariance[:, :, instant, column]),
-                "existence": np.full(rows, np.nan) if existence is None else existence[instant, column],
-            }
-        )
-    return stacked(parts)
+def _gospa_record(name: str, blocks: Sequence[TrafficSums], time: Array) -> Record:
+    """Sums over runs of squared GOSPA and its parts at each instant."""
+    sums, count = np.zeros((4, len(time))), np.zeros(len(time))
+    for block in blocks:
+        parts = np.stack([block.gospa.sum(axis=0), *block.gospa])
+        sums[:, : parts.shape[1]] += parts
+        count[: parts.shape[1]] += block.runs
+    return {"tracker": name, "time_s": time, **dict(zip(GOSPA_PARTS, sums, strict=True)), "count": count}
 
 
-def _taken(taken: Mapping[str, Indices], scans: Sequence[Scan]) -> pa.Table:
-    """The detection that each track took in each scan of the recorded run."""
-    times = np.array([scan.time for scan in scans])
-    return stacked(
-        [
-            {
-                "tracker": [name] * len(rows),
-                "time_s": times[rows[:, 0]],
-                **dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True)),
-            }
-            for name, rows in taken.items()
-        ]
-    )
+def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Record]:
+    """The total and the count of each metric in each run, for paired comparisons."""
+    built_in = TRACK_METRICS | DETECTION_METRICS
+    paths = dict.fromkeys(path for item in evaluations.values() for path in item.intervals)
+    records: list[Record] = []
+    for name, evaluation in evaluations.items():
+        record = {**run_keys(name, work), "count": 1.0}
+        for path in (path for path in paths if path in built_in):
+            record |= zip(built_in[path].columns, run_sums(evaluation.sums[TRACKS.name], path), strict=True)
+        for path in (path for path in paths if path not in built_in):
+            record[run_column(path)] = evaluation.per_run(path, len(work.scene_of_run))
+        records.append(record)
+    return records
 
 
-def _due(status: npt.NDArray[np.int8], ids: Sequence[str], time: Array) -> pa.Table:
-    """What each object was at each instant of the recorded run: 0 absent, 1 optional, 2 due."""
-    rows = len(time)
-    return stacked(
-        [
-            {"object": [name] * rows, "time_s": time, "status": status[:, number].astype(float)}
-            for number, name in enumerate(ids)
-        ]
-    )
+def _tracks_record(name: str, outcome: TrafficScores, time: Array) -> Record:
+    history = outcome.recorded
+    assert history is not None
+    instant, column = np.nonzero(history.ids != NO_TRACK)
+    return {
+        "tracker": name,
+        "time_s": time[instant],
+        "track": history.ids[instant, column].astype(float),
+        "mean": history.mean[:, instant, column],
+        "covariance": history.covariance[:, :, instant, column],
+        "existence": np.nan if history.existence is None else history.existence[instant, column],
+    }
 
 
-def events_table(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
+def _taken_record(name: str, outcome: TrafficScores, scans: Sequence[Scan]) -> Record:
+    """The detection that each track took in each scan."""
+    rows = outcome.taken
+    assert rows is not None
+    numbers = dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True))
+    return {"tracker": name, "time_s": np.array([scan.time for scan in scans])[rows[:, 0]], **numbers}
+
+
+def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence[Scan]) -> list[Record]:
+    """The outlines of the gates of a built-in tracker, each point a row."""
+    config = work.trackers[name]
+    if not isinstance(config, FilterConfig) or config.associate is None or config.associate.method == "oracle":
+        return []
+    records: list[Record] = []
+    for number, tracks in outcome.predicted.items():
+        scan = scans[number]
+        threshold = float(chi_square_quantile(config.associate.gate, float(len(scan.measurement))))
+        x, y = outlines(scan, tracks.mean, tracks.covariance, threshold)
+        track = np.repeat(tracks.ids.astype(float), CORNERS)
+        keys = {"tracker": name, "time_s": float(scan.time), "scan": float(number), "track": track}
+        records.append({**keys, "x_m": x.ravel(), "y_m": y.ravel()})
+    return records
+
+
+def _events_record(name: str, blocks: Sequence[TrafficSums], work: Work) -> Record:
     """All events of the recorded run, and those of the others: of more than ``MOST_EVENTS`` the dearest."""
-    return stacked([_events(work, name, item) for name, item in found.items()])
-
-
-def _events(work: Work, name: str, evaluation: TrafficEvaluation) -> Columns:
     recorded = work.number(work.recorded_scene, work.recorded_run)
-    rows = dearest([event for block in evaluation.blocks for event in block.events], recorded)
+    rows = dearest([event for block in blocks for event in block.events], recorded)
     ids = [work.scenes[scene].truth.ids for scene in work.scene_of_run]
 
     def number(field: str) -> Array:
         return np.array([getattr(event, field) for _, event in rows], dtype=float)
+
+    def track(field: str) -> Array:
+        return np.where(number(field) >= 0, number(field), np.nan)
 
     def objects(field: str) -> list[str]:
         numbers = ((run, getattr(event, field)) for run, event in rows)
         return [ids[run][item] if item >= 0 else NO_OBJECT for run, item in numbers]
 
     return {
-        "tracker": [name] * len(rows),
+        "tracker": name,
         "kind": [event.kind for _, event in rows],
         "object": objects("object"),
         "other_object": objects("other_object"),
         "why": [event.why for _, event in rows],
         "run": np.array([run for run, _ in rows], dtype=float),
         "time_s": number("time"),
-        "track": _known(number("track")),
-        "other_track": _known(number("other_track")),
+        "track": track("track"),
+        "other_track": track("other_track"),
         "x_m": number("x"),
         "y_m": number("y"),
         "cost_m2": number("cost"),
     }
 
 
-def objects_table(work: Work, found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
+def _stretch_records(name: str, blocks: Sequence[TrafficSums], ids: Sequence[str], time: Array) -> list[Record]:
     """What each object's time was spent on in the recorded run, stretch by stretch."""
-    ids = work.scenes[work.recorded_scene].truth.ids
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
-    parts: list[Columns] = []
-    for name, evaluation in found.items():
-        strips = next(block.strips for block in evaluation.blocks if block.strips is not None)
-        for item, strip in enumerate(strips.T):
-            starts = np.flatnonzero(np.diff(strip, prepend=-1))
-            ends = np.append(starts[1:], len(strip)) - 1
-            parts.append(
-                {
-                    "tracker": [name] * len(starts),
-                    "object": [ids[item]] * len(starts),
-                    "state": [STATES[code] for code in strip[starts]],
-                    "time_s": time[starts],
-                    "until_s": until[ends],
-                }
-            )
-    return stacked(parts)
+    strips = next(block.strips for block in blocks if block.strips is not None)
+    records: list[Record] = []
+    for item, strip in enumerate(strips.T):
+        starts = np.flatnonzero(np.diff(strip, prepend=-1))
+        ends = np.append(starts[1:], len(strip)) - 1
+        states = [STATES[code] for code in strip[starts]]
+        keys = {"tracker": name, "object": ids[item], "state": states}
+        records.append({**keys, "time_s": time[starts], "until_s": until[ends]})
+    return records
 
 
-def association_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
-    """How often each tracker's tracks took a detection of their own object, another's, a false alarm or none."""
-    parts: list[Columns] = []
-    for name, evaluation in found.items():
-        totals = {outcome: float(evaluation.sums(f"association_{outcome}")[0].sum()) for outcome in ASSOCIATIONS}
-        if any(totals.values()):
-            parts.append({"tracker": [name], **{outcome: np.array([total]) for outcome, total in totals.items()}})
-    return stacked(parts)
+def _association_record(name: str, evaluation: Evaluation) -> Record:
+    """Empty where the tracker does not say which detections it used."""
+    sums = evaluation.sums[TRACKS.name]
+    totals = {outcome: float(run_sums(sums, f"association_{outcome}")[0].sum()) for outcome in ASSOCIATIONS}
+    return {"tracker": name, **totals} if any(totals.values()) else {}
 
 
-def existence_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
-    """Tracks by the existence probability that they state, and how many of them are on an object."""
-    parts: list[Columns] = []
-    for name, evaluation in found.items():
-        bins = summed([block.existence for block in evaluation.blocks])
-        if bins is None:
-            continue
-        stated, real, number = (np.asarray(each, dtype=float) for each in bins)
-        parts.append(
-            {
-                "tracker": [name] * BINS,
-                "from": np.arange(BINS) / BINS,
-                "to": np.arange(1, BINS + 1) / BINS,
-                "count": number,
-                "stated": stated / np.where(number > 0, number, np.nan),
-                "real": real / np.where(number > 0, number, np.nan),
-            }
-        )
-    return stacked(parts)
-
-
-def _known(ids: Array) -> Array:
-    """NaN where there is none."""
-    return np.where(ids >= 0, ids, np.nan)
+def _existence_record(name: str, blocks: Sequence[TrafficSums]) -> Record:
+    """Empty where the tracker states no existence probabilities."""
+    bins = summed([block.existence for block in blocks])
+    if bins is None:
+        return {}
+    sums = dict(zip(("stated", "real", "count"), (np.asarray(each, dtype=float) for each in bins), strict=True))
+    return {"tracker": name, "from": np.arange(BINS) / BINS, "to": np.arange(1, BINS + 1) / BINS, **sums}

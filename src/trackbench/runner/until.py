@@ -12,9 +12,7 @@ from trackbench.base.execution import InProcess
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics import BUILT_IN
 from trackbench.metrics.intervals import paired
-from trackbench.metrics.registry import headline
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, PendingBlocks
@@ -117,10 +115,10 @@ def _with_runs(loaded: Scenario, runs: int) -> Scenario:
 
 def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
     """How well the leading difference is known after these blocks."""
-    found = evaluated(work, blocks)
+    scores = evaluated(work, blocks)
     smoothers = {name for name, config in work.trackers.items() if getattr(config, "smoother", None)}
-    contenders = [name for name in found.ranked if name not in smoothers]
-    known = {name: found.evaluations[name].intervals[headline(BUILT_IN)] for name in contenders}
+    contenders = [name for name in scores.ranked if name not in smoothers]
+    known = {name: scores.evaluations[name].intervals[work.headline] for name in contenders}
     if len(known) < 2:
         return PrecisionReached(
             target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None

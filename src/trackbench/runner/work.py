@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Indices, Truth
+from trackbench.base.types import Array, Indices, Truth
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
@@ -18,7 +18,8 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
-from trackbench.metrics.registry import built_in_metrics
+from trackbench.metrics.registry import built_in_metrics, headline
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import Failure
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
@@ -147,6 +148,26 @@ class Work:
         """That a tracker cannot go on; ``run`` is counted from the first of its block."""
         number = None if run is None else self.number(piece.scene, piece.runs.start + run)
         return Failure(cause=fault.cause, place=fault.place, run=number, **where)
+
+    @property
+    def headline(self) -> str:
+        """The metric that trackers are ranked by."""
+        return headline(BUILT_IN if self.cutoff is None else TRACK_METRICS.values())
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether every scene has a truth, which a recording with hidden identities may lack."""
+        return all(scene.truth.known for scene in self.scenes)
+
+    @property
+    def longest_scene(self) -> Scene:
+        """The one with the most instants."""
+        return max(self.scenes, key=lambda scene: len(scene.instants()))
+
+    @property
+    def longest_time(self) -> Array:
+        """``(instants,)`` of that scene, s."""
+        return self.longest_scene.truth.time[self.longest_scene.instants()]
 
     def of_scene(self, scene: int) -> Work:
         """What the blocks of one scene need: of the others, no more than how many there are."""

@@ -22,8 +22,9 @@ import rerun as rr
 from trackbench.base.types import Gaussian, Scan
 from trackbench.document.palette import sensor_colours
 from trackbench.results import Result
+from trackbench.results.declared import LABELLED
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
-from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
+from trackbench.runner.tables import estimate_records, measurement_records, road_records, truth_records
 from trackbench.subjects.recording import layout, scene, series, views
 from trackbench.subjects.recording.layout import send_chart
 from trackbench.subjects.recording.live import LiveRun
@@ -68,7 +69,7 @@ class _Run:
 
     def __init__(self, url: str, live: LiveRun) -> None:
         self.live = live
-        self._motion = truth_table(live.truth, 0)
+        self._motion = LABELLED["truth"].written(truth_records(live.truth, 0))
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
@@ -78,14 +79,14 @@ class _Run:
         self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, live.sensors, dict(live.colours)))
         self.recording.send_recording_name(live.name)
         self._stream = Stream(self.recording)
-        scene.send_roads(self._stream, roads_table(live.truth))
+        scene.send_roads(self._stream, LABELLED["roads"].written(road_records(live.truth)))
         views.send_scales(self._stream, self._wide, vehicles)
         layout.send_legend(self._stream, layout.entries(live.colours, live.sensors))
 
     def sense(self, scans: list[Scan]) -> None:
         """The measurements, which are drawn as far as the trackers have come."""
         truth = self.live.truth
-        self._measurements = measurements_table(scans, truth.ids)
+        self._measurements = LABELLED["measurements"].written(measurement_records(scans, truth.ids))
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def estimate(self, instants: list[RecordedInstant]) -> None:
@@ -102,7 +103,7 @@ class _Run:
             mean = np.stack([belief.mean for belief in beliefs], axis=1)
             covariance = np.stack([belief.covariance for belief in beliefs], axis=2)
             recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
-        estimates = estimates_table(recorded, truth, steps, 0)
+        estimates = LABELLED["estimates"].written(estimate_records(recorded, truth, steps, 0))
         scene.send_estimates(self._stream, estimates, self._motion, self.live.colours)
         for chart in series.recorded_run(estimates, nothing, nothing, nothing, self.live.colours).all:
             send_chart(self._stream, chart)
