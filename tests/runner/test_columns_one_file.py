@@ -19,13 +19,13 @@ from trackbench.results.declared import HIDDEN, LABELLED
 
 CODE = """
 import numpy as np
-from trackbench.results.columns import Column
+from trackbench.results.columns import TableColumn
 from trackbench.results.declared import declare
 
-declare("estimates", Column("speed_mps", "m/s", lambda record: np.hypot(*record["mean"][2:]), required=True))
-declare("steps", Column("estimated_share", "1", lambda record: record["count"] / record["count"].max()))
-declare("tracks", Column("speed_mps", "m/s", lambda record: np.hypot(*record["mean"][2:])), hidden=True)
-declare("runs", Column("nowhere", "1", "an entry that no record has"))
+declare("estimates", TableColumn("speed_mps", "m/s", lambda record: np.hypot(*record["mean"][2:]), required=True))
+declare("steps", TableColumn("estimated_share", "1", lambda record: record["count"] / record["count"].max()))
+declare("tracks", TableColumn("speed_mps", "m/s", lambda record: np.hypot(*record["mean"][2:])), hidden=True)
+declare("runs", TableColumn("nowhere", "1", "an entry that no record has"))
 """
 
 

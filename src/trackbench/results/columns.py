@@ -19,7 +19,7 @@ Record = Mapping[str, Any]
 Kind = Literal["name", "number", "whole", "sparse"]
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column of a table."""
 
     name: str
@@ -36,11 +36,11 @@ class Column(NamedTuple):
         return record[self.source] if isinstance(self.source, str) else self.source(record)
 
 
-class Table(NamedTuple):
+class DeclaredTable(NamedTuple):
     """What a table holds."""
 
     meaning: str
-    columns: list[Column]
+    columns: list[TableColumn]
     series: bool = False
     """Whether all series have the same times."""
     single_rows: bool = False
@@ -60,7 +60,7 @@ class Table(NamedTuple):
             for column in self.columns
             if column.required or not isinstance(column.source, str) or column.source in records[0]
         ]
-        columns += [Column(name, "1", name) for name in more]
+        columns += [TableColumn(name, "1", name) for name in more]
         parts = [{column.name: column.values(record) for column in columns} for record in records]
         if self.single_rows:
             return pa.Table.from_pylist(parts)

@@ -12,10 +12,10 @@ import numpy as np
 
 from trackbench.base.config.key_units import UNITS
 from trackbench.base.types import Array
-from trackbench.results.columns import Column, Kind, Record, Table, mean
+from trackbench.results.columns import DeclaredTable, Kind, Record, TableColumn, mean
 
 
-def declare(table: str, column: Column, *, hidden: bool = False) -> None:
+def declare(table: str, column: TableColumn, *, hidden: bool = False) -> None:
     """Add a column to a table of results with known identities, or with hidden ones."""
     (HIDDEN if hidden else LABELLED)[table].columns.append(column)
 
@@ -27,25 +27,30 @@ def _number(
     *,
     unit: str | None = None,
     required: bool = True,
-) -> Column:
+) -> TableColumn:
     """The unit is that in which the name ends, and the source the entry of this name, unless given."""
     ending = name.rpartition("_")[2]
     if unit is None:
         unit = UNITS[ending].symbol if ending in UNITS else "1"
-    return Column(name, unit, source or name, kind, required)
+    return TableColumn(name, unit, source or name, kind, required)
 
 
-def _numbers(*numbers: str | Column) -> list[Column]:
+def _numbers(*numbers: str | TableColumn) -> list[TableColumn]:
     """A number of which nothing but the name is said is the entry of this name."""
     return [_number(number) if isinstance(number, str) else number for number in numbers]
 
 
 def _table(
-    meaning: str, names: Sequence[str], numbers: Sequence[str | Column], *, series: bool = False, single: bool = False
-) -> Table:
+    meaning: str,
+    names: Sequence[str],
+    numbers: Sequence[str | TableColumn],
+    *,
+    series: bool = False,
+    single: bool = False,
+) -> DeclaredTable:
     """The names come first."""
-    named = [Column(name, "", name, "name", required=True) for name in names]
-    return Table(meaning, [*named, *_numbers(*numbers)], series, single)
+    named = [TableColumn(name, "", name, "name", required=True) for name in names]
+    return DeclaredTable(meaning, [*named, *_numbers(*numbers)], series, single)
 
 
 def _entry(name: str, *index: int) -> Callable[[Record], Any]:
