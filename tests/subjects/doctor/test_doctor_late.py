@@ -12,7 +12,7 @@ from tests.support.scenes import NOISE, tracker
 
 from trackbench.base.types import Scan
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.subjects.doctor.checks.late import late
+from trackbench.subjects.doctor.checks.instants import late
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probes
 from trackbench.subjects.doctor.site import simplified

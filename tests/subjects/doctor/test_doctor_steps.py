@@ -14,7 +14,7 @@ from trackbench.subjects.doctor.checks.covariance_update import covariance_updat
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gate import gate
 from trackbench.subjects.doctor.checks.instants import instants
-from trackbench.subjects.doctor.checks.integers import integers
+from trackbench.subjects.doctor.checks.output import integers
 from trackbench.subjects.doctor.checks.prediction import prediction
 from trackbench.subjects.doctor.checks.process_noise import process_noise
 from trackbench.subjects.doctor.checks.validity import validity

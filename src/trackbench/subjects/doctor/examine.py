@@ -15,7 +15,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.assumptions import Assumptions, require_known
-from trackbench.subjects.doctor.checks.stated_covariance import stated_covariance_fault
+from trackbench.subjects.doctor.checks.covariance_update import stated_covariance_fault
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives

@@ -16,9 +16,8 @@ from trackbench.base.types import Array, Mask, Scan
 from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.kind_of_filter import sampling_noise
 from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
 from trackbench.subjects.doctor.trial import ZERO, Trial
 
 #: Standard errors of a tracker's own samples by which it is larger.

@@ -13,9 +13,8 @@ from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.kind_of_filter import learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.right_answers import gain_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.trial import Trial
 from trackbench.subjects.doctor.units_ratio import LEAST, conversion
 

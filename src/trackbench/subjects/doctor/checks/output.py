@@ -1,19 +1,25 @@
-"""Is the estimate px, py, vx, vy of the target in the fixed frame?"""
+"""Is the estimate px, py, vx, vy of the target in the fixed frame, in numbers that are not whole?"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel
+from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.probes import with_noise
+from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: Largest error after following a target without noise, m and m/s.
 NEAR = 1.0
+#: Number of measurements of a track.
+LENGTH = 12
+#: Number of estimates that are drawn.
+SHOWN = 4
 
 
 class WrongOutput(NamedTuple):
@@ -78,6 +84,67 @@ def _numbers(state: Array) -> str:
     return "(" + ", ".join(f"{value:.3g}" for value in state) + ")"
 
 
+def integers(tracker: TrackerUnderTest) -> PartResult:
+    """Start tracks with noise, and look for whole numbers in all of their estimates."""
+    random = np.random.default_rng([tracker.seed, 2])
+    means: list[Array] = []
+    covariances: list[Array] = []
+    first: list[Array] = []
+    for probe in tracker.probes.general:
+        session, started = TrackerSession(tracker.make), False
+        with tracker.recording_failures(probe.name):
+            for scan in tracker.approach(probe, tracker.sensor_sets()[-1])[:LENGTH]:
+                estimate = session.step(with_noise(scan, random))
+                if estimate is None:
+                    continue
+                (means if started else first).append(estimate.mean)
+                if started:
+                    covariances.append(estimate.covariance)
+                started = True
+    if not means:
+        return PartResult().add("integers", None, "there was no estimate")
+    whole, exhibit = None, None
+    if _whole([mean[:2] for mean in means]):
+        whole = f"the positions of all {len(means)} estimates are whole numbers, such as {_plain(means[-1][:2])} m"
+        exhibit = _means_shown("Last estimates", means)
+    elif _whole([covariance[:2, :2] for covariance in covariances]) and not _constant(covariances):
+        variances = _plain(np.diag(covariances[-1])[:2])
+        whole = (
+            f"the covariances of all {len(means)} estimates are whole numbers, such as {variances} m^2 of the position"
+        )
+        marked = tuple((i, j) for i in (0, 1) for j in (0, 1))
+        exhibit = state_matrices("Covariance of an estimate", (Panel("tracker", covariances[-1]),), marked)
+    elif len(first) > 1 and _whole([mean[:2] for mean in first]):
+        whole = f"the first positions of all {len(first)} tracks are whole numbers, such as {_plain(first[-1][:2])} m"
+        exhibit = _means_shown("First estimates of tracks", first)
+    if whole is None:
+        text = f"the positions and covariances of {len(means)} estimates are not whole numbers"
+        return PartResult().add("integers", True, text)
+    shown_by = tracker.probes.general[0].name
+    finding = Finding("integer_state_matrix", 0.98, f"{whole}: truncated", shown_by=shown_by, exhibit=exhibit)
+    return PartResult().add("integers", False, whole, finding)
+
+
+def _means_shown(title: str, means: Sequence[Array]) -> Matrices:
+    shown = np.array(means[-SHOWN:]).T
+    columns = tuple(f"no. {len(means) - shown.shape[1] + k + 1}" for k in range(shown.shape[1]))
+    marked = tuple((i, k) for i in (0, 1) for k in range(shown.shape[1]))
+    return Matrices(title, STATE, columns, (Panel("tracker", shown),), marked)
+
+
+def _whole(values: Sequence[Array]) -> bool:
+    return all(bool(np.all(np.isfinite(one)) and np.all(one == np.round(one))) for one in values)
+
+
+def _constant(values: Sequence[Array]) -> bool:
+    """As a stated constant is, which may be whole."""
+    return all(np.array_equal(one, values[0]) for one in values) and bool(np.diag(values[0]).min() > 0.0)
+
+
+def _plain(values: Array) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
 OUTPUT_CHECK = DoctorCheck(
     output,
     place=20,
@@ -96,6 +163,20 @@ OUTPUT_CHECK = DoctorCheck(
             "Where the measurements of this sensor are read.",
             "y is to the left of the boresight, and azimuths are counter-clockwise.",
             Role("exact", rank=8, causes="axes", drive="azimuth_crossing"),
+        ),
+    },
+)
+
+INTEGERS_CHECK = DoctorCheck(
+    integers,
+    place=60,
+    questions=(Question("integers", "Are the estimates fractions, as the measurements are?"),),
+    faults={
+        "integer_state_matrix": KnownFault(
+            "the state or the covariance is in an array of integers",
+            "Where these arrays are made, as by np.array([0, 0, 0, 0]) or dtype=int.",
+            "Make them of floats: np.zeros(4), np.array([0.0, ...]); assigning to an array of integers truncates.",
+            Role("exact", rank=2, causes="stepped wrong_dt", always="measurement_ignored", drive="own_model"),
         ),
     },
 )

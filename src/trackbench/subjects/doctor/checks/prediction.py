@@ -12,11 +12,10 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.kind_of_filter import linearises
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named, predicted
 from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion
 
 #: Time steps of the predictions, s.

@@ -18,11 +18,10 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.kind_of_filter import after_gap, linearises, sampling_noise
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises, sampling_noise
 from trackbench.subjects.doctor.trial import Trial
 
 #: A fast target, whose course is known from two measurements: a model with a course is nearly linear.
