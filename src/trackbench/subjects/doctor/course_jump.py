@@ -43,10 +43,8 @@ class CourseJump(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A target followed in the scene turned by an angle."""
+    """A target followed in a turned scene."""
 
-    angle: float
-    """rad"""
     estimates: list[Estimate | None]
     """After each scan up to a failed step, turned back; None where there is none that is finite."""
     failure: StepFailed | None
@@ -57,13 +55,14 @@ def course_jump(make: Callable[[], Tracker], scans: Sequence[Scan], here: Follow
 
     None where they are alike, where the two turned scenes differ too, and where the course is elsewhere.
     """
-    turned: list[Followed] = []
+    turned: list[tuple[float, Followed]] = []
     for angle in ANGLES:
         other = followed(make, scans, angle)
-        if _away(other):
+        last = [estimate for estimate in other.estimates[-LAST:] if estimate is not None]
+        if all(_from_pi(_course(estimate) + angle) > AWAY for estimate in last):
             if other.failure is not None:
                 return None
-            turned.append(other)
+            turned.append((angle, other))
         if len(turned) == 2:
             return _jump(scans, here, turned)
     return None
@@ -72,19 +71,16 @@ def course_jump(make: Callable[[], Tracker], scans: Sequence[Scan], here: Follow
 def followed(make: Callable[[], Tracker], scans: Sequence[Scan], angle: float = 0.0) -> Followed:
     """Give the scans of the scene turned by an angle in rad to a fresh tracker."""
     session, back = TrackerSession(make), np.kron(np.eye(2), rotation(-angle))
-    found: list[Estimate | None] = []
+    estimates: list[Estimate | None] = []
     try:
         for scan in scans:
-            one = session.step(turned_scene(scan, angle))
-            usable = one is not None and finite(one)
-            found.append(Estimate(back @ one.mean, back @ one.covariance @ back.T) if one and usable else None)
+            after = session.step(turned_scene(scan, angle))
+            if after is not None:
+                after = Estimate(back @ after.mean, back @ after.covariance @ back.T) if finite(after) else None
+            estimates.append(after)
     except StepFailed as failure:
-        return Followed(angle, found, failure)
-    return Followed(angle, found, None)
-
-
-def _away(of: Followed) -> bool:
-    return all(one is None or _from_pi(_course(one) + of.angle) > AWAY for one in of.estimates[-LAST:])
+        return Followed(estimates, failure)
+    return Followed(estimates, None)
 
 
 def _from_pi(course: float) -> float:
@@ -95,16 +91,16 @@ def _course(estimate: Estimate) -> float:
     return float(np.arctan2(estimate.mean[3], estimate.mean[2]))
 
 
-def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[Followed]) -> CourseJump | None:
-    one, other = turned
-    gaps = [_gap(*three) for three in zip(here.estimates, one.estimates, other.estimates, strict=False)]
+def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[tuple[float, Followed]]) -> CourseJump | None:
+    (angle, first_scene), (other_angle, second_scene) = turned
+    gaps = [_gap(*three) for three in zip(here.estimates, first_scene.estimates, second_scene.estimates, strict=False)]
     first = next((k for k, gap in enumerate(gaps) if gap > FAR), len(gaps) if here.failure else None)
     if first is None:
         return None
-    right = one.estimates[first]
-    if right is None or _from_pi(_course(right)) > NEAR_PI or not _alike(right, other.estimates[first]):
+    right = first_scene.estimates[first]
+    if right is None or _from_pi(_course(right)) > NEAR_PI or not _alike(right, second_scene.estimates[first]):
         return None
-    by = f"turned about the origin by {one.angle:g} and by {other.angle:g} rad the same scans"
+    by = f"turned about the origin by {angle:g} and by {other_angle:g} rad the same scans"
     time = scans[first].time
     if here.failure is not None:
         text = f"{by} do not break it: the course jumps at pi, first at {time:.4g} s"

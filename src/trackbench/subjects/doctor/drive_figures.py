@@ -49,8 +49,7 @@ def figures(run: EvidenceRun) -> Iterator[Figure]:
     errors = run_errors(run)
     yield _map(run, errors)
     if not any(isinstance(finding.exhibit, OverTime) and finding.shown_by == run.drive for finding in run.findings):
-        yield _position_error(run, errors)
-        yield _nees(run, errors)
+        yield from _error_figures(run, errors)
 
 
 def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figure:
@@ -147,62 +146,46 @@ def _limits(run: EvidenceRun, target: Array, sensor: Array, axis: int) -> tuple[
     return float(shown.min()) - _MARGIN_M, float(shown.max()) + _MARGIN_M
 
 
-def _position_error(run: EvidenceRun, errors: dict[str, RunErrors]) -> Figure:
+def _error_figures(run: EvidenceRun, errors: dict[str, RunErrors]) -> Iterator[Figure]:
+    """The position error with twice its own standard deviation, and the NEES with its bounds, over time."""
     mine, theirs = errors["tracker"], errors["reference"]
+
+    def figure(
+        kind: str, label: str, caption: str, alternative: str, drawn: Sequence[Array], limits: LegendEntry
+    ) -> Figure:
+        def paint(canvas: Canvas) -> None:
+            axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=label)
+            axes.plot(run.time, drawn[1], color=REFERENCE)
+            axes.plot(run.time, drawn[0], color=TRACKER)
+            if limits.mark == "band":
+                axes.axhspan(*drawn[2], color=MUTED, alpha=0.35)
+            else:
+                axes.plot(run.time, drawn[2], color=TRACKER, linestyle=DASHED, linewidth=1.2)
+            time_axis(axes, float(run.time.max()))
+            if _fit_values(axes, drawn):
+                axes.set_ylabel(f"{label}, logarithmic")
+
+        name, title = _identity(f"{run.drive}-{kind}"), label.partition(",")[0]
+        title = title[0].upper() + title[1:]
+        legend = (_TRACKER_ENTRY, _REFERENCE_ENTRY, limits)
+        return Figure(name, title, caption, f"{title} over time. {alternative}", paint, _HEIGHT, legend=legend)
+
     shares = [_share(error.position <= error.two_sigma, error.position) for error in (mine, theirs)]
     largest = f"Largest: tracker {_largest(mine.position, run)}, reference {_largest(theirs.position, run)}."
-
-    def own_sigma(axes: Axes) -> None:
-        axes.plot(run.time, mine.two_sigma, color=TRACKER, linestyle=DASHED, linewidth=1.2)
-
-    return Figure(
-        _identity(f"{run.drive}-error"),
-        "Position error",
-        f"{largest} Below its own 2 sigma: tracker {shares[0]} of the time, reference {shares[1]}.",
-        f"Position error over time. {largest}",
-        _painted_errors(run, "position error, m", mine.position, theirs.position, mine.two_sigma, own_sigma),
-        _HEIGHT,
-        legend=(_TRACKER_ENTRY, _REFERENCE_ENTRY, LegendEntry("tracker's own 2 sigma", TRACKER, "dash")),
-    )
-
-
-def _nees(run: EvidenceRun, errors: dict[str, RunErrors]) -> Figure:
-    mine, theirs = errors["tracker"].nees, errors["reference"].nees
+    caption = f"{largest} Below its own 2 sigma: tracker {shares[0]} of the time, reference {shares[1]}."
+    own_sigma = LegendEntry("tracker's own 2 sigma", TRACKER, "dash")
+    drawn = (mine.position, theirs.position, mine.two_sigma)
+    yield figure("error", "position error, m", caption, largest, drawn, own_sigma)
     low, high = (float(bound) for bound in mean_bounds(len(COMMON_STATE), 1))
-    shares = [_share((nees > low) & (nees < high), nees) for nees in (mine, theirs)]
-    means = [f"{np.nanmean(nees):.3g}" if np.isfinite(nees).any() else "unknown" for nees in (mine, theirs)]
+    both = (mine.nees, theirs.nees)
+    shares = [_share((nees > low) & (nees < high), nees) for nees in both]
+    means = [f"{np.nanmean(nees):.3g}" if np.isfinite(nees).any() else "unknown" for nees in both]
     caption = (
         f"Mean: tracker {means[0]}, reference {means[1]} ({len(COMMON_STATE)} expected). "
         f"In the band: tracker {shares[0]} of the time, reference {shares[1]} (95 % expected)."
     )
-
-    def band(axes: Axes) -> None:
-        axes.axhspan(low, high, color=MUTED, alpha=0.35)
-
-    return Figure(
-        _identity(f"{run.drive}-nees"),
-        "NEES",
-        caption,
-        f"NEES over time. {caption}",
-        _painted_errors(run, "NEES", mine, theirs, np.array([low, high]), band),
-        _HEIGHT,
-        legend=(_TRACKER_ENTRY, _REFERENCE_ENTRY, LegendEntry("95 % of a consistent tracker", MUTED, "band")),
-    )
-
-
-def _painted_errors(
-    run: EvidenceRun, label: str, mine: Array, theirs: Array, limits: Array, draw_limits: Callable[[Axes], None]
-) -> Callable[[Canvas], None]:
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=label)
-        axes.plot(run.time, theirs, color=REFERENCE)
-        axes.plot(run.time, mine, color=TRACKER)
-        draw_limits(axes)
-        time_axis(axes, float(run.time.max()))
-        if _fit_values(axes, [mine, theirs, limits]):
-            axes.set_ylabel(f"{label}, logarithmic")
-
-    return paint
+    band = LegendEntry("95 % of a consistent tracker", MUTED, "band")
+    yield figure("nees", "NEES", caption, caption, (*both, np.array([low, high])), band)
 
 
 def _largest(distance: Array, run: EvidenceRun) -> str:
@@ -232,7 +215,11 @@ def _fit_values(axes: Axes, drawn: Sequence[Array]) -> bool:
 
 
 def over_time_figure(name: str, exhibit: OverTime) -> Figure:
-    """A panel for each quantity, with the same time."""
+    """A panel for each quantity, with the same time: all of it, or where that is long what is around the mark."""
+    begin, end = min(0.0, float(exhibit.at.min())), float(exhibit.at.max())
+    if exhibit.marked is not None and end - begin >= _LONG:
+        middle = float(np.clip(sum(exhibit.marked) / 2, begin + _LONG / 2, end - _LONG / 2))
+        begin, end = middle - _LONG / 2, max(middle + _LONG / 2, exhibit.marked[1])
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(len(exhibit.courses), 1, sharex=True, squeeze=False)[:, 0]
@@ -246,8 +233,15 @@ def over_time_figure(name: str, exhibit: OverTime) -> Figure:
                 axes.plot(exhibit.at, course.right, color=REFERENCE, marker=marker, gid="shown-right")
             axes.plot(exhibit.at, course.tracker, color=TRACKER, marker=marker, gid="shown-tracker")
             axes.set_ylabel(course.label)
-            _fit_course(axes, course)
-            axes.set_xlim(*_span(exhibit))
+            others = [] if course.right is None else [course.right]
+            others += [] if course.band is None else [course.band[1]]
+            largest = max((float(np.nanmax(values)) for values in others), default=0.0)
+            if largest > 0.0 and not (course.tracker > _NOTHING * largest).any():
+                # Values that are next to nothing: zero is on the axis.
+                axes.set_ylim(-0.05 * largest, 1.06 * largest)
+            else:
+                _fit_values(axes, [course.tracker, *others])
+            axes.set_xlim(begin, end)
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         panels[-1].set_xlabel(exhibit.axis)
 
@@ -278,26 +272,6 @@ def captioned_figure(
     """The figure of an exhibit; ``note`` is the end of its caption that its alternative text does not have."""
     alternative = f"{title}. {caption}"
     return Figure(name, title, caption + note, alternative, paint, height, legend=legend, tooltips=tooltips or {})
-
-
-def _span(exhibit: OverTime) -> tuple[float, float]:
-    """All of the time, or where that is long what is around the marked interval."""
-    begin, end = min(0.0, float(exhibit.at.min())), float(exhibit.at.max())
-    if exhibit.marked is None or end - begin < _LONG:
-        return begin, end
-    middle = float(np.clip(sum(exhibit.marked) / 2, begin + _LONG / 2, end - _LONG / 2))
-    return middle - _LONG / 2, max(middle + _LONG / 2, exhibit.marked[1])
-
-
-def _fit_course(axes: Axes, course: Course) -> None:
-    """Limits around all; with zero on the axis where the tracker's values are next to nothing."""
-    others = [] if course.right is None else [course.right]
-    others += [] if course.band is None else [course.band[1]]
-    largest = max((float(np.nanmax(values)) for values in others), default=0.0)
-    if largest > 0.0 and not (course.tracker > _NOTHING * largest).any():
-        axes.set_ylim(-0.05 * largest, 1.06 * largest)
-    else:
-        _fit_values(axes, [course.tracker, *others])
 
 
 def _course_text(exhibit: OverTime, course: Course) -> str:

@@ -50,11 +50,11 @@ class DriveConfig(Config):
 def drive_configs() -> Mapping[Name, DriveConfig]:
     """The entries of drives.yaml, by name."""
     text = files("trackbench.subjects.doctor").joinpath("drives.yaml").read_text(encoding="utf-8")
-    return {name: DriveConfig.model_validate(_with_source(entry)) for name, entry in yaml.safe_load(text).items()}
-
-
-def _with_source(entry: dict[str, Any]) -> dict[str, Any]:
-    return {**entry, "truth": {"source": "scripted", "rate_hz": TRUTH_RATE, **entry["truth"]}}
+    scripted = {"source": "scripted", "rate_hz": TRUTH_RATE}
+    return {
+        name: DriveConfig.model_validate({**entry, "truth": {**scripted, **entry["truth"]}})
+        for name, entry in yaml.safe_load(text).items()
+    }
 
 
 class Setting(NamedTuple):
@@ -93,8 +93,11 @@ def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting =
         seed: of the noise.
         setting: where, and what is assumed.
     """
-    found = [_simulate(name, config, sensors, seed, setting) for name, config in drive_configs().items()]
-    return [drive for drive in found if not (setting.standing and drive.config.carrier.moves)]
+    return [
+        _simulate(name, config, sensors, seed, setting)
+        for name, config in drive_configs().items()
+        if not (setting.standing and config.carrier.moves)
+    ]
 
 
 def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed: int, setting: Setting) -> TestDrive:

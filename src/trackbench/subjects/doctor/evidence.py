@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,18 +86,13 @@ def shown_drives(
     failed = {check.name for check in checks if check.passed is False}
     shown: dict[str, list[Finding]] = {}
     for finding in findings:
-        drive = _drive_of(finding, failed, drives)
-        if finding.consequence_of is None and drive is not None and len(shown) < MOST_SHOWN:
-            shown.setdefault(drive, []).append(finding)
+        # The drive that the finding names, or else the one of its fault, if that failed.
+        own = known_faults()[finding.fault].role.drive
+        names = [drive.name for drive in drives if drive.name in (finding.shown_by, own)]
+        names = [name for name in names if name == finding.shown_by] or [name for name in names if name in failed]
+        if finding.consequence_of is None and names and len(shown) < MOST_SHOWN:
+            shown.setdefault(names[0], []).append(finding)
     return shown or {DEFAULT_DRIVE: []}
-
-
-def _drive_of(finding: Finding, failed: Collection[str], drives: Sequence[TestDrive]) -> str | None:
-    """The drive that the finding names, or the first that failed and has such faults to show."""
-    if any(drive.name == finding.shown_by for drive in drives):
-        return finding.shown_by
-    shown_in = known_faults()[finding.fault].role.drive
-    return next((one.name for one in drives if one.name in failed and one.name == shown_in), None)
 
 
 def evidence_run(
@@ -114,7 +109,7 @@ def evidence_run(
     run = findings[0].run if findings else 0
     scans = [scan_of_member(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
-    innovations: dict[str, list[_Innovation]] = {}
+    innovations: dict[str, list[tuple[float, Array, Array, Array]]] = {}
     # As many as the questions that give one innovation: the measurement, and two beside it in each component.
     session = TrackerSession(make, columns=1 + 2 * max(len(scan.measurement) for scan in scans))
     started = False
@@ -151,16 +146,8 @@ def evidence_run(
     )
 
 
-class _Innovation(NamedTuple):
-    """Of one measurement, as in `SensorInnovations`."""
-
-    time: float
-    applied: Array
-    expected: Array
-    whitened: Array
-
-
-def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> _Innovation | None:
+def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> tuple[float, Array, Array, Array] | None:
+    """Time, ``applied``, ``expected`` and ``whitened`` of one measurement, as in `SensorInnovations`."""
     prediction = session.predict(scan)
     if prediction is None:
         return None
@@ -173,10 +160,10 @@ def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> _Innov
     predicted = linalg.quadratic(trial.jacobian, linalg.symmetrise(prediction.covariance))
     factor = linalg.cholesky(predicted + scan.noise_covariance)
     whitened = factor.whiten(expected) if factor.positive else np.full(len(expected), np.nan)
-    return _Innovation(scan.time, applied, expected, whitened)
+    return scan.time, applied, expected, whitened
 
 
-def _series(scan: Scan, innovations: list[_Innovation]) -> SensorInnovations:
+def _series(scan: Scan, innovations: list[tuple[float, Array, Array, Array]]) -> SensorInnovations:
     time, applied, expected, whitened = zip(*innovations, strict=True)
     return SensorInnovations(
         scan.sensor,
@@ -203,18 +190,16 @@ class RunErrors(NamedTuple):
 
 def run_errors(run: EvidenceRun) -> dict[str, RunErrors]:
     """By name: "tracker" and "reference"."""
-    return {
-        "tracker": _errors(run.mean, run.covariance, run.target),
-        "reference": _errors(run.reference_mean, run.reference_covariance, run.target),
-    }
-
-
-def _errors(mean: Array, covariance: Array, target: Array) -> RunErrors:
-    known: Mask = np.asarray(np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1)))
-    error = np.where(known, mean - target, np.nan)
-    two_sigma = np.full(len(known), np.nan)
-    two_sigma[known] = 2.0 * np.sqrt(np.maximum(covariance[0, 0, known] + covariance[1, 1, known], 0.0))
-    nees = np.full(len(known), np.nan)
-    square, _, positive = normalised_square(error[:, known], covariance[:, :, known])
-    nees[known] = np.where(positive, square, np.nan)
-    return RunErrors(np.hypot(error[0], error[1]), two_sigma, nees)
+    errors = {}
+    for name, mean, covariance in (
+        ("tracker", run.mean, run.covariance),
+        ("reference", run.reference_mean, run.reference_covariance),
+    ):
+        finite: Mask = np.asarray(np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1)))
+        error = np.where(finite, mean - run.target, np.nan)
+        two_sigma, nees = np.full((2, len(finite)), np.nan)
+        two_sigma[finite] = 2.0 * np.sqrt(np.maximum(covariance[0, 0, finite] + covariance[1, 1, finite], 0.0))
+        square, _, positive = normalised_square(error[:, finite], covariance[:, :, finite])
+        nees[finite] = np.where(positive, square, np.nan)
+        errors[name] = RunErrors(np.hypot(error[0], error[1]), two_sigma, nees)
+    return errors

@@ -132,11 +132,9 @@ class Doctor:
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         """The test drives, each with the estimates of the reference."""
-        return [(drive, rollout(reference, drive.scans)) for drive in self._simulated()]
-
-    def _simulated(self) -> list[TestDrive]:
+        drives = simulate_drives(self.sensors, self._seed, self._setting)
         skip = self._assumptions.skip
-        return [drive for drive in simulate_drives(self.sensors, self._seed, self._setting) if drive.name not in skip]
+        return [(drive, rollout(reference, drive.scans)) for drive in drives if drive.name not in skip]
 
     @one_blas_thread()
     @quiet()

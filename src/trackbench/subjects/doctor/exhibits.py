@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from trackbench.base.types import COMMON_STATE, Array
-from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.models.sensors import SENSOR_MODELS
 
 #: Names of the state's components with their units.
 STATE = tuple(f"{name}, {'m' if name.startswith('p') else 'm/s'}" for name in COMMON_STATE)
@@ -14,14 +14,9 @@ STATE = tuple(f"{name}, {'m' if name.startswith('p') else 'm/s'}" for name in CO
 UNITS = {"azimuth": "rad", "range_rate": "m/s", "speed": "m/s"}
 
 
-def measured_components(model: type[Sensor]) -> tuple[str, ...]:
-    """The names of a sensor's components with their units."""
-    return tuple(f"{name.replace('_', ' ')}, {UNITS.get(name, 'm')}" for name in model.components)
-
-
 def components_of(kind: str) -> tuple[str, ...]:
-    """Those of a kind of sensor."""
-    return measured_components(SENSOR_MODELS[kind])
+    """The names of the components of a kind of sensor with their units."""
+    return tuple(f"{name.replace('_', ' ')}, {UNITS.get(name, 'm')}" for name in SENSOR_MODELS[kind].components)
 
 
 class Exhibit:

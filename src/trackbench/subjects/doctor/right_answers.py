@@ -116,7 +116,10 @@ def points_shown(before: Estimate, after: Estimate, *, weights: float = 1.0, row
         rows: whether the points lie along the rows of the lower Cholesky factor, not along its columns.
     """
     factor = np.asarray(np.linalg.cholesky(linalg.symmetrise(before.covariance)), dtype=float)
-    applied: Array = factor if weights != 1.0 else factor.T if rows else _root(after.covariance, factor)
+    applied = factor.T if rows and weights == 1.0 else factor
+    predicted = linalg.symmetrise(after.covariance)
+    if weights == 1.0 and not rows and np.linalg.eigvalsh(predicted)[0] > 0.0:
+        applied = np.asarray(np.linalg.cholesky(predicted), dtype=float)
     # The difference of rows from columns is in px, vx: px, py are nearly uncorrelated with each other.
     plane = slice(0, 4, 2) if rows else slice(0, 2)
     names = STATE[plane]
@@ -131,12 +134,6 @@ def points_shown(before: Estimate, after: Estimate, *, weights: float = 1.0, row
         "right",
         (weights / COUNT, 1.0 / COUNT),
     )
-
-
-def _root(covariance: Array, otherwise: Array) -> Array:
-    """The lower Cholesky factor; another one where there is none."""
-    p = linalg.symmetrise(covariance)
-    return np.asarray(np.linalg.cholesky(p), dtype=float) if np.linalg.eigvalsh(p)[0] > 0.0 else otherwise
 
 
 def _drawn(mean: Array, factor: Array) -> Array:

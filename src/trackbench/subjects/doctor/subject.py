@@ -73,21 +73,21 @@ def subject(
     if not mark and (Path(target).suffix in (".yaml", ".yml") or target in at_hand()):
         trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
         raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
-    given = None if scenario is None else load_scenario(scenario)
-    sensors = SENSORS if given is None else given.config.sensors
+    other = None if scenario is None else load_scenario(scenario)
+    sensors = SENSORS if other is None else other.config.sensors
     if mark:
         loaded = load_scenario(Path(file))
         own = loaded.config.sensing.identities
         if identities not in (None, own):
             raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
-        own_subject = _of_scenario(loaded, name, options, None if given is None else sensors, isolation)
-        return own_subject if own_subject.multi_object else _observed(own_subject, given or loaded)
+        own_subject = _of_scenario(loaded, name, options, None if other is None else sensors, isolation)
+        return own_subject if own_subject.multi_object else _observed(own_subject, other or loaded)
     folder = None if scenario is None else scenario.resolve().parent
     if identities == "hidden":
         tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
-        return _of_several(target, tracker, sensors, folder, isolation)
+        return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
     alone = _startable(ExaminedTracker(target, fresh(target, dict(options), folder, isolation), sensors))
-    return alone if given is None else _observed(alone, given)
+    return alone if other is None else _observed(alone, other)
 
 
 def _observed(of: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
@@ -121,25 +121,15 @@ def _of_scenario(
     if isinstance(tracker, FilterConfig) and tracker.associate is not None:
         if tracker.associate.method == "oracle":
             raise InputError(f"{name} is told the true origins, which an examination does not have", file=path)
-        return _of_several(name, tracker, used, None, isolation)
+        return ExaminedTracker(name, fresh_tracks(tracker, None, isolation), used, multi_object=True)
     if isinstance(tracker, FilterConfig):
         if tracker.smoother is not None:
             raise InputError(f"{name} is a smoother, which needs all measurements of a run; remove smoother", file=path)
         return _startable(ExaminedTracker(name, lambda: build(tracker), used))
     folder = loaded.path.resolve().parent
     if config.sensing.identities == "hidden":
-        return _of_several(name, tracker, used, folder, isolation)
+        return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), used, multi_object=True)
     return _startable(ExaminedTracker(name, fresh(tracker.use, tracker.options, folder, isolation), used))
-
-
-def _of_several(
-    name: str,
-    tracker: FilterConfig | PluginConfig,
-    sensors: Mapping[str, Sensor],
-    folder: Path | None,
-    isolation: Isolation,
-) -> ExaminedTracker:
-    return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
 
 
 def _startable(of: ExaminedTracker) -> ExaminedTracker:
