@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
-from trackbench.subjects.doctor.subject import ExaminedTracker, subject
+from trackbench.subjects.doctor.subject import subject
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
 from trackbench.testing.rules import Identities, answers
 from trackbench.testing.tracker import drive
@@ -92,7 +92,9 @@ def doctor(
     """
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout)
     path = None if scenario is None else Path(scenario)
-    with _tracker_output():
+    # What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults.
+    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
         try:
             examined = subject(tracker, values, path, isolation, identities)
         except TrackFault as fault:
@@ -106,38 +108,25 @@ def doctor(
             results.require_replaceable(Path(out), EXAMINATION)
             results.require_writable(Path(out).parent)
         try:
-            examination = _examine(examined, static_sensors, no_misses, skip, progress)
+            if examined.multi_object:
+                examination = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
+            else:
+                ready = Doctor(
+                    examined.sensors,
+                    observer=examined.observer,
+                    static_sensors=static_sensors,
+                    no_misses=no_misses,
+                    skip=skip,
+                )
+                examination = ready.examine(examined.name, examined.make, progress)
+                evidence = ready.evidence(examination, examined.make, progress)
+                examination = replace(examination, evidence=tuple(evidence))
         except (CannotRun, TrackFault) as error:
             hint = "" if "#" in tracker else other_kind(tracker, values, isolation, hidden=examined.multi_object)
             if hint:
                 raise InputError(hint, key="identities") from error
             raise
+    examination = replace(examination, notes=examined.notes)
     if out is not None:
         examination.save(out)
     return examination
-
-
-def _examine(
-    examined: ExaminedTracker, static_sensors: bool, no_misses: bool, skip: Sequence[str], progress: Progress
-) -> Examination:
-    if examined.multi_object:
-        result = TrafficDoctor(examined.sensors).examine(examined.name, examined.make, progress)
-        return replace(result, notes=examined.notes)
-    ready = Doctor(
-        examined.sensors,
-        observer=examined.observer,
-        static_sensors=static_sensors,
-        no_misses=no_misses,
-        skip=skip,
-    )
-    result = ready.examine(examined.name, examined.make, progress)
-    evidence = ready.evidence(result, examined.make, progress)
-    return replace(result, evidence=tuple(evidence), notes=examined.notes)
-
-
-@contextmanager
-def _tracker_output() -> Iterator[None]:
-    """Send what the tracker prints to stderr, and drop its warnings: the checks look for the same faults."""
-    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)
-        yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import textwrap
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +92,8 @@ def doctor_command(
 
     require_tracker(tracker)
     name = tracker.rpartition("#")[2]
-    folder = out or Path("results", "doctor", _file_name(name))
+    # Without characters that a folder cannot have on some systems.
+    folder = out or Path("results", "doctor", re.sub(r"[^\w.-]+", "_", name).strip(".") or "tracker")
     results.require_replaceable(folder, EXAMINATION)
     results.require_writable(folder.parent)
     try:
@@ -127,28 +129,22 @@ def doctor_command(
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
 
 
-def require_tracker(named: str) -> None:
-    """Make sure that a class is named, not the file that it is in.
+def require_tracker(tracker: str) -> None:
+    """Refuse the name of a file in place of a class in it. Nothing in the file is run.
 
     Raises:
         InputError: a Python file is named; with the classes in it.
     """
-    if ":" in named or "#" in named:
+    file = Path(tracker) if tracker.endswith(".py") else Path(f"{tracker}.py")
+    if ":" in tracker or "#" in tracker or not file.is_file():
         return
-    file = Path(named) if named.endswith(".py") else Path(f"{named}.py")
-    if file.is_file():
-        place = "" if file.parent == Path() else f" in the folder {file.parent}"
-        raise InputError(f"name the class in it{place}: {' or '.join(_classes(file))}", file=file)
-
-
-def _classes(file: Path) -> list[str]:
-    """The classes of a module as a command names them; nothing in it is run."""
-    try:
+    names = []
+    with suppress(SyntaxError, ValueError):
         module = ast.parse(files.read_bytes(file, files.SCENARIO))
-    except (SyntaxError, ValueError):
-        return [f"{file.stem}:Class"]
-    names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
-    return [f"{file.stem}:{name}" for name in names] or [f"{file.stem}:Class"]
+        names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
+    classes = " or ".join(f"{file.stem}:{name}" for name in names or ["Class"])
+    place = "" if file.parent == Path() else f" in the folder {file.parent}"
+    raise InputError(f"name the class in it{place}: {classes}", file=file)
 
 
 def _option(item: str) -> tuple[str, Any]:
@@ -156,8 +152,3 @@ def _option(item: str) -> tuple[str, Any]:
     if not equals or not key.isidentifier():
         raise InputError(f"write KEY=VALUE, such as sigma=3, not {item!r}", key="--option")
     return key, parse(value, f"--option {item}").value
-
-
-def _file_name(name: str) -> str:
-    """The name without characters that a folder cannot have on some systems."""
-    return re.sub(r"[^\w.-]+", "_", name).strip(".") or "tracker"

@@ -59,11 +59,11 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
         first, then = (_asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
         return then > ROUNDING and (after is None or then - first >= _asymmetry(scaled(after, like=predicted)) - then)
 
-    found = _origin(make, scans, _asymmetry, adds_more)
-    if found is None or found.step != "prediction":
-        return found
-    ratio = _ratio(make, scans, _mirrored(found))
-    return found if ratio is None else FaultyStep("output", found.scan, None, found.after, ratio)
+    origin = _origin(make, scans, _asymmetry, adds_more)
+    if origin is None or origin.step != "prediction":
+        return origin
+    ratio = _ratio(make, scans, _mirrored(origin))
+    return origin if ratio is None else FaultyStep("output", origin.scan, None, origin.after, ratio)
 
 
 def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float | None:
@@ -172,18 +172,16 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
             continue
         if before is None:
             return None if after is None else FaultyStep("start", scan, None, after)
-        predicted = _covariance(_followed(make, scans[:k]).peek, empty_scan(scan))[0] if scan.valid else after
+        predicted = after
+        if scan.valid:
+            session = TrackerSession(make)
+            for earlier in scans[:k]:
+                session.step(earlier)
+            predicted = _covariance(session.peek, empty_scan(scan))[0]
         if predicted is not None and in_prediction(before, predicted, after):
             return FaultyStep("prediction", scan, before, predicted)
         return None if after is None else FaultyStep("update", scan, predicted, after)
     return None
-
-
-def _followed(make: Make, scans: Sequence[Scan]) -> TrackerSession:
-    session = TrackerSession(make)
-    for scan in scans:
-        session.step(scan)
-    return session
 
 
 def _covariance(step: Callable[[Scan], Estimate | None], scan: Scan) -> tuple[Array | None, bool]:

@@ -227,7 +227,7 @@ def examination_document(examination: Examination) -> Document:
     sections = [
         Section("Verdict", tuple(_verdict(examination))),
         *([Section("Findings", tuple(_findings(examination)))] if examination.findings else []),
-        *(Section(f"Drive: {run.description}", tuple(_drive(run))) for run in examination.evidence),
+        *(_drive(run) for run in examination.evidence),
         Section("All checks", (Table("checks", columns, tuple(rows)),)),
     ]
     return Document("examination", examination.tracker, tuple(sections))
@@ -262,11 +262,10 @@ def _findings(examination: Examination) -> Iterator[Block]:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))
 
 
-def _drive(run: EvidenceRun) -> Iterator[Block]:
-    faults = known_faults()
-    if run.findings:
-        yield Paragraph(f"It shows: {'; '.join(faults[finding.fault].title for finding in run.findings)}.")
-    yield Row(tuple(figures(run)))
+def _drive(run: EvidenceRun) -> Section:
+    titles = [known_faults()[finding.fault].title for finding in run.findings]
+    shows = [Paragraph(f"It shows: {'; '.join(titles)}.")] if titles else []
+    return Section(f"Drive: {run.description}", (*shows, Row(tuple(figures(run)))))
 
 
 def saved_document(file: Path) -> Document:

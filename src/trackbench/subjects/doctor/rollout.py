@@ -38,18 +38,14 @@ def rollout(
     if checks is not None:
         k, run = np.nonzero(estimates.given)
 
-        def given(i: int) -> list[Scan]:
-            return _given(scans[: k[i] + 1], int(run[i]))
+        def scans_of_run(i: int) -> list[Scan]:
+            """From its first measurement on."""
+            own = [scan_of_member(scan, int(run[i])) for scan in scans[: k[i] + 1]]
+            return own[next(first for first, scan in enumerate(own) if scan.valid) :]
 
         mean, covariance = estimates.mean[:, k, run], estimates.covariance[:, :, k, run]
-        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, given)
+        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, scans_of_run)
     return estimates
-
-
-def _given(scans: Sequence[Scan], run: int) -> list[Scan]:
-    """The scans of a run from its first measurement on."""
-    first = next(k for k, scan in enumerate(scans) if scan.valid[run])
-    return [scan_of_member(scan, run) for scan in scans[first:]]
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
@@ -61,7 +57,8 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            _follow_each(make, scans[: k + 1])
+            # If it fails in one run alone, that failure is raised.
+            _one_by_one(make, scans[: k + 1])
             raise StepFailed(error, scan_of_member(scan, 0)) from error
         on_step()
         if estimate is not None:
@@ -69,18 +66,6 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
             # A batched tracker returns NaN for a track that has not started.
             estimates.given[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.given[k - 1])
     return estimates
-
-
-def _follow_each(make: Callable[[], Tracker], scans: Sequence[Scan]) -> None:
-    """Step a tracker through each run alone.
-
-    Raises:
-        StepFailed: it fails in one of them.
-    """
-    for run in np.flatnonzero(np.any([scan.valid for scan in scans], axis=0)):
-        session = TrackerSession(make)
-        for scan in _given(scans, int(run)):
-            session.step(scan)
 
 
 def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
