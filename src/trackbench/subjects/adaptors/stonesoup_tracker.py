@@ -118,13 +118,6 @@ def placed(model: Any, scan: Scan) -> Any:
     return changed
 
 
-def with_noise(model: Any, noise: Array) -> Any:
-    """The model with another covariance of its noise."""
-    changed = copy.copy(model)
-    changed.noise_covar = CovarianceMatrix(noise)
-    return changed
-
-
 def require_pair(pair: Any, options: StoneSoupOptions) -> tuple[Any, Any, Any]:
     """Predictor, updater and, where there is one, the first state.
 
@@ -157,20 +150,6 @@ def require_pair(pair: Any, options: StoneSoupOptions) -> tuple[Any, Any, Any]:
             if sensor.measurement_model == OWN:
                 raise InputError(f"sensors.{name}.measurement_model: the updater has none of its own; name one")
     return predictor, updater, first
-
-
-def require_model(model: Any, option: str, reference: str, size: int) -> Any:
-    """A measurement model, or a function of a scan that gives one.
-
-    Raises:
-        InputError: it is neither, or of another state.
-    """
-    if isinstance(model, MeasurementModel):
-        if model.ndim_state != size:
-            raise InputError(f"{option}: {reference!r} is of a state of {model.ndim_state} components, not {size}")
-    elif isinstance(model, type) or not callable(model):
-        raise InputError(f"{option}: {reference!r} is no MeasurementModel and no function of a scan that gives one")
-    return model
 
 
 def _fixed(model: Any) -> bool:
@@ -264,18 +243,22 @@ class StoneSoupTracker(AdaptedTracker):
         if reference is None:
             return Model(None, sensor)
         source = self._updater.measurement_model if reference == OWN else named(option, reference)
-        model = require_model(source, option, reference, len(self.layout.names))
-        if isinstance(model, MeasurementModel):
+        size = len(self.layout.names)
+        if isinstance(source, MeasurementModel):
+            if source.ndim_state != size:
+                raise InputError(f"{option}: {reference!r} is of a state of {source.ndim_state} components, not {size}")
             try:
-                taken = measured(model, sensor.measurement)
+                components = measured(source, sensor.measurement)
             except TrackbenchError as error:
                 raise InputError(f"sensors.{name}.{error}") from None
-            if taken != POSITION and sensor.pose != OWN and not hasattr(model, "translation_offset"):
-                what = f"{reference!r} cannot be put where the sensor is"
-                raise InputError(f"sensors.{name}.pose: {what}: use pose: own, or a function that is given the scan")
+            if components != POSITION and sensor.pose != OWN and not hasattr(source, "translation_offset"):
+                problem = f"{reference!r} cannot be put where the sensor is"
+                raise InputError(f"sensors.{name}.pose: {problem}: use pose: own, or a function that is given the scan")
+        elif isinstance(source, type) or not callable(source):
+            raise InputError(f"{option}: {reference!r} is no MeasurementModel and no function of a scan that gives one")
         elif sensor.pose is not None:
             raise InputError(f"sensors.{name}.pose: not used: {reference!r} is given the scan, and its pose; remove it")
-        return Model(model, sensor)
+        return Model(source, sensor)
 
     def _model(self, scan: Scan) -> tuple[Any, Reader]:
         """The measurement model at a scan, and the part of the measurement that it is of."""
@@ -289,7 +272,10 @@ class StoneSoupTracker(AdaptedTracker):
         else:
             model = source(scan)
         reader = Reader(self.layout, measured(model, options.measurement))
-        return with_noise(model, reader.measurement(scan).covariance) if options.states_noise else model, reader
+        if options.states_noise:
+            model = copy.copy(model)
+            model.noise_covar = CovarianceMatrix(reader.measurement(scan).covariance)
+        return model, reader
 
 
 def _date(time: float) -> datetime:

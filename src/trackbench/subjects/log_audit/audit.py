@@ -65,12 +65,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
 
 
 def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
-    """Audit one sensor.
-
-    Args:
-        log: its measurements within the time of the truth.
-        looked: when it looked.
-    """
+    """Audit one sensor by its measurements within the time of the truth and the times when it looked."""
     if len(log.log.time) < FEWEST_ROWS:
         return SensorAudit(log, (), detections_of(log, looked, {}))
     units = tuple(wrong_units(log))

@@ -235,12 +235,7 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: 
 
 
 def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
-    """What is wrong with a sensor.
-
-    Args:
-        item: its audit.
-        level: probability with which an interval holds the truth, so that all of the log's do so together.
-    """
+    """What is wrong with a sensor; intervals hold the truth with probability ``level``, so that all do so together."""
     sensor, detections, fit = item.log.name, item.detections, item.fit
     for wrong in item.units:
         yield unit_finding(item.log, wrong)

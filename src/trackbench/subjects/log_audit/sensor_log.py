@@ -251,13 +251,7 @@ JUMP, JUMP_MPS = 10.0, 5.0
 
 
 def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck | None:
-    """Compare the velocity of a body with its displacement; None where it is too short.
-
-    Args:
-        name: of the body.
-        motion: as recorded.
-        stated_unit: of the speed.
-    """
+    """Compare the velocity of a body with its displacement; None where it is too short."""
     # Rows between which windows of at least the wanted length lie.
     rows = [0]
     for row, instant in enumerate(motion.time.tolist()):

@@ -49,14 +49,16 @@ def _read(path: str) -> list[dict[str, bytes]]:
         chunks = reader.stream() if reader.recordings() else ()
         # All chunks are gone through, so that a damaged one is noticed.
         data = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == DATA and chunk.is_static]
-    return [
-        {name: _bytes(batch.column(name)[0]) for name in batch.schema.names if "RowId" not in name} for batch in data
-    ]
-
-
-def _bytes(component: object) -> bytes:
-    values = component.values  # type: ignore[attr-defined]
-    return str(values[0]).encode() if str(values.type) == "string" else values.to_numpy().tobytes()
+    blobs: list[dict[str, bytes]] = []
+    for batch in data:
+        columns = {name: batch.column(name)[0].values for name in batch.schema.names if "RowId" not in name}
+        blobs.append(
+            {
+                name: str(values[0]).encode() if str(values.type) == "string" else values.to_numpy().tobytes()
+                for name, values in columns.items()
+            }
+        )
+    return blobs
 
 
 if __name__ == "__main__":

@@ -39,16 +39,11 @@ ESTIMATE_ERRORS: tuple[Column, ...] = (
 
 
 def print_inspection(inspection: Inspection, console: Console) -> None:
-    """The contents and scores, or the moments that were asked for.
-
-    Args:
-        inspection: of a recording.
-        console: without markup and highlighting.
-    """
+    """The contents and scores, or the moments that were asked for, on a console without markup and highlighting."""
     summary = inspection.summary
     hidden = summary.identities == "hidden"
-    what = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}, "
-    line = f": {what}{fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
+    run = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}"
+    line = f": {run}, {fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
     console.print(Text.assemble((summary.scenario.name, "bold"), line))
     if isinstance(inspection.at, TracksMoment):
         _tracks(inspection.at, console)
@@ -145,12 +140,14 @@ def _failed(summary: Summary, console: Console) -> None:
 
 
 def _scene(scene: SceneMoment, console: Console) -> None:
-    def detected_by(vehicle: Any) -> str:
-        return ", ".join(item.sensor for item in scene.measurements if item.object == vehicle.name)
-
     course: Column = ("course deg", lambda vehicle: fixed(math.degrees(vehicle.course_rad), 1), 1)
+    sensors: Column = (
+        "detected by",
+        lambda vehicle: ", ".join(item.sensor for item in scene.measurements if item.object == vehicle.name),
+        None,
+    )
     console.print(f"\nAt {fixed(scene.time_s, 3)} s")
-    console.print(_table(scene.vehicles, *MOTION, course, ("detected by", detected_by, None)))
+    console.print(_table(scene.vehicles, *MOTION, course, sensors))
     console.print()
     place: tuple[Column, ...] = (("x m", "px_m", 2), ("y m", "py_m", 2))
     names: tuple[Column, ...] = (("vehicle", "object", None), ("tracker", "tracker", None))
@@ -159,12 +156,13 @@ def _scene(scene: SceneMoment, console: Console) -> None:
 
 
 def _tracks(moment: TracksMoment, console: Console) -> None:
-    def not_tracked_by(vehicle: Any) -> str:
-        return ", ".join(name for name, state in vehicle.states.items() if state in ("waiting", "lost"))
-
     console.print(f"\nAt {fixed(moment.time_s, 3)} s")
-    states: tuple[Column, ...] = (("status", "status", None), ("not tracked by", not_tracked_by, None))
-    console.print(_table(moment.vehicles, *MOTION, *states))
+    missing: Column = (
+        "not tracked by",
+        lambda vehicle: ", ".join(name for name, state in vehicle.states.items() if state in ("waiting", "lost")),
+        None,
+    )
+    console.print(_table(moment.vehicles, *MOTION, ("status", "status", None), missing))
     console.print()
     track: tuple[Column, ...] = (("tracker", "tracker", None), ("track", lambda item: str(item.track), 0))
     place: tuple[Column, ...] = (("x m", "px_m", 2), ("y m", "py_m", 2), ("existence", "existence", 2))

@@ -119,14 +119,8 @@ def recorded_run(
 ) -> Charts:
     """The recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one of them.
 
-    Args:
-        estimates: of these vehicles in the recorded run, as are ``recorded_nis`` and ``modes``.
-        recorded_nis: the NIS of each measurement.
-        modes: the probabilities of the motion models.
-        nis: over all runs; a tracker may take less of a measurement than its sensor gives, so the degrees of freedom
-            are its own.
-        colours: by tracker.
-        vehicle: the only one, if it is one.
+    ``estimates``, ``recorded_nis`` and ``modes`` are of these vehicles, ``nis`` is over all runs: a tracker may take
+    less of a measurement than its sensor gives, so the degrees of freedom are its own.
     """
     place = (RECORDED_RUN,) if vehicle is None else (VEHICLES, vehicle)
     rows = _by_tracker(estimates)

@@ -135,10 +135,7 @@ def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewe
 
 
 def serve(host: str) -> tuple[Viewer, str]:
-    """A viewer for browsers, and the address of its page.
-
-    Args:
-        host: this machine's address to listen at; all of them for 0.0.0.0.
+    """A viewer for browsers that listens at an address of this machine (0.0.0.0: at all), and that of its page.
 
     Raises:
         InputError: ``host`` is not an address of this machine.
@@ -235,12 +232,8 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
 
     Several runs of the same traffic become one file; those of different traffic stay apart.
 
-    Args:
-        paths: recordings or folders of runs.
-        opening: where the viewer opens.
-
     Raises:
-        InputError: one of them cannot be read or lacks what the viewer should open with.
+        InputError: one of the recordings or folders cannot be read or lacks what the viewer should open with.
     """
     examined = paths[0] / RECORDING if paths[0].is_dir() else paths[0]
     if len(paths) == 1 and examined.is_file() and (examined.parent / EXAMINATION).is_file():

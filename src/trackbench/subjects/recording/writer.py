@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Chart, Replay, ReplayScene
-from trackbench.metrics.track_events import TrackEvent, events_of, instants
+from trackbench.metrics.track_events import events_of, instants
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
@@ -39,11 +39,7 @@ def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, 
 
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
 
-    Args:
-        result: of the run.
-        path: the file.
-        colours: of its trackers, by name, where they are those of several runs; "#RRGGBB".
-        focus: where it opens.
+    ``colours`` are of the trackers, by name, where they are those of several runs; "#RRGGBB".
 
     Raises:
         TrackbenchError: the file cannot be written.
@@ -53,17 +49,7 @@ def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, 
 
 
 def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
-    """Write a copy of a run's recording that opens elsewhere.
-
-    Args:
-        file: the recording.
-        result: what was read from it.
-        path: the copy.
-        focus: where it opens.
-
-    Raises:
-        As :func:`write`.
-    """
+    """Write a copy of the recording of ``result`` that opens elsewhere; raises as :func:`write`."""
 
     def send_all(recording: rr.RecordingStream) -> None:
         contents = contents_of(result)
@@ -75,26 +61,12 @@ def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
 
 
 def write_overlay(contents: Contents, path: Path, focus: Focus) -> None:
-    """Write several runs laid over each other; their tables are not in the file.
-
-    Raises:
-        As :func:`write`.
-    """
+    """Write several runs laid over each other, without their tables; raises as :func:`write`."""
     write_recording(path, application(contents.name), lambda recording: draw(recording, contents, focus))
 
 
 def write_recording(path: Path, name: str, send_all: Callable[[rr.RecordingStream], None]) -> None:
-    """Write what a function sends.
-
-    Args:
-        path: the file.
-        name: the viewer keeps one layout for all recordings of the same name.
-        send_all: gets the recording.
-
-    Raises:
-        TrackbenchError: the file cannot be written.
-        InputError: the environment switches Rerun off.
-    """
+    """Write what a function sends; raises as :func:`write`. The viewer has one layout for recordings of a ``name``."""
     recording = rr.RecordingStream(name)
     if not rr.is_enabled(recording):
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
@@ -182,7 +154,17 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
     send_marks(stream, tracker, events, metres_per_pixel)
     if events:
         levels = ["WARN" if event.kind in MARKED else "INFO" for event in events]
-        texts = [f"{tracker}: {', '.join(filter(None, _event_parts(event)))}" for event in events]
+        parts = (
+            (
+                event.kind,
+                f"vehicle {event.object}" if event.object else "",
+                "" if event.track is None else f"track {event.track}",
+                event.reason,
+                f"{event.cost_m2:.3g} m²" if event.cost_m2 else "",
+            )
+            for event in events
+        )
+        texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
         log = rr.TextLog.columns(text=texts, level=levels)
         stream.columns(path(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
 
@@ -197,16 +179,6 @@ def _blueprint(contents: Contents, wide: views.Window, focus: Focus) -> tuple[rr
     return layout.blueprint(contents, charts, wide, focus), every
 
 
-def _event_parts(event: TrackEvent) -> tuple[str | None, ...]:
-    return (
-        event.kind,
-        f"vehicle {event.object}" if event.object else None,
-        None if event.track is None else f"track {event.track}",
-        event.reason,
-        f"{event.cost_m2:.3g} m²" if event.cost_m2 else None,
-    )
-
-
 #: How long a measurement is shown, s.
 RECENT_S = 0.5
 #: The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left.
@@ -217,11 +189,7 @@ def write_replay(replay: Replay, file: Path) -> None:
     """Write a replay as a Rerun recording (.rrd) with its layout, which plays in a loop.
 
     The timeline is ``sim_time``, in s; positions are in m in the fixed frame. The entities of a scene are below its
-    name.
-
-    Raises:
-        TrackbenchError: the file cannot be written.
-        InputError: the environment switches Rerun off.
+    name. Raises as :func:`write`.
     """
 
     def send(recording: rr.RecordingStream) -> None:

@@ -10,7 +10,7 @@ import logging
 import signal
 import socket
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from http import HTTPStatus
 from types import FrameType
 from urllib.parse import urlsplit
@@ -63,7 +63,12 @@ async def serve(
         name = f"client {next(numbers)}"
         log.info("%s: connected from %s", name, (connection.remote_address or ("nowhere",))[0])
         try:
-            await _answer(connection, await asyncio.to_thread(Client, served, name))
+            with closing(await asyncio.to_thread(Client, served, name)) as client:
+                async for frame in connection:
+                    # A slow tracker keeps no other client waiting.
+                    answer = await asyncio.to_thread(client.answer, frame)
+                    if answer is not None:
+                        await connection.send(answer)
         except TrackerFailed as failure:
             text = f"tracker {served.name} failed {failure}"
             log.error("%s: %s", name, text)
@@ -104,18 +109,6 @@ async def serve(
             number = await stopped
             log.info("%s: the server ends", number.name)
     return number
-
-
-async def _answer(connection: ServerConnection, client: Client) -> None:
-    """Answer a client until it leaves."""
-    try:
-        async for frame in connection:
-            # A slow tracker keeps no other client waiting.
-            answer = await asyncio.to_thread(client.answer, frame)
-            if answer is not None:
-                await connection.send(answer)
-    finally:
-        client.close()
 
 
 @contextmanager
