@@ -218,6 +218,10 @@ class Observer:
     """m; 0 for a fixed point."""
 
 
+#: The arrays of a truth that are ``(steps, objects, runs)``.
+KINEMATICS = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
+
+
 @dataclass(frozen=True)
 class Truth:
     """The motion of every object and of the observer, on a grid of times that is regular unless it was recorded.

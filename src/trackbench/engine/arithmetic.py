@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from trackbench.engine.graph import Graph, Node, ordered
 
@@ -84,6 +85,10 @@ LOG = (
 LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
+def _operator(op: str) -> Callable[[Any, Term | float], Term]:
+    return lambda self, other: apply(self.graph, op, self, other)
+
+
 @dataclass(frozen=True)
 class Term:
     """A node with operators, so that formulas read as such."""
@@ -91,32 +96,14 @@ class Term:
     graph: Graph
     node: Node
 
-    def _with(self, op: str, *others: Term | float) -> Term:
-        return apply(self.graph, op, self, *others)
-
-    def __add__(self, other: Term | float) -> Term:
-        return self._with("add", other)
-
-    def __sub__(self, other: Term | float) -> Term:
-        return self._with("sub", other)
+    __add__, __sub__, __mul__, __truediv__ = map(_operator, ("add", "sub", "mul", "div"))
+    __gt__, __lt__ = map(_operator, ("gt", "lt"))
 
     def __rsub__(self, other: float) -> Term:
         return apply(self.graph, "sub", other, self)
 
-    def __mul__(self, other: Term | float) -> Term:
-        return self._with("mul", other)
-
-    def __truediv__(self, other: Term | float) -> Term:
-        return self._with("div", other)
-
     def __rtruediv__(self, other: float) -> Term:
         return apply(self.graph, "div", other, self)
-
-    def __gt__(self, other: Term | float) -> Term:
-        return self._with("gt", other)
-
-    def __lt__(self, other: Term | float) -> Term:
-        return self._with("lt", other)
 
 
 def apply(graph: Graph, op: str, *values: Term | float) -> Term:
@@ -164,22 +151,14 @@ def tan(x: Term) -> Term:
     return where(odd, apply(x.graph, "neg", below), above) / where(odd, above, below)
 
 
-def _sine(rest: Term) -> Term:
-    square = rest * rest
-    return rest + rest * square * polynomial(square, SIN)
-
-
-def _cosine(rest: Term) -> Term:
-    square = rest * rest
-    return 1.0 - (square * 0.5 - square * square * polynomial(square, COS))
-
-
 def _circular(x: Term, shift: float) -> Term:
     whole, rest = _turned(x)
-    whole = whole + shift
-    found = where(apply(x.graph, "bit0", whole), _cosine(rest), _sine(rest))
+    whole, square = whole + shift, rest * rest
+    cosine = 1.0 - (square * 0.5 - square * square * polynomial(square, COS))
+    sine = rest + rest * square * polynomial(square, SIN)
+    value = where(apply(x.graph, "bit0", whole), cosine, sine)
     # Two quarter turns change the sign.
-    return where(apply(x.graph, "bit1", whole), apply(x.graph, "neg", found), found)
+    return where(apply(x.graph, "bit1", whole), apply(x.graph, "neg", value), value)
 
 
 def sin(x: Term) -> Term:
@@ -255,16 +234,13 @@ def hypot(x: Term, y: Term) -> Term:
     graph = x.graph
     square = x * x + y * y
     # Of other squares some bits, or all, are lost.
-    lost = apply(graph, "and", square < SMALLEST_SQUARE, apply(graph, "not", _both_zero(x, y)))
+    both_zero = apply(graph, "and", *(apply(graph, "eq", side, 0.0) for side in (x, y)))
+    lost = apply(graph, "and", square < SMALLEST_SQUARE, apply(graph, "not", both_zero))
     # The length of what has an infinite component is infinite even where the other is no number.
     infinite = [apply(graph, "eq", apply(graph, "abs", side), float("inf")) for side in (x, y)]
     for condition in (lost, square > LARGEST_SQUARE, *infinite):
         _refuse(condition)
     return apply(graph, "sqrt", square)
-
-
-def _both_zero(x: Term, y: Term) -> Term:
-    return apply(x.graph, "and", apply(x.graph, "eq", x, 0.0), apply(x.graph, "eq", y, 0.0))
 
 
 FUNCTIONS: dict[str, Callable[..., Term]] = {

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Mask, Truth
+from trackbench.base.types import KINEMATICS, Array, Mask, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.results.truth_audit import EndedEarly, PositionJump, Repairs, TruthAudit, VelocityMismatch
 from trackbench.truth import jumps
@@ -73,7 +73,9 @@ def audit(
     jumped = _jumps(_displacement(truth), _velocity(truth), _together(truth.alive), truth.time)
     jumped |= _begins(reported.collided[:steps]) & _together(truth.alive)
     ends = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
-    repaired = replace(truth, alive=truth.alive & ~_from_then_on(jumped))
+    # The end of a jump and all that follows.
+    cut_off = np.concatenate([np.zeros_like(truth.alive[:1]), np.logical_or.accumulate(jumped, axis=0)])
+    repaired = replace(truth, alive=truth.alive & ~cut_off)
 
     moving = _together(repaired.alive)
     before = _errors(_displacement(truth), stated, moving)
@@ -198,12 +200,6 @@ def _begins(state: Mask) -> Mask:
     return state[1:] & ~state[:-1]
 
 
-def _from_then_on(jumped: Mask) -> Mask:
-    """``(steps, objects)``: the end of a jump and all that follows."""
-    after = np.logical_or.accumulate(jumped, axis=0)
-    return np.concatenate([np.zeros_like(after[:1]), after])
-
-
 def _jump(truth: Truth, step: int, body: int) -> PositionJump:
     across = np.hypot(*(_displacement(truth) - _velocity(truth)[:, :-1]))[step, body].max()
     end = float(truth.time[step + 1])
@@ -231,11 +227,10 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[Po
 
 def _until(truth: Truth, end: int) -> Truth:
     """The first ``end`` steps."""
-    per_step = ("time", "px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
     carrier = {name: getattr(truth.observer, name)[:end] for name in ("px", "py", "yaw", "vx", "vy", "yaw_rate")}
     return replace(
         truth,
-        **{name: getattr(truth, name)[:end] for name in per_step},
+        **{name: getattr(truth, name)[:end] for name in ("time", *KINEMATICS, "alive")},
         observer=replace(truth.observer, **carrier),
     )
 

@@ -24,6 +24,9 @@ from trackbench.truth.config import HighwayOptions
 FORMAT = 4
 HEADER = f"trackbench truth {FORMAT}"
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
+OWN_CLASSES = "highway_env."
+
+log = logging.getLogger(__name__)
 
 
 def path(config: HighwayOptions) -> Path:
@@ -31,12 +34,15 @@ def path(config: HighwayOptions) -> Path:
     return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
-def read(file: Path, config: HighwayOptions) -> Truth | None:
-    """The stored truth; None where there is none.
+def _read(config: HighwayOptions) -> LoadedTruth | None:
+    """The stored truth; None where there is none, or it may have changed.
 
     Raises:
         ValueError: the entry is damaged, or is not what it should be.
     """
+    if not _determined(config):
+        return None
+    file = path(config)
     try:
         content = file.read_bytes()
     except FileNotFoundError:
@@ -55,17 +61,8 @@ def read(file: Path, config: HighwayOptions) -> Truth | None:
         raise ValueError(f"{file} is damaged ({error})") from error
     if meta["key"] != _key(config):
         raise ValueError(f"{file} is the truth of something else")
-    return truth
-
-
-def write(file: Path, config: HighwayOptions, truth: Truth) -> None:
-    """Store ``truth``, under its final name only when it is whole.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
-    payload = _packed(truth, _key(config))
-    write_whole(file, _header(payload) + b"\n" + payload)
+    log.info("truth from the cache: %s", file)
+    return LoadedTruth(truth, cached=True)
 
 
 def _key(config: HighwayOptions) -> str:
@@ -111,11 +108,6 @@ def _attributes(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-OWN_CLASSES = "highway_env."
-
-log = logging.getLogger(__name__)
-
-
 def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and keep it."""
     notes = []
@@ -135,7 +127,8 @@ def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth
     if cache and _determined(config):
         file = path(config)
         try:
-            write(file, config, truth)
+            payload = _packed(truth, _key(config))
+            write_whole(file, _header(payload) + b"\n" + payload)
             log.info("truth kept in the cache: %s", file)
         except OSError as error:
             notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
@@ -148,17 +141,6 @@ def stored(config: HighwayOptions) -> LoadedTruth | None:
         return _read(config)
     except ValueError:
         return None
-
-
-def _read(config: HighwayOptions) -> LoadedTruth | None:
-    if not _determined(config):
-        return None
-    file = path(config)
-    truth = read(file, config)
-    if truth is None:
-        return None
-    log.info("truth from the cache: %s", file)
-    return LoadedTruth(truth, cached=True)
 
 
 def _determined(config: HighwayOptions) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from trackbench.base.types import Progress, no_progress
 from trackbench.truth import recorded, scripted, simulated
@@ -17,15 +18,7 @@ from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOp
 class HighwayTruth(HighwayOptions):
     """Traffic simulated by highway-env."""
 
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
+    def load(self, draw: Draw, *, cache: bool = True, progress: Progress = no_progress, **_: Any) -> LoadedTruth:
         return simulated.load(self.scenes()[0], cache, progress)
 
     def stored(self) -> LoadedTruth | None:
@@ -40,15 +33,7 @@ class HighwayTruth(HighwayOptions):
 class ScriptedTruth(ScriptedOptions):
     """Motion written down piece by piece, exact in position and velocity."""
 
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
+    def load(self, draw: Draw, **_: Any) -> LoadedTruth:
         return LoadedTruth(scripted.script(self, *draw))
 
     @property
@@ -62,15 +47,7 @@ class ScriptedTruth(ScriptedOptions):
 class RecordingTruth(RecordingOptions):
     """Motion from a file, and measurements where it has them."""
 
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
+    def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         recording = recorded.load(self, sensors or {}, folder)
         return LoadedTruth(recording.truth, notes=recording.notes, measurements=recording.measurements)
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.types import Array, Indices, Observer, RecordedMeasurements, Truth
+from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingOptions
@@ -199,21 +199,14 @@ def truth_on_grid(config: RecordingOptions, drive: Drive, times: Array) -> Truth
     """
     motions = drive.motions
     columns = [_on_grid(motion, times) for motion in motions.values()]
-
-    def stacked(name: str) -> Array:
-        return np.stack([column[name] for column in columns], axis=1)[:, :, None]
-
+    kinematics: dict[str, Any] = {
+        name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS
+    }
     alive = np.stack([(times >= m.time[0]) & (times <= m.time[-1]) for m in motions.values()], axis=1)
     return Truth(
         time=times,
         ids=tuple(motions),
-        px=stacked("px"),
-        py=stacked("py"),
-        heading=stacked("heading"),
-        course=stacked("course"),
-        speed=stacked("speed"),
-        acceleration=stacked("acceleration"),
-        yaw_rate=stacked("yaw_rate"),
+        **kinematics,
         alive=alive,
         length=np.full(len(motions), config.length_m),
         width=np.full(len(motions), config.width_m),

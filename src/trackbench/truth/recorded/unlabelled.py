@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import counted
-from trackbench.base.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
+from trackbench.base.types import KINEMATICS, Array, Indices, Mask, Observer, RecordedDetections, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -82,17 +82,11 @@ def load(
 
 
 def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
-    none = np.zeros((len(times), 0, 1))
+    kinematics: dict[str, Any] = dict.fromkeys(KINEMATICS, np.zeros((len(times), 0, 1)))
     return Truth(
         time=times,
         ids=(),
-        px=none,
-        py=none,
-        heading=none,
-        course=none,
-        speed=none,
-        acceleration=none,
-        yaw_rate=none,
+        **kinematics,
         alive=np.zeros((len(times), 0), dtype=bool),
         length=np.zeros(0),
         width=np.zeros(0),
