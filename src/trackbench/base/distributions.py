@@ -6,14 +6,14 @@ From ``scipy.special``, whose functions ``scipy.stats`` wraps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
 
 import numpy as np
 
 from trackbench.base.scipy_functions import scipy_function
 from trackbench.base.types import Array
+
+_special = partial(scipy_function, "scipy.special", "_ufuncs")
 
 
 def normal_quantile(probability: float) -> float:
@@ -45,7 +45,3 @@ def t_probability(x: Array, freedom: float) -> Array:
 def chi_square_quantile(probability: float, freedom: Array | float) -> Array:
     """``(...)`` of chi-square, for degrees of freedom ``(...)``, which need not be whole."""
     return np.asarray(2 * _special("gammaincinv")(np.asarray(freedom) / 2, probability))
-
-
-def _special(name: str) -> Callable[..., Any]:
-    return scipy_function("scipy.special", "_ufuncs", name)

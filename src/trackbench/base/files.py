@@ -82,6 +82,21 @@ def path_from(path: str, folder: Path, elsewhere: Path) -> str:
     return path if file is None else os.path.relpath(file.resolve(), elsewhere.resolve())
 
 
+def read_text(file: Path, most: int = LARGE, remedy: str = "") -> str:
+    """The text of a file in UTF-8; ``remedy`` ends the message about any other.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        InputError: as :func:`read_bytes`; it is not UTF-8.
+    """
+    raw = read_bytes(file, most)
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x}){remedy}", file=file, line=line) from None
+
+
 def cache_folder() -> Path:
     """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME, else ~/.cache/trackbench."""
     own = os.environ.get("TRACKBENCH_CACHE")

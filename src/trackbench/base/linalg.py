@@ -32,17 +32,12 @@ def vector(entries: Sequence[Array | float]) -> Array:
     if not _NUMBERS.issuperset(map(type, entries)):
         return np.stack(np.broadcast_arrays(*entries))
     # Filling is several times faster than numpy.stack, which needs every entry at its full size.
-    filled = np.empty((len(entries), *_common_shape(entries)))
+    # numpy.broadcast is three times faster than numpy.broadcast_shapes, and takes so many at most.
+    shape = np.broadcast(*entries).shape if len(entries) <= 64 else np.broadcast_shapes(*map(np.shape, entries))
+    filled = np.empty((len(entries), *shape))
     for i, entry in enumerate(entries):
         filled[i] = entry
     return filled
-
-
-def _common_shape(entries: Sequence[Array | float]) -> tuple[int, ...]:
-    # numpy.broadcast is three times faster, and takes so many at most.
-    if len(entries) <= 64:
-        return np.broadcast(*entries).shape
-    return np.broadcast_shapes(*map(np.shape, entries))
 
 
 def matmul(a: Array, b: Array) -> Array:

@@ -156,11 +156,11 @@ class Registry(Generic[T]):
 
     def loaded(self) -> dict[str, T]:
         """Every published one that can be imported, by name."""
-        return {name: found for name, found in self._tried().items() if not isinstance(found, InputError)}
+        return {name: result for name, result in self._tried().items() if not isinstance(result, InputError)}
 
     def failures(self) -> dict[str, str]:
         """Why the others cannot, by name."""
-        return {name: found.message for name, found in self._tried().items() if isinstance(found, InputError)}
+        return {name: result.message for name, result in self._tried().items() if isinstance(result, InputError)}
 
     def home_of(self, reference: str) -> str:
         """The module in which a name is found, which is not imported; empty where the name is not published once."""
@@ -169,12 +169,12 @@ class Registry(Generic[T]):
             reference = entries[0].value if len(entries) == 1 else ""
         return reference.partition(":")[0]
 
-    def name_of(self, found: Any) -> str:
+    def name_of(self, plugin: Any) -> str:
         """The name under which a scenario can ask for a plug-in that is at hand."""
-        known = next((name for name, other in self.found.items() if other is found), None)
+        known = next((name for name, other in self.found.items() if other is plugin), None)
         if known is not None:
             return known
-        reference = f"{found.__module__}:{found.__qualname__}"
+        reference = f"{plugin.__module__}:{plugin.__qualname__}"
         published = self._published().items()
         return next((name for name, entries in published if entries[0].value == reference), reference)
 
@@ -214,12 +214,12 @@ def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]
 def lacks_class(base: type) -> Callable[[Any], str | None]:
     """For a registry of classes: what something lacks to be a whole subclass of ``base``."""
 
-    def lacks(found: Any) -> str | None:
+    def lacks(result: Any) -> str | None:
         wanted = f"{base.__module__}.{base.__qualname__}"
-        if not isinstance(found, type) or not issubclass(found, base):
+        if not isinstance(result, type) or not issubclass(result, base):
             return f"it must be a subclass of {wanted}"
-        missing = sorted(getattr(found, "__abstractmethods__", ()))
-        unset = [name for name in inspect.get_annotations(base) if _stated(base, name) and not hasattr(found, name)]
+        missing = sorted(getattr(result, "__abstractmethods__", ()))
+        unset = [name for name in inspect.get_annotations(base) if _stated(base, name) and not hasattr(result, name)]
         if missing or unset:
             return f"it lacks {' and '.join([*unset, *missing])}"
         return None

@@ -121,11 +121,11 @@ class Alone(Stateful[Estimate | None]):
         return CannotCopy(text + instead)
 
 
-def _gap(one: Estimate | None, other: Estimate | None) -> float:
+def _gap(estimate: Estimate | None, other: Estimate | None) -> float:
     """Largest difference of two means; infinite where only one of them is there, or one is not finite."""
-    if one is None or other is None:
-        return 0.0 if one is other else np.inf
-    if np.array_equal(one.mean, other.mean, equal_nan=True):
+    if estimate is None or other is None:
+        return 0.0 if estimate is other else np.inf
+    if np.array_equal(estimate.mean, other.mean, equal_nan=True):
         return 0.0
-    gap = float(np.abs(one.mean - other.mean).max())
+    gap = float(np.abs(estimate.mean - other.mean).max())
     return gap if np.isfinite(gap) else np.inf

@@ -107,8 +107,8 @@ class Template:
         message = self._control.recv(TOLD.size)
         if len(message) < TOLD.size:
             raise EOFError
-        found: tuple[bool, int, int] = TOLD.unpack(message)
-        return found
+        result: tuple[bool, int, int] = TOLD.unpack(message)
+        return result
 
 
 class TrackerProcess:
@@ -149,7 +149,10 @@ class TrackerProcess:
             self._exchange += 1
             request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
             if self._exchange == 1:
-                request |= {"cwd": _cwd(), "path": sys.path}
+                request |= {"cwd": None, "path": sys.path}
+                # It may have been deleted.
+                with suppress(FileNotFoundError):
+                    request["cwd"] = os.getcwd()
             send_request(self._socket, request)
             self.dropped = []
             values, arrays = receive_answer(self)
@@ -247,14 +250,6 @@ def _signal(process: int, number: signal.Signals) -> None:
         with suppress(ProcessLookupError, PermissionError):
             send(process, number)
             return
-
-
-def _cwd() -> str | None:
-    """The working directory; None where it was deleted."""
-    try:
-        return os.getcwd()
-    except FileNotFoundError:
-        return None
 
 
 def _is_open(descriptor: int) -> bool:

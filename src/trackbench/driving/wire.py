@@ -52,8 +52,8 @@ def receive_request(source: Source) -> dict[str, Any]:
     Raises:
         EOFError: the other side has ended.
     """
-    found: dict[str, Any] = pickle.loads(_receive(source, _LENGTH.unpack(_receive(source, _LENGTH.size))[0]))
-    return found
+    result: dict[str, Any] = pickle.loads(_receive(source, _LENGTH.unpack(_receive(source, _LENGTH.size))[0]))
+    return result
 
 
 def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) -> None:
@@ -85,10 +85,10 @@ def receive_answer(source: Source) -> tuple[dict[str, Any], dict[str, npt.NDArra
         raise Malformed from error
     if not isinstance(values, dict) or sum(sizes) > LARGEST_ARRAYS:
         raise Malformed
-    found = {}
+    result = {}
     for (name, kind, shape), number in zip(shapes, sizes, strict=True):
-        found[name] = np.frombuffer(_receive(source, number), dtype=kind).reshape(shape)
-    return values, found
+        result[name] = np.frombuffer(_receive(source, number), dtype=kind).reshape(shape)
+    return values, result
 
 
 def _size(shape: tuple[int, ...]) -> int:

@@ -119,10 +119,10 @@ def where(condition: Term, yes: Term | float, no: Term | float) -> Term:
 
 def polynomial(x: Term, coefficients: Sequence[float]) -> Term:
     """By Horner's rule; the coefficient of the highest power comes first."""
-    found: Term = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
+    result: Term = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
     for coefficient in coefficients[2:]:
-        found = found * x + coefficient
-    return found
+        result = result * x + coefficient
+    return result
 
 
 def _refuse(condition: Term) -> None:
@@ -223,10 +223,10 @@ def log(x: Term) -> Term:
     square = share * share
     series = square * polynomial(square, LOG)
     half = near * near * 0.5
-    found = exponent * LN2_HIGH - ((half - (share * (half + series) + exponent * LN2_LOW)) - near)
-    found = where(x < float("inf"), found, x)
-    found = where(x > 0.0, found, where(apply(graph, "eq", x, 0.0), float("-inf"), float("nan")))
-    return where(apply(graph, "ne", x, x), x, found)
+    result = exponent * LN2_HIGH - ((half - (share * (half + series) + exponent * LN2_LOW)) - near)
+    result = where(x < float("inf"), result, x)
+    result = where(x > 0.0, result, where(apply(graph, "eq", x, 0.0), float("-inf"), float("nan")))
+    return where(apply(graph, "ne", x, x), x, result)
 
 
 def hypot(x: Term, y: Term) -> Term:

@@ -45,14 +45,14 @@ def rank(name: str) -> int:
 def taken_apart(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
     """The arrays of a belief; ``at`` is put behind each name, and what is named in ``without`` is left out."""
     if isinstance(belief, MultiModelBelief):
-        found: dict[str, Any] = {"probability" + at: belief.probability}
+        result: dict[str, Any] = {"probability" + at: belief.probability}
         for number, mode in enumerate(belief.modes):
-            found |= taken_apart(mode, f"{at} {number}", without)
+            result |= taken_apart(mode, f"{at} {number}", without)
         if belief.repaired is not None:
-            found["repaired" + at] = belief.repaired
-        return found
-    given = zip(Belief._fields, belief, strict=True)
-    return {name + at: value for name, value in given if value is not None and name not in without}
+            result["repaired" + at] = belief.repaired
+        return result
+    parts = zip(Belief._fields, belief, strict=True)
+    return {name + at: value for name, value in parts if value is not None and name not in without}
 
 
 def put_together(values: Values, modes: int, at: str = "") -> AnyBelief:
@@ -66,10 +66,10 @@ def put_together(values: Values, modes: int, at: str = "") -> AnyBelief:
 
 def of_prediction(predicted: PredictedMeasurement, at: str = "") -> dict[str, Any]:
     """The arrays of a predicted measurement."""
-    found = {"expected" + at: predicted.mean, "spread" + at: predicted.covariance, "cross" + at: predicted.cross}
+    result = {"expected" + at: predicted.mean, "spread" + at: predicted.covariance, "cross" + at: predicted.cross}
     for number, mode in enumerate(predicted.modes):
-        found |= of_prediction(mode, f"{at} {number}")
-    return found
+        result |= of_prediction(mode, f"{at} {number}")
+    return result
 
 
 def prediction_of(values: Values, modes: int, at: str = "") -> PredictedMeasurement:

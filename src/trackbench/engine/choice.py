@@ -86,5 +86,5 @@ def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
 
 def used(filter: Filter[Any]) -> EngineUsed:
     """What computed the steps of such a filter so far."""
-    found: EngineUsed = getattr(filter, "used", EngineUsed("numpy"))
-    return found
+    result: EngineUsed = getattr(filter, "used", EngineUsed("numpy"))
+    return result

@@ -25,7 +25,7 @@ from trackbench.engine.beliefs import (
 )
 from trackbench.engine.equations import EngineUsed, Equations, Values
 from trackbench.engine.kernels import Kernels
-from trackbench.engine.user_equations import form_of, is_traced, settled
+from trackbench.engine.user_equations import SourceFingerprint, is_traced, is_user_type, settled
 from trackbench.filters import (
     AnyBelief,
     Belief,
@@ -109,17 +109,17 @@ class FusedFilter:
     def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
         """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
         values = taken_apart(belief, without=REUSED) | self.time(dt) | of_scan(scan)
-        found = self.computed("step", partial(_step, guard=guard), values, scan, guard)
-        cartesian = Gaussian(found["cartesian"], found["cartesian covariance"])
-        refused: Any = found.get("refused")
-        return Step(self._update_of(found), cartesian, refused)
+        result = self.computed("step", partial(_step, guard=guard), values, scan, guard)
+        cartesian = Gaussian(result["cartesian"], result["cartesian covariance"])
+        refused: Any = result.get("refused")
+        return Step(self._update_of(result), cartesian, refused)
 
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
         """The belief once it is known what is believed ``dt`` seconds later; with several motion models, by NumPy."""
         if self.modes:
             self._untraced.setdefault("smoothing", "several motion models are smoothed by NumPy")
-            found: AnyBelief = self.filter.smooth(belief, later, dt)
-            return found
+            result: AnyBelief = self.filter.smooth(belief, later, dt)
+            return result
         values = taken_apart(belief, without=REUSED) | taken_apart(later, LATER, REUSED) | self.time(dt)
         return put_together(self.computed("smoothing", _smoothed, values), 0)
 
@@ -127,8 +127,8 @@ class FusedFilter:
         """px, py, vx, vy under the belief."""
         if self._cartesian_state and isinstance(belief, Belief):
             return self.filter.cartesian(belief)
-        found = self.computed("cartesian", _cartesian, taken_apart(belief, without=REUSED))
-        return Gaussian(found["cartesian"], found["cartesian covariance"])
+        result = self.computed("cartesian", _cartesian, taken_apart(belief, without=REUSED))
+        return Gaussian(result["cartesian"], result["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
         """What a prediction knows of the time."""
@@ -136,13 +136,13 @@ class FusedFilter:
             return {"dt": dt, "chain": self.filter.chain(dt)}
         return {"dt": dt}
 
-    def _update_of(self, found: Mapping[str, Array]) -> Update[Any]:
+    def _update_of(self, result: Mapping[str, Array]) -> Update[Any]:
         return Update(
-            put_together(found, self.modes),
-            found["innovation"],
-            found["innovation covariance"],
-            found["whitened"],
-            mixture=found.get("log_likelihood"),
+            put_together(result, self.modes),
+            result["innovation"],
+            result["innovation covariance"],
+            result["whitened"],
+            mixture=result.get("log_likelihood"),
         )
 
     def computed(
@@ -170,14 +170,14 @@ class FusedFilter:
         if equations is None:
             equations = self._equations[key] = self._made(name, function, values, scan, made_for)
         before = self._kernels.members_by_numpy
-        found = self._kernels(equations, values)
+        result = self._kernels(equations, values)
         self._scan = None
         self._again += self._kernels.members_by_numpy - before
         if equations.key in self._kernels.untraced:
             self._untraced.setdefault(*self._kernels.untraced[equations.key])
         else:
             self._by_kernels = True
-        return found
+        return result
 
     def _made(
         self,
@@ -200,7 +200,9 @@ class FusedFilter:
             return function(FilterCall(filter, self.modes, known), values)
 
         any_filter = settled(of, self.filter, options.with_options, options.models, sensors)
-        key = name, self._form, *map(form_of, sensors), made_for, tuple(inputs)
+        # Of a user's class its source counts too.
+        sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
+        key = name, self._form, *sources, made_for, tuple(inputs)
         equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
         if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
             return equations
@@ -240,10 +242,10 @@ def prediction(call: FilterCall, values: Values) -> AnyBelief:
     belief = put_together(values, call.modes)
     # Where no time passes, modes are not mixed: that one of them is not finite is then nothing to the others.
     if call.modes and (is_traced(values) or values["dt"] > 0.0):
-        found: AnyBelief = call.filter.predict_by(belief, values["dt"], values["chain"])
+        result: AnyBelief = call.filter.predict_by(belief, values["dt"], values["chain"])
     else:
-        found = call.filter.predict(belief, values["dt"])
-    return found
+        result = call.filter.predict(belief, values["dt"])
+    return result
 
 
 def _predicted(call: FilterCall, values: Values) -> Values:
@@ -258,16 +260,16 @@ def _expected(call: FilterCall, values: Values) -> Values:
 def _updated(call: FilterCall, values: Values) -> Values:
     belief = put_together(values, call.modes)
     expected = prediction_of(values, call.modes) if "expected" in values else None
-    return _said(call.filter.update(belief, scan_of(values, call.scan), expected))
+    return _update_values(call.filter.update(belief, scan_of(values, call.scan), expected))
 
 
 def _step(call: FilterCall, values: Values, guard: StepGuard | None) -> Values:
     predicted = prediction(call, values)
-    said = call.filter.update(predicted, scan_of(values, call.scan))
-    found = {**_said(said), **_seen(call.filter.cartesian(said.belief))}
+    update = call.filter.update(predicted, scan_of(values, call.scan))
+    result = {**_update_values(update), **_cartesian_values(call.filter.cartesian(update.belief))}
     # The next step makes what can be reused again, which is quicker than to write and read it.
-    found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}
-    return found if guard is None else {**found, "refused": guard(predicted)}
+    result = {name: value for name, value in result.items() if not name.startswith(("factor", "points"))}
+    return result if guard is None else {**result, "refused": guard(predicted)}
 
 
 def _smoothed(call: FilterCall, values: Values) -> Values:
@@ -276,18 +278,18 @@ def _smoothed(call: FilterCall, values: Values) -> Values:
 
 
 def _cartesian(call: FilterCall, values: Values) -> Values:
-    return _seen(call.filter.cartesian(put_together(values, call.modes)))
+    return _cartesian_values(call.filter.cartesian(put_together(values, call.modes)))
 
 
-def _seen(cartesian: Gaussian) -> Values:
+def _cartesian_values(cartesian: Gaussian) -> Values:
     return {"cartesian": cartesian.mean, "cartesian covariance": cartesian.covariance}
 
 
-def _said(said: Update[Any]) -> Values:
+def _update_values(update: Update[Any]) -> Values:
     return {
-        **taken_apart(said.belief),
-        "innovation": said.innovation,
-        "innovation covariance": said.innovation_covariance,
-        "whitened": said.whitened_innovation,
-        "log_likelihood": said.mixture,
+        **taken_apart(update.belief),
+        "innovation": update.innovation,
+        "innovation covariance": update.innovation_covariance,
+        "whitened": update.whitened_innovation,
+        "log_likelihood": update.mixture,
     }

@@ -43,11 +43,11 @@ def _finite(graph: Graph, masks: Iterable[str], nodes: Iterable[Node]) -> Node:
     total = graph.constant(0.0)
     for node in nodes:
         total = graph.apply("add", total, node)
-    found = graph.apply("lt", graph.apply("abs", total), graph.constant(float("inf")))
+    result = graph.apply("lt", graph.apply("abs", total), graph.constant(float("inf")))
     for mask in sorted(masks):
-        given = graph.given(mask)
-        found = found if given is None else graph.apply("or", found, graph.apply("not", given))
-    return found
+        symbol = graph.given(mask)
+        result = result if symbol is None else graph.apply("or", result, graph.apply("not", symbol))
+    return result
 
 
 def _carried(nodes: Iterable[Node]) -> set[int]:
@@ -69,12 +69,12 @@ def _depends(
     own = {
         node.number: counted[name] for name, of in outputs.items() if name in counted for node in of if node.arguments
     }
-    found: dict[int, frozenset[str]] = {}
+    result: dict[int, frozenset[str]] = {}
     for node in ordered(nodes):
-        masks = {mask for argument in node.arguments for mask in found[argument.number]}
+        masks = {mask for argument in node.arguments for mask in result[argument.number]}
         if node.number in own:
             masks.add(own[node.number])
         if isinstance(node.value, tuple) and node.value[0] in counted:
             masks.add(counted[node.value[0]])
-        found[node.number] = frozenset(masks)
-    return found
+        result[node.number] = frozenset(masks)
+    return result

@@ -124,17 +124,17 @@ class Graph:
     def apply(self, op: str, *arguments: Node) -> Node:
         """An operation on nodes, in its simplest form."""
         key = (op, *[argument.number for argument in arguments])
-        found = self._applied.get(key)
-        if found is None:
-            found = self._applied[key] = self._made(op, arguments)
-        return found
+        result = self._applied.get(key)
+        if result is None:
+            result = self._applied[key] = self._made(op, arguments)
+        return result
 
     def joined(self, conditions: Iterable[Node]) -> Node:
         """Whether all hold."""
-        found = self.constant(True)
+        result = self.constant(True)
         for condition in conditions:
-            found = self.apply("and", found, condition)
-        return found
+            result = self.apply("and", result, condition)
+        return result
 
     def as_number(self, node: Node) -> Node:
         """A truth value as 1.0 or 0.0; a number as it is."""
@@ -143,9 +143,9 @@ class Graph:
     def _made(self, op: str, arguments: tuple[Node, ...]) -> Node:
         if op in COMMUTATIVE and arguments[0].number > arguments[1].number:
             return self.apply(op, arguments[1], arguments[0])
-        found = self._simplified(op, arguments)
-        if found is not None:
-            return found
+        result = self._simplified(op, arguments)
+        if result is not None:
+            return result
         level = max(argument.level for argument in arguments)
         boolean = op in TRUTH_VALUES or (op == "where" and arguments[1].boolean)
         return self._node(op, arguments, None, level, boolean)
@@ -249,9 +249,9 @@ class Graph:
         return None
 
     def _logical(self, op: str, a: Node, b: Node) -> Node | None:
-        for one, other in ((a, b), (b, a)):
-            if one.constant:
-                return other if one.value == (op == "and") else one
+        for side, other in ((a, b), (b, a)):
+            if side.constant:
+                return other if side.value == (op == "and") else side
         return a if a is b else None
 
 

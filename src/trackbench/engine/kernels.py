@@ -123,11 +123,11 @@ class Kernels:
             if self._found[made_for] is not None and has_user_equations(equations.key):
                 self._unproven.add(made_for)
         kernel = self._found[made_for]
-        ways = (
-            [(item.name, item, _as_it_is(item, values[item.name], batch)) for item in kernel.layout.inputs]
-            if kernel
-            else []
-        )
+        ways = []
+        for item in kernel.layout.inputs if kernel else ():
+            value, kind = values[item.name], bool if item.boolean else float
+            as_it_is = isinstance(value, np.ndarray) and value.dtype == kind and value.shape == item.full(batch)
+            ways.append((item.name, item, bool(as_it_is)))
         if len(self._plans) >= PLANS:
             self._plans.clear()
         # The equations are kept, so that no others have their id.
@@ -193,9 +193,9 @@ class Kernels:
         self._unproven.discard(plan.made_for)
         places = good[[0, -1]] if plan.batch else good
         for name, expected in _by_numpy_alone(equations, plan, values, outputs, places):
-            found = outputs[name].reshape(*expected.shape[:-1], plan.members)[..., places]
+            result = outputs[name].reshape(*expected.shape[:-1], plan.members)[..., places]
             scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))
-            if not np.allclose(found, expected, AGREEMENT, AGREEMENT * scale, equal_nan=True):
+            if not np.allclose(result, expected, AGREEMENT, AGREEMENT * scale, equal_nan=True):
                 self._found[plan.made_for] = None
                 self.untraced[equations.key] = equations.name, OTHER_NUMBERS
                 self._plans.clear()
@@ -211,12 +211,12 @@ class Kernels:
         if plan.batch and len(places) == 1:
             # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
             places = places.repeat(2)
-        for name, said in _by_numpy_alone(equations, plan, values, outputs, places):
-            components = said.shape[:-1]
+        for name, value in _by_numpy_alone(equations, plan, values, outputs, places):
+            components = value.shape[:-1]
             if name not in outputs:
                 # Of the others there is nothing to be said.
-                outputs[name] = np.zeros(components + plan.batch, dtype=said.dtype)
-            outputs[name].reshape(*components, plan.members)[..., places] = said
+                outputs[name] = np.zeros(components + plan.batch, dtype=value.dtype)
+            outputs[name].reshape(*components, plan.members)[..., places] = value
 
 
 def _by_numpy_alone(
@@ -225,13 +225,13 @@ def _by_numpy_alone(
     """What NumPy gives of some members: of each output its name, and ``(components..., places)``."""
     batch, count = plan.batch, len(places)
     chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
-    for name, found in by_numpy(equations, chosen).items():
-        if found is None:
+    for name, result in by_numpy(equations, chosen).items():
+        if result is None:
             continue
-        said = np.asarray(found)
-        axes = (outputs[name].ndim if name in outputs else said.ndim) - len(batch)
-        components, missing = said.shape[:axes], axes + len(batch) - said.ndim
-        full = said.reshape(components + (1,) * missing + said.shape[axes:])
+        array = np.asarray(result)
+        axes = (outputs[name].ndim if name in outputs else array.ndim) - len(batch)
+        components, missing = array.shape[:axes], axes + len(batch) - array.ndim
+        full = array.reshape(components + (1,) * missing + array.shape[axes:])
         full = np.broadcast_to(full, components + _one_axis(len(batch), count))
         yield name, full.reshape(*components, count)
 
@@ -252,24 +252,18 @@ def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
     return Input(name, array.shape[:rank], axes, array.dtype.char, shared)
 
 
-def _as_it_is(item: Input, value: Any, batch: tuple[int, ...]) -> bool:
-    if not isinstance(value, np.ndarray) or value.dtype != (bool if item.boolean else float):
-        return False
-    return bool(value.shape == item.full(batch))
-
-
 def _run(plan: CallPlan, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
     """The outputs, and of which members they are right; None: of all."""
     members, batch = plan.members, plan.batch
     padded = max(members, vector_code.WIDTH)
-    given = []
+    arrays = []
     for name, item, as_it_is in plan.inputs:
         value = values[name]
         if not as_it_is or padded != members or not value.flags.c_contiguous:
             value = _rows(item, value, batch, padded)
-        given.append(value)
+        arrays.append(value)
     numbers, masks = np.empty((kernel.rows[0], padded)), np.empty((kernel.rows[1], padded), dtype=bool)
-    fine = kernel.code.call(plan.groups, padded // plan.groups, *map(id, given), id(numbers), id(masks))
+    fine = kernel.code.call(plan.groups, padded // plan.groups, *map(id, arrays), id(numbers), id(masks))
     if padded != members:
         numbers, masks = numbers[:, :members].copy(), masks[:, :members].copy()
     outputs: dict[str, Array] = {}

@@ -72,14 +72,14 @@ class KernelLayout(NamedTuple):
     @property
     def rows(self) -> list[int]:
         """For each component of each output its row, among those of numbers or those of masks."""
-        found: list[int] = []
+        result: list[int] = []
         # The first of the masks is the guard.
         filled = [0, 1]
         for output in self.outputs:
             first = filled[output.boolean]
             filled[output.boolean] += output.size
-            found += range(first, filled[output.boolean])
-        return found
+            result += range(first, filled[output.boolean])
+        return result
 
 
 PACKAGE = Path(__file__).parent.parent
@@ -90,8 +90,8 @@ def source_key(equations: Equations, inputs: Sequence[Input]) -> str | None:
     source = package_source()
     if source is None or not equations.function.__module__.startswith("trackbench."):
         return None
-    said = _told(equations.key)
-    return None if said is None else repr((source, equations.name, said, tuple(inputs)))
+    key = _key_text(equations.key)
+    return None if key is None else repr((source, equations.name, key, tuple(inputs)))
 
 
 @cache
@@ -113,17 +113,17 @@ def package_source() -> str | None:
     return total.hexdigest()
 
 
-def _told(value: Hashable) -> str | None:
+def _key_text(value: Hashable) -> str | None:
     """A key as text that means the same in another process."""
     if isinstance(value, tuple):
-        parts = [_told(item) for item in value]
+        parts = [_key_text(item) for item in value]
         return None if None in parts else f"({', '.join(map(str, parts))})"
     if isinstance(value, type):
         name = f"{value.__module__}.{value.__qualname__}"
         return name if name.startswith("trackbench.") else None
     if value is None or isinstance(value, str | float | int | bytes):
         return repr(value)
-    own = _told(type(value))
+    own = _key_text(type(value))
     return None if own is None or "object at 0x" in repr(value) else repr(value)
 
 

@@ -100,8 +100,8 @@ class Processor:
             cpu=self.name, features=features, opt=EFFORT, jit=True, codemodel="jitdefault"
         )
         version = repr(llvm.llvm_version_info)
-        said = (FORM, version, self._target.triple, self.name, features, str(EFFORT), OPTION, str(WIDTH), str(HEAD))
-        self.key = hashlib.sha256("\n".join(said).encode()).hexdigest()
+        parts = (FORM, version, self._target.triple, self.name, features, str(EFFORT), OPTION, str(WIDTH), str(HEAD))
+        self.key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def object_code(self, text: str) -> bytes:
         """The object file of a module's text, after the name of its function, which no other has."""

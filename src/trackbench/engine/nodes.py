@@ -110,8 +110,8 @@ def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
     """A sum of products; an ellipsis stands for axes that broadcast."""
     if "->" not in spec:
         graph.refuse("numpy.einsum without ->")
-    given, _, wanted = spec.replace(" ", "").partition("->")
-    names = given.split(",")
+    inputs, _, wanted = spec.replace(" ", "").partition("->")
+    names = inputs.split(",")
     arrays = alike(graph, values)
     if any(is_boolean(array) for array in arrays):
         graph.refuse("numpy.einsum of truth values alone")
@@ -123,8 +123,8 @@ def einsum(graph: Graph, spec: str, *values: Any) -> Nodes:
         _sum_of_products(graph, letters, wanted.replace("...", ""), [array[..., place] for array in flat])
         for place in range(flat[0].shape[-1])
     ]
-    found = np.stack(parts, axis=-1).reshape(parts[0].shape + rest)
-    return _ellipsis_back(wanted, found, len(rest))
+    result = np.stack(parts, axis=-1).reshape(parts[0].shape + rest)
+    return _ellipsis_back(wanted, result, len(rest))
 
 
 def _ellipsis_last(names: str, array: Nodes) -> tuple[Nodes, tuple[int, ...]]:
@@ -145,11 +145,11 @@ def _flat_rest(array: Nodes, named: int, rest: tuple[int, ...]) -> Nodes:
     return np.broadcast_to(padded, own + rest).reshape(*own, -1)
 
 
-def _ellipsis_back(wanted: str, found: Nodes, count: int) -> Nodes:
+def _ellipsis_back(wanted: str, result: Nodes, count: int) -> Nodes:
     if "..." not in wanted and count:
         raise ValueError(f"numpy.einsum: nothing in {wanted} stands for the axes of an ellipsis")
-    named, first = found.ndim - count, wanted.find("...") if count else 0
-    return np.moveaxis(found, range(named, found.ndim), range(first, first + count))
+    named, first = result.ndim - count, wanted.find("...") if count else 0
+    return np.moveaxis(result, range(named, result.ndim), range(first, first + count))
 
 
 def _sum_of_products(graph: Graph, letters: Sequence[str], wanted: str, arrays: Sequence[Nodes]) -> Nodes:

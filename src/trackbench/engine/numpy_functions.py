@@ -31,10 +31,10 @@ def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
     way.
     """
     nodes = cast(graph, nodes_of(graph, values), True)
-    found = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
+    result = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
     if axis is not None:
-        return found
-    node: Node = found.item()
+        return result
+    node: Node = result.item()
     expected = op == "and"
     if node.constant:
         return bool(node.value)
@@ -55,8 +55,8 @@ def _axes(nodes: Nodes, axis: Any) -> Sequence[int]:
     return axis if isinstance(axis, tuple) else (axis,)
 
 
-def _elementwise(graph: Graph, *values: Any, op: str) -> Nodes:
-    return elementwise(graph, op, *values)
+def _operation(op: str) -> Callable[..., Nodes]:
+    return lambda graph, *values: elementwise(graph, op, *values)
 
 
 def _logical(graph: Graph, *values: Any, op: str) -> Nodes:
@@ -77,17 +77,13 @@ def _dot(graph: Graph, a: Any, b: Any) -> Nodes:
     return _matmul(graph, a, b)
 
 
-def _outer(graph: Graph, a: Any, b: Any) -> Nodes:
-    return einsum(graph, "i,j->ij", *(nodes_of(graph, value).reshape(-1) for value in (a, b)))
-
-
 def _diag(graph: Graph, values: Any) -> Nodes:
     nodes = nodes_of(graph, values)
     if nodes.ndim != 1:
         return np.diag(nodes).copy()
-    found = nodes_of(graph, np.zeros((len(nodes), len(nodes))))
-    np.fill_diagonal(found, cast(graph, nodes, False))
-    return found
+    matrix = nodes_of(graph, np.zeros((len(nodes), len(nodes))))
+    np.fill_diagonal(matrix, cast(graph, nodes, False))
+    return matrix
 
 
 def _where(graph: Graph, condition: Any, *choices: Any) -> Nodes:
@@ -113,22 +109,9 @@ def _filled_with(value: float) -> Callable[..., Nodes]:
     return lambda graph, like, **options: _full_like(graph, like, value, **options)
 
 
-def _arranged(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that only moves entries."""
-    return lambda graph, values, *places, **options: function(nodes_of(graph, values), *places, **options)
-
-
-def _joined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that puts arrays together."""
-    return lambda graph, values, *places, **options: function(alike(graph, values), *places, **options)
-
-
-def _broadcast_arrays(graph: Graph, *values: Any) -> tuple[Nodes, ...]:
-    return np.broadcast_arrays(*(nodes_of(graph, value) for value in values))
-
-
-def _of_nodes(function: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda graph, values, *axis: function(nodes_of(graph, values), *axis)
+def _moved(function: Callable[..., Any], as_nodes: Callable[[Graph, Any], Any] = nodes_of) -> Callable[..., Any]:
+    """A function that only moves or counts entries, of one array or of several."""
+    return lambda graph, values, *places, **options: function(as_nodes(graph, values), *places, **options)
 
 
 #: By the function, the operation that it is on each entry.
@@ -165,7 +148,7 @@ OPERATIONS = {
 }
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    **{function: partial(_elementwise, op=op) for function, op in OPERATIONS.items()},
+    **{function: _operation(op) for function, op in OPERATIONS.items()},
     np.logical_and: partial(_logical, op="and"),
     np.logical_or: partial(_logical, op="or"),
     np.logical_not: partial(_logical, op="not"),
@@ -181,24 +164,24 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.rad2deg: lambda graph, x: elementwise(graph, "mul", x, 180.0 / np.pi),
     np.matmul: _matmul,
     np.dot: _dot,
-    np.outer: _outer,
+    np.outer: lambda graph, *values: einsum(graph, "i,j->ij", *(nodes_of(graph, x).reshape(-1) for x in values)),
     np.einsum: einsum,
     np.where: _where,
     np.clip: _clip,
-    np.concatenate: _joined(np.concatenate),
-    np.stack: _joined(np.stack),
-    np.vstack: _joined(np.vstack),
-    np.hstack: _joined(np.hstack),
-    np.broadcast_arrays: _broadcast_arrays,
-    np.broadcast_to: _arranged(np.broadcast_to),
-    np.swapaxes: _arranged(np.swapaxes),
-    np.moveaxis: _arranged(np.moveaxis),
-    np.transpose: _arranged(np.transpose),
-    np.reshape: _arranged(np.reshape),
-    np.expand_dims: _arranged(np.expand_dims),
-    np.diagonal: _arranged(np.diagonal),
+    np.concatenate: _moved(np.concatenate, alike),
+    np.stack: _moved(np.stack, alike),
+    np.vstack: _moved(np.vstack, alike),
+    np.hstack: _moved(np.hstack, alike),
+    np.broadcast_arrays: lambda graph, *values: np.broadcast_arrays(*(nodes_of(graph, value) for value in values)),
+    np.broadcast_to: _moved(np.broadcast_to),
+    np.swapaxes: _moved(np.swapaxes),
+    np.moveaxis: _moved(np.moveaxis),
+    np.transpose: _moved(np.transpose),
+    np.reshape: _moved(np.reshape),
+    np.expand_dims: _moved(np.expand_dims),
+    np.diagonal: _moved(np.diagonal),
     np.diag: _diag,
-    np.copy: _arranged(np.copy),
+    np.copy: _moved(np.copy),
     np.zeros_like: _filled_with(0.0),
     np.ones_like: _filled_with(1.0),
     np.full_like: _full_like,
@@ -208,7 +191,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.min: partial(_fold, op="min"),
     np.all: partial(_hold, op="and"),
     np.any: partial(_hold, op="or"),
-    np.shape: _of_nodes(np.shape),
-    np.ndim: _of_nodes(np.ndim),
-    np.size: _of_nodes(np.size),
+    np.shape: _moved(np.shape),
+    np.ndim: _moved(np.ndim),
+    np.size: _moved(np.size),
 }

@@ -18,37 +18,37 @@ M = TypeVar("M", bound=MotionModel)
 
 def options(filter: Filter[Any]) -> dict[str, Any]:
     """The numbers among the options of a filter's motion models, each a number or one for each member."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for number, motion in enumerate(filter.motions):
-        found |= numbers(motion, str(number))
-    return found
+        result |= numbers(motion, str(number))
+    return result
 
 
 def with_options(filter: Any, values: Values) -> Any:
     """The filter with other options, named as ``options`` does; the same one where none is another."""
     own = filter.filters if isinstance(filter, InteractingMultipleModel) else (filter,)
-    motions = [with_numbers(one.motion, str(number), values) for number, one in enumerate(own)]
-    if all(motion is one.motion for motion, one in zip(motions, own, strict=True)):
+    motions = [with_numbers(single.motion, str(number), values) for number, single in enumerate(own)]
+    if all(motion is single.motion for motion, single in zip(motions, own, strict=True)):
         return filter
-    filters = tuple(replace(one, motion=motion) for one, motion in zip(own, motions, strict=True))
+    filters = tuple(replace(single, motion=motion) for single, motion in zip(own, motions, strict=True))
     return replace(filter, filters=filters) if isinstance(filter, InteractingMultipleModel) else filters[0]
 
 
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
     """The numbers among the options of a motion model; ``at`` is put before each name."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, value in _fields(model).items():
-        found |= _numbers(value, f"{at} {name}", _each_has_its_own(model, name))
-    return found
+        result |= _numbers(value, f"{at} {name}", _each_has_its_own(model, name))
+    return result
 
 
 def with_numbers(model: M, at: str, values: Values) -> M:
     """The motion model with other options, named as ``numbers`` does; the same one where none is another."""
     update: dict[str, Any] = {}
     for name, value in _fields(model).items():
-        found = _replaced(value, f"{at} {name}", values)
-        if found is not value:
-            update[name] = found
+        result = _replaced(value, f"{at} {name}", values)
+        if result is not value:
+            update[name] = result
     return model.model_copy(update=update) if update else model
 
 

@@ -48,9 +48,9 @@ class PairSearch:
     ) -> None:
         own = {*first, *second}
         inputs = [Input(name, shape, int(name in own), "d", name in first) for name, shape in shapes.items()]
-        found = trace(equations, inputs)
-        text = function(FUNCTION, found.layout, found.outputs[0])
-        self._inputs = [(item.name, item.name in second) for item in found.layout.inputs]
+        result = trace(equations, inputs)
+        text = function(FUNCTION, result.layout, result.outputs[0])
+        self._inputs = [(item.name, item.name in second) for item in result.layout.inputs]
         self._code = kernels.code(text, len(self._inputs) + 4)
         self._memory = _Memory()
 
@@ -65,21 +65,21 @@ class PairSearch:
         firsts, seconds = len(group), int(bounds[-1])
         if not firsts or not seconds:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-        given = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
-        one, other = self._memory.pairs
-        if len(one) < firsts * seconds:
+        inputs = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
+        left, right = self._memory.pairs
+        if len(left) < firsts * seconds:
             most = firsts * int((bounds[1:] - bounds[:-1]).max())
-            if len(one) < most:
-                one, other = self._memory.pairs = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-        arrays = [*given, np.ascontiguousarray(group, dtype=np.int64), np.ascontiguousarray(bounds, dtype=np.int64)]
-        count = self._code.call(firsts, max(seconds, WIDTH), *map(id, arrays), id(one), id(other))
-        return one[:count].copy(), other[:count].copy()
+            if len(left) < most:
+                left, right = self._memory.pairs = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        arrays = [*inputs, np.ascontiguousarray(group, dtype=np.int64), np.ascontiguousarray(bounds, dtype=np.int64)]
+        count = self._code.call(firsts, max(seconds, WIDTH), *map(id, arrays), id(left), id(right))
+        return left[:count].copy(), right[:count].copy()
 
 
 def _given(value: Any, padded: bool) -> Array:
     """An input as the code reads it, if need be with so many members that they fill a vector."""
-    found = np.ascontiguousarray(value, dtype=float)
-    return np.pad(found, [(0, 0)] * (found.ndim - 1) + [(0, WIDTH - found.shape[-1])]) if padded else found
+    result = np.ascontiguousarray(value, dtype=float)
+    return np.pad(result, [(0, 0)] * (result.ndim - 1) + [(0, WIDTH - result.shape[-1])]) if padded else result
 
 
 def function(name: str, layout: KernelLayout, condition: Node) -> str:

@@ -89,15 +89,15 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def __array_ufunc__(self, function: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
         if method != "__call__" or options:
             self.graph.refuse(f"numpy.{function.__name__}.{method} with {', '.join(options) or 'such arguments'}")
-        found = self._called(function, inputs, {})
+        result = self._called(function, inputs, {})
         if out is None:
-            return found
+            return result
         target = out[0]
         if not isinstance(target, Symbol):
             self.graph.refuse("an array that is filled in place")
-        if is_boolean(target.nodes) and not is_boolean(found.nodes):
+        if is_boolean(target.nodes) and not is_boolean(result.nodes):
             raise TypeError("numbers cannot be put in place of truth values")
-        target.nodes[...] = np.broadcast_to(cast(self.graph, found.nodes, is_boolean(target.nodes)), target.shape)
+        target.nodes[...] = np.broadcast_to(cast(self.graph, result.nodes, is_boolean(target.nodes)), target.shape)
         return target
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
@@ -108,12 +108,12 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
             self.graph.refuse("a value that was kept from another call")
         if function not in FUNCTIONS:
             self.graph.refuse(f"numpy.{function.__name__}, which cannot be traced")
-        given = [_plain(self.graph, argument) for argument in arguments]
+        plain = [_plain(self.graph, argument) for argument in arguments]
         chosen = {name: _plain(self.graph, value) for name, value in options.items()}
-        found = FUNCTIONS[function](self.graph, *given, **chosen)
-        if isinstance(found, tuple) and found and isinstance(found[0], np.ndarray):
-            return tuple(Symbol(self.graph, nodes) for nodes in found)
-        return Symbol(self.graph, found) if isinstance(found, np.ndarray) else found
+        result = FUNCTIONS[function](self.graph, *plain, **chosen)
+        if isinstance(result, tuple) and result and isinstance(result[0], np.ndarray):
+            return tuple(Symbol(self.graph, nodes) for nodes in result)
+        return Symbol(self.graph, result) if isinstance(result, np.ndarray) else result
 
 
 def _plain(graph: Graph, value: Any) -> Any:

@@ -39,10 +39,10 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
     symbols = {item.name: _symbol(graph, equations, item) for item in inputs}
     axes = max((item.batch_axes for item in inputs), default=0)
     try:
-        said: Any = equations.function(symbols)
-        found = {
+        outputs: Any = equations.function(symbols)
+        result = {
             name: _components(graph, name, nodes_of_output(graph, value), axes)
-            for name, value in said.items()
+            for name, value in outputs.items()
             if value is not None
         }
     except Untraceable:
@@ -54,7 +54,7 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
         graph.traced = True
     if graph.refused is not None:
         raise Untraceable(graph.refused)
-    return _lowered(graph, equations, inputs, found)
+    return _lowered(graph, equations, inputs, result)
 
 
 def _symbol(graph: Graph, equations: Equations, item: Input) -> Symbol:
@@ -78,18 +78,18 @@ def _components(graph: Graph, name: str, nodes: Nodes, axes: int) -> Nodes:
     return nodes.reshape(nodes.shape[: max(0, first)])
 
 
-def _lowered(graph: Graph, equations: Equations, inputs: Sequence[Input], found: dict[str, Nodes]) -> Trace:
+def _lowered(graph: Graph, equations: Equations, inputs: Sequence[Input], result: dict[str, Nodes]) -> Trace:
     """The graph without transcendental functions, and with the conditions under which it is right."""
-    nodes: list[Node] = [node for array in found.values() for node in array.flat]
+    nodes: list[Node] = [node for array in result.values() for node in array.flat]
     dropped = list(graph.dropped.values())
     graph.dropped = {}
     every = iter(lowered(graph, [*nodes, *dropped]))
-    parts = {name: [next(every) for _ in range(array.size)] for name, array in found.items()}
+    parts = {name: [next(every) for _ in range(array.size)] for name, array in result.items()}
     dropped = [*every, *graph.dropped.values()]
     # What is the same as another output is written once.
     first: dict[tuple[object, ...], str] = {}
-    same = {name: first.setdefault((found[name].shape, *parts[name]), name) for name in found}
-    own = [Output(name, found[name].shape, is_boolean(found[name])) for name in found if same[name] == name]
+    same = {name: first.setdefault((result[name].shape, *parts[name]), name) for name in result}
+    own = [Output(name, result[name].shape, is_boolean(result[name])) for name in result if same[name] == name]
     outputs = [node for output in own for node in parts[output.name]]
     guard = graph.joined([*graph.guards, *conditions(graph, equations.counted, parts, dropped)])
     used = {node.value[0] for node in ordered([*outputs, guard]) if isinstance(node.value, tuple)}

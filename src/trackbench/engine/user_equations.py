@@ -24,6 +24,9 @@ from trackbench.engine.symbols import Symbol
 #: Packages whose source does not change, and whose objects are not looked through.
 LIBRARIES = frozenset({"trackbench", "pydantic", "pydantic_core", "numpy", "scipy", *sys.stdlib_module_names})
 
+#: What wraps a function, and the attributes under which each has it.
+WRAPPERS = cached_property, partial, property, staticmethod, classmethod, MethodType
+WRAPPED = ("func", "args", "keywords", "fget", "__func__", "__self__", "__wrapped__")
 #: Of a function that refers to a name that is not yet bound.
 EMPTY = CellType()
 
@@ -77,12 +80,6 @@ class _Reader:
         if number < len(self._kept):
             return "as before", number
         self._kept.append(value)
-        return self._looked_through(value)
-
-    def _all(self, values: Iterable[Any]) -> Hashable:
-        return tuple([self.read(value) for value in values])
-
-    def _looked_through(self, value: Any) -> Hashable:
         if isinstance(value, np.ndarray) and value.dtype != object:
             return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).digest()
         if isinstance(value, dict):
@@ -94,28 +91,29 @@ class _Reader:
         if isinstance(value, FunctionType):
             return self._function(value)
         if isinstance(value, type):
-            return _Itself(value), self._all(_of_class(kind) for kind in value.__mro__ if not _of_library(kind))
-        if isinstance(value, cached_property):
-            return self.read(value.func)
-        if isinstance(value, partial):
-            return self._all((value.func, value.args, value.keywords))
-        if isinstance(value, property | staticmethod | classmethod | MethodType) or hasattr(value, "__wrapped__"):
-            return self._all(getattr(value, name, None) for name in ("fget", "__func__", "__self__", "__wrapped__"))
+            own = [vars(kind).items() for kind in value.__mro__ if not _of_library(kind)]
+            # What begins with two lines, pydantic and Python make of the rest.
+            attributes = [[item for item in items if not item[0].startswith(("__", "_abc"))] for items in own]
+            return _Itself(value), self._all(attributes)
+        if isinstance(value, WRAPPERS) or hasattr(value, "__wrapped__"):
+            return self._all(getattr(value, name, None) for name in WRAPPED)
         if isinstance(value, SimpleNamespace):
             return self.read(vars(value))
         if isinstance(value, ModuleType) or _of_library(type(value)) or not hasattr(value, "__dict__"):
             return _Itself(value)
         return self._all((type(value), vars(value), getattr(value, "__pydantic_private__", None)))
 
+    def _all(self, values: Iterable[Any]) -> Hashable:
+        return tuple([self.read(value) for value in values])
+
     def _function(self, function: FunctionType) -> Hashable:
         """Its code, and what the names in it stand for."""
         if _of_library(function):
             return _Itself(function)
         code, cells = function.__code__, [cell.cell_contents for cell in function.__closure__ or () if cell != EMPTY]
-        found = [code, function.__defaults__, function.__kwdefaults__, vars(function), cells]
         names = sorted(_names(code))
-        found += [_named(function.__globals__.get(name), names, set()) for name in names]
-        return self._all(found)
+        values = [_named(function.__globals__.get(name), names, set()) for name in names]
+        return self._all([code, function.__defaults__, function.__kwdefaults__, vars(function), cells, *values])
 
 
 def _names(code: CodeType) -> set[str]:
@@ -132,11 +130,6 @@ def _named(value: Any, names: list[str], modules: set[str]) -> Any:
     return [_named(vars(value).get(name), names, modules | {value.__name__}) for name in names]
 
 
-def _of_class(kind: type) -> list[Any]:
-    # What begins with two lines, pydantic and Python make of the rest.
-    return [(name, value) for name, value in vars(kind).items() if not name.startswith(("__", "_abc"))]
-
-
 def _of_library(kind: Any) -> bool:
     return str(getattr(kind, "__module__", "builtins")).partition(".")[0] in LIBRARIES
 
@@ -147,11 +140,6 @@ T = TypeVar("T")
 def is_user_type(kind: type) -> bool:
     """Whether a class is none of the bench's own."""
     return not kind.__module__.startswith("trackbench.")
-
-
-def form_of(kind: type) -> Hashable:
-    """What equations of a class depend on: which it is; of one of a user, its source too."""
-    return SourceFingerprint(kind) if is_user_type(kind) else kind
 
 
 def has_user_equations(key: Hashable) -> bool:
@@ -181,10 +169,10 @@ def settled(
         sensors: the kinds on which the function depends too.
     """
     kinds = [*map(type, models(own)), *sensors]
-    known = not any(map(is_user_type, kinds))
+    pure = not any(map(is_user_type, kinds))
 
     def of_values(values: Values) -> Values:
-        if known or not is_traced(values):
+        if pure or not is_traced(values):
             return function(with_values(own, values), values)
         # Trace a copy, so that the model is not changed.
         apart = with_values(deepcopy(own), values)
@@ -193,7 +181,7 @@ def settled(
         # What is computed at the first call and kept, such as a cached property, is there at the second.
         before = SourceFingerprint(keepers)
         again = function(apart, values)
-        if not _same(first, again):
+        if first.keys() != again.keys() or not all(_alike(first[name], again[name]) for name in again):
             raise Untraceable("a second call gives something else: it draws random numbers, or counts")
         if SourceFingerprint(keepers) != before:
             raise Untraceable("a model or sensor keeps something from call to call")
@@ -202,13 +190,9 @@ def settled(
     return of_values
 
 
-def _same(first: Values, again: Values) -> bool:
-    return first.keys() == again.keys() and all(_alike(first[name], again[name]) for name in again)
-
-
-def _alike(one: Any, other: Any) -> bool:
-    if isinstance(one, Symbol) and isinstance(other, Symbol):
-        return np.array_equal(one.nodes, other.nodes)
-    if isinstance(one, Symbol) or isinstance(other, Symbol) or one is None or other is None:
-        return one is other
-    return np.array_equal(one, other, equal_nan=True)
+def _alike(first: Any, again: Any) -> bool:
+    if isinstance(first, Symbol) and isinstance(again, Symbol):
+        return np.array_equal(first.nodes, again.nodes)
+    if isinstance(first, Symbol) or isinstance(again, Symbol) or first is None or again is None:
+        return first is again
+    return np.array_equal(first, again, equal_nan=True)

@@ -186,7 +186,7 @@ class Text:
 
     def _instruction(self, node: Node, where: str) -> str:
         op, number, truth = node.op, self._type("double"), self._type("i1")
-        given = [self.value(item) for item in node.arguments]
+        values = [self.value(item) for item in node.arguments]
         if op == "input":
             if node.boolean:
                 byte = self._type("i8")
@@ -194,41 +194,41 @@ class Text:
                 return self._new(f"icmp ne {byte} {loaded}, {_constants('0', 'i8', self.width)}")
             return self._new(f"load {number}, ptr {where}, align 8")
         if op in BINARY:
-            return self._new(f"{BINARY[op]} {number} {given[0]}, {given[1]}")
+            return self._new(f"{BINARY[op]} {number} {values[0]}, {values[1]}")
         if op == "neg":
-            return self._new(f"fneg {number} {given[0]}")
+            return self._new(f"fneg {number} {values[0]}")
         if op in COMPARISONS:
-            return self._new(f"fcmp {COMPARED[op]} {number} {given[0]}, {given[1]}")
+            return self._new(f"fcmp {COMPARED[op]} {number} {values[0]}, {values[1]}")
         if op == "not":
-            return self._new(f"xor {truth} {given[0]}, {self.constant(True)}")
+            return self._new(f"xor {truth} {values[0]}, {self.constant(True)}")
         if op in LOGICAL:
-            return self._new(f"{op} {truth} {given[0]}, {given[1]}")
+            return self._new(f"{op} {truth} {values[0]}, {values[1]}")
         if op == "where":
             kind = truth if node.boolean else number
-            return self._new(f"select {truth} {given[0]}, {kind} {given[1]}, {kind} {given[2]}")
+            return self._new(f"select {truth} {values[0]}, {kind} {values[1]}, {kind} {values[2]}")
         if op in ("min", "max"):
-            return self._extreme(op, node.arguments, given)
+            return self._extreme(op, node.arguments, values)
         if op in INTRINSICS:
-            return self._call(INTRINSICS[op], given)
-        return self._bits(op, given[0])
+            return self._call(INTRINSICS[op], values)
+        return self._bits(op, values[0])
 
-    def _extreme(self, op: str, arguments: Sequence[Node], given: Sequence[str]) -> str:
+    def _extreme(self, op: str, arguments: Sequence[Node], values: Sequence[str]) -> str:
         """The smaller or larger of two, NaN where one is, as NumPy has it."""
         number, truth, less = self._type("double"), self._type("i1"), "lt" if op == "min" else "gt"
         if arguments[1].constant:
-            first = self._new(f"fcmp u{less} {number} {given[0]}, {given[1]}")
+            first = self._new(f"fcmp u{less} {number} {values[0]}, {values[1]}")
         else:
-            first = self._new(f"fcmp o{less} {number} {given[0]}, {given[1]}")
+            first = self._new(f"fcmp o{less} {number} {values[0]}, {values[1]}")
             if not arguments[0].constant:
-                unknown = self._new(f"fcmp uno {number} {given[0]}, {given[0]}")
+                unknown = self._new(f"fcmp uno {number} {values[0]}, {values[0]}")
                 first = self._new(f"or {truth} {first}, {unknown}")
-        return self._new(f"select {truth} {first}, {number} {given[0]}, {number} {given[1]}")
+        return self._new(f"select {truth} {first}, {number} {values[0]}, {number} {values[1]}")
 
-    def _call(self, name: str, given: Sequence[str]) -> str:
+    def _call(self, name: str, values: Sequence[str]) -> str:
         number = self._type("double")
         suffix = "f64" if self.width == 1 else f"v{self.width}f64"
-        self.declared.add(f"declare {number} @llvm.{name}.{suffix}({', '.join([number] * len(given))})")
-        return self._new(f"call {number} @llvm.{name}.{suffix}({', '.join(f'{number} {value}' for value in given)})")
+        self.declared.add(f"declare {number} @llvm.{name}.{suffix}({', '.join([number] * len(values))})")
+        return self._new(f"call {number} @llvm.{name}.{suffix}({', '.join(f'{number} {value}' for value in values)})")
 
     def _bits(self, op: str, value: str) -> str:
         """Operations on the bits of a number."""

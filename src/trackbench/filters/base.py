@@ -153,7 +153,7 @@ class Filter(Protocol[B]):
 
 
 @dataclass(frozen=True)
-class SingleModelFilter(ABC):
+class SingleModelFilter(Filter[Belief], ABC):
     """A filter with one motion model."""
 
     motion: MotionModel
@@ -196,27 +196,8 @@ class SingleModelFilter(ABC):
         return self.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
 
     @abstractmethod
-    def predict(self, belief: Belief, dt: float) -> Belief:
-        """The belief after ``dt`` seconds (zero or more)."""
-
-    @abstractmethod
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
         """``(n, n, ...)`` covariance of the state before (rows) and after (columns) ``dt`` seconds."""
-
-    @abstractmethod
-    def measured(self, scan: Scan) -> Measured:
-        """The measurements of a scan in the space in which the filter compares them with its predictions."""
-
-    @abstractmethod
-    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
-        """What the belief expects of a scan, whose measurements are not looked at."""
-
-    @abstractmethod
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        """The belief after a scan; where the scan is not valid, the mean and covariance stay.
-
-        ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
-        """
 
 
 def stepped(filter: Filter[B], belief: B, dt: float, scan: Scan, guard: StepGuard | None) -> Step[B]:
@@ -298,10 +279,10 @@ def mapped(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
     """
     if isinstance(beliefs[0], Belief):
         singles = [belief for belief in beliefs if isinstance(belief, Belief)]
-        return Belief(function(*(one.mean for one in singles)), function(*(one.covariance for one in singles)))
+        return Belief(function(*(part.mean for part in singles)), function(*(part.covariance for part in singles)))
     several = [belief for belief in beliefs if isinstance(belief, MultiModelBelief)]
-    modes = [mapped(function, *each) for each in zip(*(one.modes for one in several), strict=True)]
-    probability = function(*(one.probability for one in several))
+    modes = [mapped(function, *each) for each in zip(*(part.modes for part in several), strict=True)]
+    probability = function(*(part.probability for part in several))
     return MultiModelBelief(probability, tuple(mode for mode in modes if isinstance(mode, Belief)))
 
 
@@ -350,7 +331,7 @@ def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
         return _choose_one(where, a, b)
     assert isinstance(b, MultiModelBelief)
     probability = np.where(where, a.probability, b.probability)
-    modes = tuple(_choose_one(where, one, other) for one, other in zip(a.modes, b.modes, strict=True))
+    modes = tuple(_choose_one(where, mode, other) for mode, other in zip(a.modes, b.modes, strict=True))
     return MultiModelBelief(probability, modes, _choose_marks(where, a.repaired, b.repaired))
 
 

@@ -193,8 +193,8 @@ class InteractingMultipleModel:
         """What the mixture expects of a scan, with what each mode expects."""
         pairs = zip(self.filters, belief.modes, strict=True)
         modes = tuple(filter.predict_measurement(mode, scan) for filter, mode in pairs)
-        said = [Gaussian(mode.mean, mode.covariance) for mode in modes]
-        mean, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
+        parts = [Gaussian(mode.mean, mode.covariance) for mode in modes]
+        mean, covariance = moment_matched(belief.probability, parts, self.measured(scan).angular)
         return PredictedMeasurement(mean, covariance, np.empty((len(mean), 0, *mean.shape[1:])), modes)
 
     def update(
@@ -211,13 +211,13 @@ class InteractingMultipleModel:
             for filter, mode, each in zip(self.filters, belief.modes, expected, strict=True)
         ]
         log_likelihood = np.stack([update.log_likelihood for update in updates])
-        said = [Gaussian(update.innovation, update.innovation_covariance) for update in updates]
+        parts = [Gaussian(update.innovation, update.innovation_covariance) for update in updates]
         if not np.all(scan.valid):
             log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
-            said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
+            parts = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in parts]
         probability, mixture = normalised(np.log(belief.probability) + log_likelihood)
         after = joined(probability, [update.belief for update in updates], belief.repaired)
-        innovation, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
+        innovation, covariance = moment_matched(belief.probability, parts, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
         return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor, mixture)
 
@@ -255,8 +255,8 @@ class InteractingMultipleModel:
         """A mode before an interval, of the parts that go over to each mode, which are in the states of these."""
         motion, own = self.motions[mode], Gaussian(belief.modes[mode].mean, belief.modes[mode].covariance)
         here, *others = self.origins(mode)
-        told = [in_state_of(motion, own, self.motions[j], parts[j]) for j in others]
-        return Belief(*moment_matched(weights[[here, *others]], [parts[here], *told], motion.angular))
+        others_here = [in_state_of(motion, own, self.motions[j], parts[j]) for j in others]
+        return Belief(*moment_matched(weights[[here, *others]], [parts[here], *others_here], motion.angular))
 
     def cartesian(self, belief: MultiModelBelief) -> Gaussian:
         """Mean and covariance of px, py, vx, vy under the mixture of the modes."""

@@ -22,6 +22,7 @@ from trackbench.filters.base import (
     wrap_components,
 )
 from trackbench.models.motion import MotionModel, process_noise
+from trackbench.models.motion.base import scaled_noise_gain
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 
 
@@ -194,7 +195,7 @@ class SigmaPointFilter(SingleModelFilter):
         distance, _, centre_weight, weight = self.rule.weights(len(belief.mean) + noises)
         moved = motion.transition(_points(belief, distance), dt)
         if noises:
-            push = distance * self._noise_columns(belief.mean, dt)
+            push = distance * linalg.expand(scaled_noise_gain(motion, belief.mean, dt), belief.mean[:, None])
             moved = np.concatenate([moved, moved[:, :1] + push, moved[:, :1] - push], axis=1)
         deviations = difference(moved, moved[:, :1], motion.angular)
         shift = weight * deviations.sum(axis=1)
@@ -244,12 +245,6 @@ class SigmaPointFilter(SingleModelFilter):
     def _noises(self) -> int:
         """How many driving noises are part of the state whose points go through the transition."""
         return len(self.motion.noise_sigma) if self.augmented else 0
-
-    def _noise_columns(self, x: Array, dt: float) -> Array:
-        """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``."""
-        sigma = linalg.vector(self.motion.noise_sigma)
-        gain = linalg.expand(self.motion.noise_gain(x, dt), sigma[None])
-        return linalg.expand(gain * linalg.expand(sigma, gain[0]), x[:, None])
 
 
 def _points(belief: Belief, distance: float) -> Array:

@@ -60,8 +60,8 @@ class Future(NamedTuple):
         # With A = B B^T and M = 1 + B^T J B the covariance A^-1 + J is inverted by B M^-1 B^T.
         root = spread.factor.lower()
         size = len(root)
-        told = linalg.matmul(np.swapaxes(root, 0, 1), linalg.matmul(self.information, root))
-        m = linalg.ensure_definite(linalg.symmetrise(told) + linalg.expand(np.eye(size), told))
+        scaled = linalg.matmul(np.swapaxes(root, 0, 1), linalg.matmul(self.information, root))
+        m = linalg.ensure_definite(linalg.symmetrise(scaled) + linalg.expand(np.eye(size), scaled))
         after = m.factor.whiten(np.swapaxes(root, 0, 1))
         slope = self.gradient - linalg.apply(self.information, away)
         step = linalg.apply(after, slope)

@@ -6,16 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario.load import Scenario
 from trackbench.trackers.config import PluginConfig
-
-if TYPE_CHECKING:
-    pass
 
 Step = Callable[[], object]
 

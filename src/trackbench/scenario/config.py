@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, GetJsonSchemaHandler, PlainValidator, ValidationError, ValidationInfo
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
-from trackbench.base.config import PROBLEM, Config, KeyPath, Name, NonNegative, Plugin, Positive, Problem
+from trackbench.base.config import PROBLEM, Config, KeyPath, Name, NonNegative, Positive, Problem
 from trackbench.base.config.explain import explain
-from trackbench.base.config.plugin import PluginName
+from trackbench.base.config.plugin import Plugin, PluginName
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.plugins import one_line
 from trackbench.metrics import Metric
@@ -26,17 +26,17 @@ KEYS = ("use", "options")
 def _made(value: Any, info: ValidationInfo) -> Metric:
     if isinstance(value, Metric):
         return value
-    given = {"use": value} if isinstance(value, str) else value
-    if not isinstance(given, dict) or not isinstance(given.get("use"), str):
+    entry = {"use": value} if isinstance(value, str) else value
+    if not isinstance(entry, dict) or not isinstance(entry.get("use"), str):
         raise _problem('a name, a "module:Class" or a mapping with use is needed')
-    unknown = next((str(key) for key in given if key not in KEYS), None)
+    unknown = next((str(key) for key in entry if key not in KEYS), None)
     if unknown is not None:
         raise _at([((unknown,), f"is not known here; {nearest(unknown, KEYS)}")])
-    options = given.get("options") or {}
+    options = entry.get("options") or {}
     if not isinstance(options, dict):
         raise _at([(("options",), "a mapping of keys to values is needed")])
     try:
-        metric = METRICS.get(given["use"], (info.context or {}).get("folder"))
+        metric = METRICS.get(entry["use"], (info.context or {}).get("folder"))
         return metric.model_validate(options)
     except InputError as error:
         raise _problem(error.message) from None
@@ -44,7 +44,7 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
         problems = explain(invalid.errors(include_url=False), metric)
         raise _at([(("options", *path), message) for path, message in problems]) from None
     except Exception as error:
-        raise _problem(f"{given['use']!r} does not take these options: {one_line(error)}") from None
+        raise _problem(f"{entry['use']!r} does not take these options: {one_line(error)}") from None
 
 
 def _problem(message: str) -> PydanticCustomError:
@@ -60,7 +60,7 @@ class _Forms:
     """The JSON Schema: a name, or a mapping with the options of the metric that it names."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        mappings = [_mapping({"const": name}, _options(found, handler)) for name, found in METRICS.loaded().items()]
+        mappings = [_mapping({"const": name}, _options(result, handler)) for name, result in METRICS.loaded().items()]
         *names, reference = PluginName(METRICS).named()
         return {"anyOf": [*names, reference, *mappings, _mapping(reference, {"type": "object"})]}
 
@@ -174,11 +174,11 @@ class Expectation(Config):
             "is": self.equals,
             "better_than": self.better_than,
         }
-        given = [name for name, value in operators.items() if value is not None]
-        if not given:
+        stated = [name for name, value in operators.items() if value is not None]
+        if not stated:
             yield Problem((), "says nothing: add one of below, above, is, better_than")
-        for name in given[1:]:
-            yield Problem((name,), f"an expectation has one limit: write a second one beside {given[0]}")
+        for name in stated[1:]:
+            yield Problem((name,), f"an expectation has one limit: write a second one beside {stated[0]}")
 
 
 class RecordingConfig(Config):

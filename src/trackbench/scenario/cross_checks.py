@@ -114,33 +114,26 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     """What it assumes of sensors."""
-    for key, stated, check in (
-        ("sensor_models", tracker.sensor_models, _assumed_model),
-        ("measurement_noise", tracker.measurement_noise, _assumed_noise),
-    ):
-        for sensor in stated:
-            at = ("trackers", name, key, sensor)
-            if unread := _not_read(scenario, tracker, sensor):
-                yield Problem(at, unread)
-            else:
-                yield from (Problem((*at, *of.at), of.message) for of in check(scenario, tracker, sensor))
-
-
-def _assumed_model(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> Iterator[Problem]:
-    kind = tracker.sensor_models[sensor]
-    own = SENSOR_MODELS[scenario.sensors[sensor].type].components
-    other = SENSOR_MODELS[kind].components
-    if len(own) != len(other):
-        reads = f"{sensor} reads {', '.join(own)}"
-        yield Problem((), f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
-
-
-def _assumed_noise(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> Iterator[Problem]:
-    kind = tracker.sensor_models.get(sensor, scenario.sensors[sensor].type)
-    known = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
-    for key in tracker.measurement_noise[sensor]:
-        if key not in known:
-            yield Problem((key,), f"a {kind} has no such standard deviation; {nearest(key, known)}")
+    for sensor, kind in tracker.sensor_models.items():
+        at = ("trackers", name, "sensor_models", sensor)
+        if unread := _not_read(scenario, tracker, sensor):
+            yield Problem(at, unread)
+            continue
+        own = SENSOR_MODELS[scenario.sensors[sensor].type].components
+        other = SENSOR_MODELS[kind].components
+        if len(own) != len(other):
+            reads = f"{sensor} reads {', '.join(own)}"
+            yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
+    for sensor, sigmas in tracker.measurement_noise.items():
+        at = ("trackers", name, "measurement_noise", sensor)
+        if unread := _not_read(scenario, tracker, sensor):
+            yield Problem(at, unread)
+            continue
+        kind = tracker.sensor_models.get(sensor, scenario.sensors[sensor].type)
+        options = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
+        for key in sigmas:
+            if key not in options:
+                yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest(key, options)}")
 
 
 def _first_velocity(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:

@@ -64,7 +64,11 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
         InputErrors: everything that is wrong in it, in the order of its lines.
     """
     path = find_scenario(named)
-    return scenario_of(_read(path), path, overrides)
+    try:
+        text = files.read_text(path, files.SCENARIO, "; save the file as UTF-8")
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    return scenario_of(text, path, overrides)
 
 
 def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
@@ -84,19 +88,6 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
     return Scenario(config, path, text, tuple(overrides), document, sweeps)
-
-
-def _read(path: Path) -> str:
-    try:
-        raw = files.read_bytes(path, files.SCENARIO)
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        message = f"not UTF-8 text (byte 0x{raw[error.start]:02x}); save the file as UTF-8"
-        raise InputError(message, file=path, line=line) from None
 
 
 def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]]) -> InputError:

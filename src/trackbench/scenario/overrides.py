@@ -75,7 +75,13 @@ def set_value(root: Any, parts: Sequence[str], new: Any, origin: Origin) -> KeyP
     path: KeyPath = ()
     changed: KeyPath | None = None
     for position, part in enumerate(parts):
-        key: Any = _index(node, part, path, origin) if isinstance(node, list) else part
+        key: Any = part
+        if isinstance(node, list):
+            if not part.isdecimal() or int(part) >= len(node):
+                choices = f"choose from 0 to {len(node) - 1}" if node else "it is empty"
+                message = f"{part!r} is not an index of this list; {choices}"
+                raise InputError(message, key=dotted(path), file=origin.file, line=origin.line)
+            key = int(part)
         if not isinstance(node, dict | list):
             at = dotted(path)
             message = f"it is {node!r}, which has no key {part!r}; set it as a whole: --set '{at}={{...}}'"
@@ -88,15 +94,6 @@ def set_value(root: Any, parts: Sequence[str], new: Any, origin: Origin) -> KeyP
             changed = changed or path
         node = node[key]
     return changed or path
-
-
-def _index(items: list[Any], part: str, path: KeyPath, origin: Origin) -> int:
-    if part.isdecimal() and int(part) < len(items):
-        return int(part)
-    choices = f"choose from 0 to {len(items) - 1}" if items else "it is empty"
-    raise InputError(
-        f"{part!r} is not an index of this list; {choices}", key=dotted(path), file=origin.file, line=origin.line
-    )
 
 
 #: More trackers than this in one scenario are a slip of the pen.
@@ -185,7 +182,14 @@ def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> Sequence[Point]:
     if isinstance(sweep, list) and sweep:
         if len(sweep) > MAX_POINTS:
             raise _error(document, at, f"{len(sweep)} points are too many; at most {MAX_POINTS}")
-        return [_listed(document, point, (*at, index)) for index, point in enumerate(sweep)]
+        points = []
+        for index, point in enumerate(sweep):
+            if not isinstance(point, dict) or not point:
+                raise _error(document, (*at, index), f"a mapping of options to values is needed: {FORM}")
+            for option in point:
+                _require_option(document, option, (*at, index, option))
+            points.append(Point(dict(point), {option: (*at, index, option) for option in point}))
+        return points
     raise _error(document, at, f"not a sweep: {FORM}")
 
 
@@ -203,14 +207,6 @@ def _combinations(document: YamlDocument, sweep: Mapping[str, Any], at: KeyPath)
             {option: sweep[option][index] for option, index in picked.items()},
             {option: (*at, option, index) for option, index in picked.items()},
         )
-
-
-def _listed(document: YamlDocument, point: Any, at: KeyPath) -> Point:
-    if not isinstance(point, dict) or not point:
-        raise _error(document, at, f"a mapping of options to values is needed: {FORM}")
-    for option in point:
-        _require_option(document, option, (*at, option))
-    return Point(dict(point), {option: (*at, option) for option in point})
 
 
 def _require_option(document: YamlDocument, option: str, at: KeyPath) -> None:

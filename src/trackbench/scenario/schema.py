@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.base.config import OptionsBeside
-from trackbench.base.config.plugin import beside
+from trackbench.base.config.plugin import OptionsBeside, beside
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import ScenarioConfig

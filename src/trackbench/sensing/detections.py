@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.streams import stream
 from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
-from trackbench.models.sensors import Radar, Sensor
+from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.sensing.scans import IdealSensor, arrivals, make_read_only, measured, scan_at, with_noise
 from trackbench.sensing.view import field_of_view, silent
@@ -114,7 +114,10 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
     name, clutter = sensor.name, sensor.config.clutter
     result = []
     if clutter.per_scan:
-        result.append(_uniform(sensor, stream(seed, scenario, run, f"clutter of {name}")))
+        random = stream(seed, scenario, run, f"clutter of {name}")
+        instant = _instants(sensor, clutter.per_scan, random)
+        measurement = sensor.config.uniform(random.random((len(sensor.noise_covariance), len(instant))))
+        result.append(FalseAlarms(instant, measurement, random.random(len(instant))))
     for i, place in enumerate(clutter.places, 1):
         result.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
     heard = ~silent(sensor.config, sensor.time)
@@ -129,16 +132,14 @@ def _instants(sensor: IdealSensor, per_scan: float, random: np.random.Generator)
     return np.repeat(np.arange(len(sensor.time)), random.poisson(per_scan, len(sensor.time)))
 
 
-def _uniform(sensor: IdealSensor, random: np.random.Generator) -> FalseAlarms:
-    instant = _instants(sensor, sensor.config.clutter.per_scan, random)
-    measurement = sensor.config.uniform(random.random((len(sensor.noise_covariance), len(instant))))
-    return FalseAlarms(instant, measurement, random.random(len(instant)))
-
-
 def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Generator) -> FalseAlarms:
     instant = _instants(sensor, place.per_scan, random)
     count, pose, velocity = len(instant), sensor.pose[:, instant], sensor.velocity[:, instant]
-    x, y = _on_line(np.array(place.line), random.random(count)) + place.spread_m * random.standard_normal((2, count))
+    # Points at random shares of the line's length.
+    corners, share = np.array(place.line), random.random(count)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    on_line = np.stack([np.interp(share * length[-1], length, along) for along in corners.T])
+    x, y = on_line + place.spread_m * random.standard_normal((2, count))
     if place.frame == "observer":
         mount = sensor.config.mount
         yaw = pose[2] - np.deg2rad(mount.yaw_deg)
@@ -154,12 +155,6 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
     field = field_of_view(sensor.config)
     there = (distance <= field.max_range) & (np.abs(azimuth) <= field.half_angle)
     return _where(FalseAlarms(instant, measurement, key), there)
-
-
-def _on_line(corners: Array, share: Array) -> Array:
-    """``(2, n)`` points of a line through ``corners`` ``(points, 2)``, at shares of its length."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    return np.stack([np.interp(share * length[-1], length, along) for along in corners.T])
 
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
@@ -224,19 +219,6 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     )
 
 
-def stated_detection_probability(config: Sensor) -> float:
-    """What the sensor says of its detection probability."""
-    stated = config.states.detection_probability
-    return config.detection_probability if stated is None else stated
-
-
-def stated_clutter_density(config: Sensor) -> float:
-    """What the sensor says of the number of false alarms per scan and unit volume of the space of measurements."""
-    stated = config.states.clutter_per_scan
-    per_scan = config.clutter.per_scan if stated is None else stated
-    return per_scan / config.volume() if per_scan else 0.0
-
-
 def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Detections:
     measurement, detected = measured(sensor, seed, scenario, run)
     second = np.full(detected.shape, -1)
@@ -245,13 +227,13 @@ def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Det
     keys = stream(seed, scenario, run, f"order of {sensor.name}").random(detected.shape)
     instant, number = np.nonzero(detected)
     alarms = false_alarms(sensor, seed, scenario, run)
-    false = sum(len(one.instant) for one in alarms)
-    instant = np.concatenate([instant, *(one.instant for one in alarms)])
-    order = np.lexsort((np.concatenate([keys[detected], *(one.key for one in alarms)]), instant))
+    false = sum(len(part.instant) for part in alarms)
+    instant = np.concatenate([instant, *(part.instant for part in alarms)])
+    order = np.lexsort((np.concatenate([keys[detected], *(part.key for part in alarms)]), instant))
     instant = instant[order]
     return _Detections(
         instant,
-        np.concatenate([measurement[:, detected], *(one.measurement for one in alarms)], axis=1)[:, order],
+        np.concatenate([measurement[:, detected], *(part.measurement for part in alarms)], axis=1)[:, order],
         np.concatenate([number, np.full(false, FALSE_ALARM)])[order],
         np.concatenate([second[detected], np.full(false, -1)])[order],
         np.arange(len(instant)) - np.searchsorted(instant, instant),
@@ -280,19 +262,23 @@ def _scans(
 ) -> list[tuple[Scan, Indices, Indices]]:
     """Each scan with its origins and the second objects of merged detections."""
     config, size = sensor.config, len(sensor.noise_covariance)
-    counts = np.stack([np.bincount(one.instant, minlength=len(sensor.time)) for one in drawn], axis=-1)
+    counts = np.stack([np.bincount(of_run.instant, minlength=len(sensor.time)) for of_run in drawn], axis=-1)
     most = counts.max(axis=-1, initial=0)
     shape = (len(sensor.time), int(most.max(initial=0)), len(drawn))
     measurement = np.full((shape[0], size, *shape[1:]), np.nan)
     origins, merged = np.full(shape, PADDING), np.full(shape, -1)
-    for i, one in enumerate(drawn):
-        at = one.instant, one.column, i
-        measurement[at[0], :, at[1], i] = one.measurement.T
-        origins[at], merged[at] = one.origin, one.merged
+    for i, of_run in enumerate(drawn):
+        at = of_run.instant, of_run.column, i
+        measurement[at[0], :, at[1], i] = of_run.measurement.T
+        origins[at], merged[at] = of_run.origin, of_run.merged
     valid = origins != PADDING
     make_read_only(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
     quiet, view = silent(config, sensor.time), field_of_view(config)
-    probability, density = stated_detection_probability(config), stated_clutter_density(config)
+    stated, per_scan = config.states.detection_probability, config.states.clutter_per_scan
+    probability = config.detection_probability if stated is None else stated
+    per_scan = config.clutter.per_scan if per_scan is None else per_scan
+    # False alarms per scan and unit volume of the space of measurements.
+    density = per_scan / config.volume() if per_scan else 0.0
     result = []
     for k in range(len(sensor.time)):
         here = slice(int(most[k]))

@@ -197,8 +197,12 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     """
     steps = np.unique(np.concatenate([sensor.steps for sensor in sensors]))
     seen = np.zeros((len(steps), *truth.px.shape[1:]), dtype=bool)
-    for sensor in sensors:
-        seen |= well_in_view(truth, steps, sensor.config)
+    half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
+    for config in (sensor.config for sensor in sensors):
+        motion = motion_at(truth, config, steps)
+        target = polar(truth, steps, motion)
+        well_inside = in_view(truth, steps, config, motion, target) & (to_rim(config, target) >= half_diagonal)
+        seen |= well_inside & ~silent(config, truth.time[steps])[:, None, None]
     alive = truth.alive[steps][:, :, None]
     due = alive & seen & truth.target[:, None]
     return Due(steps, np.where(due, DUE, np.where(alive, OPTIONAL, ABSENT)).astype(np.int8))
@@ -208,15 +212,6 @@ def motion_at(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
     """The motion of a sensor at some steps of the truth."""
     motion = sensor_motion(truth.observer, config.mount)
     return SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
-
-
-def well_in_view(truth: Truth, steps: Indices, config: Sensor) -> Mask:
-    """``(instants, objects, runs or 1)``: one sensor has it in view and not at the rim, and is not silent."""
-    motion = motion_at(truth, config, steps)
-    seen = polar(truth, steps, motion)
-    half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
-    well_inside = in_view(truth, steps, config, motion, seen) & (to_rim(config, seen) >= half_diagonal)
-    return np.asarray(well_inside & ~silent(config, truth.time[steps])[:, None, None])
 
 
 def to_rim(config: Sensor, seen: Array) -> Array:

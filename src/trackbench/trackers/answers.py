@@ -61,12 +61,15 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
     estimate = shaped(answer, scan)
     if estimate is None:
         return None
-    covariance = estimate.covariance
-    with np.errstate(invalid="ignore"):
-        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
-    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
-        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
+    _require_symmetric(estimate.covariance)
     return estimate
+
+
+def _require_symmetric(covariance: Array) -> None:
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
 
 
 def shaped(answer: Any, scan: Scan) -> Estimate | None:
@@ -134,27 +137,30 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     if not isinstance(answer, tuple) or not 3 <= len(answer) <= 5:
         wanted = "Tracks(ids, mean, covariance, existence=None, used=None)"
         raise TrackerFault(f"the answer must be {wanted} or None, not {described(answer)}")
-    given = Tracks(*answer)
-    ids = _whole("ids", given.ids, None)
+    tracks = Tracks(*answer)
+    ids = _whole("ids", tracks.ids, None)
     if ids.ndim != 1 + len(runs) or ids.shape[1:] != runs:
         raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
     shape = ids.shape
-    _require_as_many(ids, given)
-    mean = array_of("mean", given.mean, (4, *shape))
-    covariance = array_of("covariance", given.covariance, (4, 4, *shape))
+    _require_as_many(ids, tracks)
+    mean = array_of("mean", tracks.mean, (4, *shape))
+    covariance = array_of("covariance", tracks.covariance, (4, 4, *shape))
     there = ids != NO_TRACK
     if np.any(ids < NO_TRACK):
         raise TrackerFault(f"an id is {ids.min()}; ids count from 0")
-    _require_distinct(ids)
+    ordered = np.sort(ids, axis=0)
+    twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
+    if np.any(twice):
+        raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
     _require_covariances(ids[there], mean[:, there], covariance[:, :, there])
-    existence = None if given.existence is None else array_of("existence", given.existence, shape)
+    existence = None if tracks.existence is None else array_of("existence", tracks.existence, shape)
     if existence is not None:
         stated = existence[there]
         wrong = ~((stated >= 0) & (stated <= 1))
         if wrong.any():
-            said = f"the existence probability of track {ids[there][wrong][0]} is {stated[wrong][0]:g}"
-            raise TrackerFault(f"{said}, which is not between 0 and 1")
-    used = None if given.used is None else _whole("used", given.used, shape)
+            message = f"the existence probability of track {ids[there][wrong][0]} is {stated[wrong][0]:g}"
+            raise TrackerFault(f"{message}, which is not between 0 and 1")
+    used = None if tracks.used is None else _whole("used", tracks.used, shape)
     if used is not None and there.any():
         count = np.broadcast_to(np.count_nonzero(scan.valid, axis=0), shape)
         wrong = there & ((used < NO_TRACK) | (used >= count))
@@ -172,17 +178,10 @@ def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
     return array.astype(np.intp)
 
 
-def _require_distinct(ids: Indices) -> None:
-    ordered = np.sort(ids, axis=0)
-    twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
-    if np.any(twice):
-        raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
-
-
-def _require_as_many(ids: Indices, given: Tracks) -> None:
+def _require_as_many(ids: Indices, tracks: Tracks) -> None:
     """The mean and covariance of as many tracks as there are ids; of parts of other shapes more is said elsewhere."""
     counts = [len(ids)]
-    for part, axis in ((given.mean, 1), (given.covariance, 2)):
+    for part, axis in ((tracks.mean, 1), (tracks.covariance, 2)):
         shape = getattr(part, "shape", ())
         if len(shape) != axis + ids.ndim:
             return
@@ -196,19 +195,14 @@ def _require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
         part, value = ("mean", mean) if not np.isfinite(mean[:, wrong]).all() else ("covariance", covariance)
-        raise TrackerFault(f"{NOT_FINITE}: track {ids[wrong]} has the {part} {_numbers(value[..., wrong])}")
-    gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
-    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
-        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {gap.max():.3g}")
+        numbers = np.array2string(value[..., wrong], precision=4, separator=", ").replace("\n", "")
+        raise TrackerFault(f"{NOT_FINITE}: track {ids[wrong]} has the {part} {numbers}")
+    _require_symmetric(covariance)
     positive = linalg.cholesky(covariance).positive
     if not positive.all():
         wrong = int(np.flatnonzero(~positive)[0])
         smallest = np.linalg.eigvalsh(covariance[..., wrong])[0]
         raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
-
-
-def _numbers(values: Array) -> str:
-    return np.array2string(values, precision=4, separator=", ").replace("\n", "")
 
 
 def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:

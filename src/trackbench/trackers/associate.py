@@ -50,14 +50,6 @@ def _only(fits: Callable[[Any], bool], needed: str) -> BeforeValidator:
     return BeforeValidator(validate)
 
 
-def _mapping(value: Any) -> bool:
-    return isinstance(value, dict)
-
-
-def _below_one(value: Any) -> bool:
-    return not (isinstance(value, int | float) and value >= 1)
-
-
 def _m_of_n(value: Any) -> bool:
     return value == "score" or (
         isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
@@ -72,7 +64,10 @@ class AssociateConfig(Config):
         "existence probabilities. pmb: Poisson multi-Bernoulli filter. oracle: knows which object caused each "
         "detection. naive: each detection, in the order of the list, goes to the nearest track."
     )
-    gate: Annotated[Fraction, _only(_below_one, "a probability, such as 0.9999,")] = Field(
+    gate: Annotated[
+        Fraction,
+        _only(lambda value: not (isinstance(value, int | float) and value >= 1), "a probability, such as 0.9999,"),
+    ] = Field(
         0.9999,
         description="Probability that an object's detection falls into the gate of its track (chi-square); not oracle.",
     )
@@ -133,13 +128,15 @@ class AssociateConfig(Config):
         "each cluster, by loopy belief propagation.",
     )
     detection_probability: Annotated[
-        dict[str, Probability], _only(_mapping, "one for each sensor's name, such as {radar: 0.9},")
+        dict[str, Probability],
+        _only(lambda value: isinstance(value, dict), "one for each sensor's name, such as {radar: 0.9},"),
     ] = Field(
         default_factory=dict,
         description="For a sensor's name, the detection probability that the tracker takes in place of the stated one.",
     )
     clutter_density: Annotated[
-        dict[str, Positive], _only(_mapping, "one for each sensor's name, such as {radar: 0.001},")
+        dict[str, Positive],
+        _only(lambda value: isinstance(value, dict), "one for each sensor's name, such as {radar: 0.001},"),
     ] = Field(
         default_factory=dict,
         description="For a sensor's name, the false alarms per unit volume of its measurement space (m, rad, m/s) and "

@@ -8,18 +8,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import (
-    PROBLEM,
-    Config,
-    NonNegative,
-    OptionsBeside,
-    Plugin,
-    PluginName,
-    Positive,
-    Probability,
-    Problem,
-)
+from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
 from trackbench.base.config.key_units import in_words
+from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.base.types import Scan
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE

@@ -174,7 +174,11 @@ def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> 
         waiting: what the start of the scan before left; None at first.
     """
     position = _position(scan)
-    waiting = waiting or _none_yet(scan)
+    if waiting is None:
+        batch = scan.valid.shape
+        nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
+        nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
+        waiting = TentativeTrack(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
     counts = scan.valid & (waiting.measurements >= config.skip)
     first = counts & np.isnan(waiting.time)
     after = TentativeTrack(
@@ -242,24 +246,18 @@ def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, no
 
     ``normal`` is ``(n or more, ...)`` standard normal numbers.
     """
-    exact = motion.from_kinematics(truth)
-    sigma = linalg.expand(_prior_sigma(motion, config), exact)
-    covariance = linalg.expand(np.diag(config.covariance_diag or np.ravel(sigma) ** 2), exact[None])
-    return Gaussian(exact + sigma * normal[: len(sigma)], np.broadcast_to(covariance, (len(sigma), *exact.shape)))
-
-
-def _prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
-    """``(n,)`` standard deviations of a state drawn from the truth."""
-    yaw = TRUE_YAW_SIGMA if config.yaw_sigma_rad is None else config.yaw_sigma_rad
     sigmas = {
         **motion.first_sigmas,
         **dict.fromkeys(POSITION, config.position_sigma_m),
         **dict.fromkeys(VELOCITY, config.velocity_sigma_mps),
         **dict.fromkeys(ACCELERATION, config.acceleration_sigma_mps2),
-        **dict.fromkeys(YAW, yaw),
+        **dict.fromkeys(YAW, TRUE_YAW_SIGMA if config.yaw_sigma_rad is None else config.yaw_sigma_rad),
         **dict.fromkeys(YAW_RATE, config.yaw_rate_sigma_radps),
     }
-    return np.array([sigmas[name] for name in motion.components])
+    exact = motion.from_kinematics(truth)
+    sigma = linalg.expand(np.array([sigmas[name] for name in motion.components]), exact)
+    covariance = linalg.expand(np.diag(config.covariance_diag or np.ravel(sigma) ** 2), exact[None])
+    return Gaussian(exact + sigma * normal[: len(sigma)], np.broadcast_to(covariance, (len(sigma), *exact.shape)))
 
 
 def _position(scan: Scan) -> Gaussian:
@@ -303,10 +301,3 @@ def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) 
         return state
     covariance = linalg.expand(np.diag(config.covariance_diag), state.mean[None])
     return Gaussian(state.mean, np.broadcast_to(covariance, state.covariance.shape))
-
-
-def _none_yet(scan: Scan) -> TentativeTrack:
-    batch = scan.valid.shape
-    nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
-    nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
-    return TentativeTrack(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)

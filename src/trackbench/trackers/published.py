@@ -19,7 +19,12 @@ Factory = Callable[..., Tracker]
 
 
 def _lacks(plugin: Any) -> str | None:
-    made = _returned(plugin) if inspect.isfunction(plugin) else plugin
+    made = plugin
+    if inspect.isfunction(plugin):
+        try:
+            made = get_type_hints(plugin).get("return")
+        except (NameError, TypeError):
+            made = None
     if not isinstance(made, type):
         return "it is neither a class nor a function that says which tracker it returns (-> MyTracker)"
     if not callable(getattr(made, "step", None)):
@@ -28,13 +33,6 @@ def _lacks(plugin: Any) -> str | None:
     if options is not None and not (isinstance(options, type) and issubclass(options, BaseModel)):
         return "its Options are no pydantic model"
     return None
-
-
-def _returned(function: Any) -> Any:
-    try:
-        return get_type_hints(function).get("return")
-    except (NameError, TypeError):
-        return None
 
 
 #: The trackers by the names that scenarios use.

@@ -265,15 +265,15 @@ def _summary(errors: Array, truth: Truth) -> VelocityMismatch:
     )
 
 
-def _complaint(found: TruthAudit) -> str:
-    worst = found.velocity_error_before
+def _complaint(result: TruthAudit) -> str:
+    worst = result.velocity_error_before
     parts = []
     if worst.max_mps is not None and worst.max_mps > TOLERANCE_MPS:
         parts.append(
             f"the simulator's velocity contradicts the motion, by up to {worst.max_mps:.2g} m/s "
             f"({worst.object} at {worst.time_s:.2f} s)"
         )
-    parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in found.jumps]
-    if found.repaired.own_clock:
-        parts.append(f"the simulator's clock is off by {found.clock_drift_s:.3g} s")
+    parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in result.jumps]
+    if result.repaired.own_clock:
+        parts.append(f"the simulator's clock is off by {result.clock_drift_s:.3g} s")
     return "; ".join(parts)

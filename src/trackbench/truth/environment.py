@@ -27,7 +27,7 @@ NULLABLE = {"destination"}
 
 
 def complete(
-    given: Mapping[str, Any], defaults: Mapping[str, Any], variants: Variants, at: str = "truth.config"
+    config: Mapping[str, Any], defaults: Mapping[str, Any], variants: Variants, at: str = "truth.config"
 ) -> dict[str, Any]:
     """``given`` with what it leaves out of a nested mapping filled in from ``defaults``.
 
@@ -35,7 +35,7 @@ def complete(
         InputError: an unknown key, a value of another type than its default, a count that is negative.
     """
     result: dict[str, Any] = {}
-    for key, value in given.items():
+    for key, value in config.items():
         path = f"{at}.{key}"
         if key not in defaults:
             raise InputError(f"unknown key; {nearest(str(key), defaults)}", key=path)

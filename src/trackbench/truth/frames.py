@@ -197,16 +197,12 @@ def lane_edges(lanes: Iterable[Lane], px: Array, py: Array) -> tuple[Array, ...]
     for lane in lanes:
         for side, kind in zip((-0.5, 0.5), lane.line_types or (1, 1), strict=True):
             if kind:
-                points = _edge(lane, side)
+                s = np.linspace(0.0, lane.length, max(2, int(np.ceil(lane.length / SPACING_M)) + 1))
+                points = np.array([lane.position(at, side * lane.width_at(at)) for at in s]) * (1.0, -1.0)
                 for part in _parts(points, np.all((points >= low) & (points <= high), axis=1)):
                     line = _simplified(part)
                     edges.setdefault(tuple(np.round(line, 1).ravel().tolist()), line)
     return tuple(edges.values())
-
-
-def _edge(lane: Lane, side: float) -> Array:
-    s = np.linspace(0.0, lane.length, max(2, int(np.ceil(lane.length / SPACING_M)) + 1))
-    return np.array([lane.position(at, side * lane.width_at(at)) for at in s]) * (1.0, -1.0)
 
 
 def _parts(points: Array, inside: Mask) -> list[Array]:

@@ -129,7 +129,8 @@ def _drawn(
     model: MotionModel, sigma: Array, state: Kinematics, count: int, dt: float, random: Generators
 ) -> tuple[Kinematics, Kinematics]:
     """A motion model driven by noise, which is constant from one step to the next."""
-    noise = sigma[:, None] * np.stack([one.standard_normal((count + 1, len(sigma))) for one in random], axis=-1)
+    draws = [generator.standard_normal((count + 1, len(sigma))) for generator in random]
+    noise = sigma[:, None] * np.stack(draws, axis=-1)
     states = [model.from_kinematics(state)]
     for drive in noise[:-1]:
         x = states[-1]

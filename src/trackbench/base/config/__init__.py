@@ -1,37 +1,85 @@
-"""What every configuration class shares, and what is said of one that is not valid."""
+"""What every configuration class shares: frozen, no unknown keys, no silent conversions."""
 
-from trackbench.base.config.base import (
-    MAPPING,
-    PROBLEM,
-    WORD,
-    Angle,
-    Config,
-    KeyPath,
-    Name,
-    NonNegative,
-    Positive,
-    Probability,
-    Problem,
-    reject,
-    shape,
-)
-from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
+from __future__ import annotations
 
-__all__ = [
-    "MAPPING",
-    "PROBLEM",
-    "WORD",
-    "Angle",
-    "Config",
-    "KeyPath",
-    "Name",
-    "NonNegative",
-    "OptionsBeside",
-    "Plugin",
-    "PluginName",
-    "Positive",
-    "Probability",
-    "Problem",
-    "reject",
-    "shape",
-]
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(gt=0, le=1)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+#: Sensors and trackers are named in dotted paths (``nis.front_radar.mean``), so a name has no dot.
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
+
+#: Keys and list indices, from the root of a file.
+KeyPath = tuple[str | int, ...]
+
+#: The type of the pydantic error that carries a message of our own, word for word.
+PROBLEM = "problem"
+
+
+class Problem(NamedTuple):
+    """A value that is well-formed but cannot be meant."""
+
+    at: KeyPath
+    """Keys and list indices, from the model that reports it."""
+    message: str
+    """What is wrong and what would be right."""
+
+
+def reject(model: str, problems: list[Problem]) -> None:
+    """Raise all ``problems`` of a model as one pydantic ``ValidationError``; return if there is none."""
+    if problems:
+        raise ValidationError.from_exception_data(
+            model,
+            [
+                InitErrorDetails(
+                    type=PydanticCustomError(PROBLEM, "{message}", {"message": problem.message}),
+                    loc=problem.at,
+                    input=None,
+                )
+                for problem in problems
+            ],
+        )
+
+
+class Config(BaseModel):
+    """Base of the configuration classes: field names are the keys of the scenario file.
+
+    An integer is accepted where a float is meant; text is never turned into a number, and NaN and infinity
+    are refused.
+    """
+
+    model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def problems(self) -> Iterator[Problem]:
+        """What is wrong between the fields, each of which is valid by itself."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _no_problems(self) -> Self:
+        reject(type(self).__name__, list(self.problems()))
+        return self
+
+
+#: Tags of unions. They appear in pydantic's locations, where the brackets tell them from keys.
+WORD, MAPPING, NUMBER, LIST = "<word>", "<mapping>", "<number>", "<list>"
+
+
+def shape(value: Any) -> str | None:
+    """The tag of a union of a word and a mapping."""
+    if isinstance(value, str):
+        return WORD
+    return MAPPING if isinstance(value, dict | BaseModel) else None
+
+
+def number_or_list(value: Any) -> str | None:
+    """The tag of a union of a number and a list; text counts as a number, so that the message is about that."""
+    if isinstance(value, list):
+        return LIST
+    return NUMBER if isinstance(value, int | float | str) and not isinstance(value, bool) else None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from trackbench.base.config.base import PROBLEM, KeyPath
+from trackbench.base.config import PROBLEM, KeyPath
 from trackbench.base.config.key_units import Unit, convert, read_number, show, split_key, unit_of
 from trackbench.base.config.places import (
     Beside,
@@ -101,12 +101,12 @@ def _same_quantity(key: str, keys: list[str]) -> str | None:
     return stems[close[0]] if close else None
 
 
-def _use(key: str, given: Unit | None, value: Any) -> str:
+def _use(key: str, source: Unit | None, value: Any) -> str:
     unit = split_key(key)[1]
     words = f"use {key} ({unit.words})" if unit else f"use {key}"
-    if unit is None or given is None or isinstance(value, bool) or not isinstance(value, int | float):
+    if unit is None or source is None or isinstance(value, bool) or not isinstance(value, int | float):
         return words
-    converted = convert(value, given, unit)
+    converted = convert(value, source, unit)
     return words if converted is None else f"{words}: {show(converted)}"
 
 
@@ -121,9 +121,9 @@ def _homes(key: str, found_in: type[BaseModel], model: type[BaseModel], path: tu
         result = forms(whole(field))
         section = ".".join((*path, name))
         here = found_in in [form for form, _ in result]
-        for form, told in result:
-            if key in keyed_fields(form) and not (here and told is None):
-                homes.append(f"{section} with {': '.join(told)}" if here and told else section)
+        for form, distinction in result:
+            if key in keyed_fields(form) and not (here and distinction is None):
+                homes.append(f"{section} with {': '.join(distinction)}" if here and distinction else section)
             homes += _homes(key, found_in, form, (*path, name))
     return list(dict.fromkeys(homes))
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from pydantic import BaseModel, Tag
 from pydantic.fields import FieldInfo
 
-from trackbench.base.config.base import KeyPath
+from trackbench.base.config import KeyPath
 from trackbench.base.config.plugin import OptionsBeside, Owner, Plugin, PluginName, beside, plugin_options
 
 KEY = "[key]"
@@ -116,7 +116,7 @@ def forms(annotation: Any) -> list[tuple[type[BaseModel], tuple[str, str] | None
     """As ``models``, each with the key and the word that tell it from the others: ``("type", "radar")``."""
     plugin = marked(annotation)
     if isinstance(plugin, Plugin):
-        return [(found, (plugin.key, name)) for name, found in plugin.registry.loaded().items()]
+        return [(result, (plugin.key, name)) for name, result in plugin.registry.loaded().items()]
     bare = _bare(annotation)
     if isinstance(bare, type) and issubclass(bare, BaseModel):
         return [(bare, _distinction(bare))]

@@ -23,7 +23,7 @@ from pydantic_core import (
     core_schema,
 )
 
-from trackbench.base.config.base import PROBLEM, Config, KeyPath
+from trackbench.base.config import PROBLEM, Config, KeyPath
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry, one_line
 
@@ -151,7 +151,7 @@ class OptionsBeside(Config):
     """A class with a plug-in that a single word names, whose options stand beside that word or within a mapping."""
 
     @classmethod
-    def replaced(cls, data: Mapping[str, Any], found: Any) -> dict[str, str]:
+    def replaced(cls, data: Mapping[str, Any], result: Any) -> dict[str, str]:
         """The plug-in's options that another key of ``data`` stands in for: why each may not be given."""
         return {}
 
@@ -193,32 +193,32 @@ def beside(model: type[Config]) -> tuple[str, Plugin]:
 
 def plugin_options(plugin: Plugin) -> dict[str, FieldInfo]:
     """The options of every published plug-in."""
-    return {name: info for found in plugin.registry.loaded().values() for name, info in found.model_fields.items()}
+    return {name: info for result in plugin.registry.loaded().values() for name, info in result.model_fields.items()}
 
 
-def _validated(found: type[Config], given: Options, key: str, info: ValidationInfo) -> Config:
-    tag = (str(Owner(given.name, given.beside)),)
-    values = {name: value for name, value in given.values.items() if name != key or key in found.model_fields}
+def _validated(result: type[Config], options: Options, key: str, info: ValidationInfo) -> Config:
+    tag = (str(Owner(options.name, options.beside)),)
+    values = {name: value for name, value in options.values.items() if name != key or key in result.model_fields}
     lines = [
         InitErrorDetails(
             type=PydanticCustomError(PROBLEM, "{message}", {"message": message}), loc=(*tag, name), input=values[name]
         )
-        for name, message in given.refused.items()
+        for name, message in options.refused.items()
         if name in values
     ]
     # What is replaced has to have some value that is valid; it ends as 0.
-    values |= dict.fromkeys(given.refused, 1.0)
+    values |= dict.fromkeys(options.refused, 1.0)
     try:
-        made = found.model_validate(values, context=info.context)
+        made = result.model_validate(values, context=info.context)
     except ValidationError as invalid:
         lines += [_relocated(error, tag) for error in invalid.errors(include_url=False)]
     except Exception as error:
-        message = f"{given.name!r} does not take these options: {one_line(error)}"
+        message = f"{options.name!r} does not take these options: {one_line(error)}"
         problem = PydanticCustomError(PROBLEM, "{message}", {"message": message})
         lines.append(InitErrorDetails(type=problem, loc=tag, input=None))
     if lines:
-        raise ValidationError.from_exception_data(found.__name__, lines)
-    return made.model_copy(update=dict.fromkeys(given.refused, 0.0)) if given.refused else made
+        raise ValidationError.from_exception_data(result.__name__, lines)
+    return made.model_copy(update=dict.fromkeys(options.refused, 0.0)) if options.refused else made
 
 
 def _relocated(error: ErrorDetails, before: KeyPath) -> InitErrorDetails:

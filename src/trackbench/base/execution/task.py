@@ -111,15 +111,10 @@ def _modules_of(places: tuple[Path, ...]) -> Iterator[None]:
     finally:
         sys.path[:] = path
         for name in set(sys.modules) - before:
-            if _found_in(name.partition(".")[0], places):
+            top = name.partition(".")[0]
+            own = any((place / f"{top}.py").is_file() or (place / top).is_dir() for place in places)
+            if own and top != "trackbench":
                 del sys.modules[name]
-
-
-def _found_in(package: str, places: tuple[Path, ...]) -> bool:
-    """Whether a top-level module or package is that of one of the folders."""
-    return package != "trackbench" and any(
-        (place / f"{package}.py").is_file() or (place / package).is_dir() for place in places
-    )
 
 
 class InProcess(Executor):

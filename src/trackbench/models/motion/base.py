@@ -144,13 +144,6 @@ class MotionModel(Config, ABC):
         return Kinematics(px, py, speed, course, c * ax + s * ay, yaw_rate)
 
 
-def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> float:
-    """The standard deviation at a track's start of a component that position and velocity do not determine."""
-    if component in ACCELERATION:
-        return sigmas.acceleration
-    return sigmas.yaw_rate if component in YAW_RATE else model.first_sigmas[component]
-
-
 def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gaussian:
     """A belief of the first four components of a model's state, its other components at zero."""
     size, batch = len(model.components), first.mean.shape[1:]
@@ -159,41 +152,47 @@ def pad_state(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gau
     covariance = np.zeros_like(first.covariance, dtype=float, shape=(size, size, *batch))
     covariance[:4, :4] = first.covariance
     for i, name in enumerate(model.components[4:], start=4):
-        covariance[i, i] = first_sigma(model, name, sigmas) ** 2
+        sigma = sigmas.yaw_rate if name in YAW_RATE else model.first_sigmas.get(name, 0.0)
+        covariance[i, i] = (sigmas.acceleration if name in ACCELERATION else sigma) ** 2
     return Gaussian(mean, covariance)
+
+
+def scaled_noise_gain(model: MotionModel, x: Array, dt: float) -> Array:
+    """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``: ``G diag(sigma)``."""
+    sigma = linalg.vector(model.noise_sigma)
+    gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
+    return gain * linalg.expand(sigma, gain[0])
 
 
 def process_noise(model: MotionModel, x: Array, dt: float) -> Array:
     """``(n, n, ...)`` covariance of the process noise over ``dt``: ``G diag(sigma^2) G^T``."""
-    sigma = linalg.vector(model.noise_sigma)
-    gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
-    scaled = gain * linalg.expand(sigma, gain[0])
+    scaled = scaled_noise_gain(model, x, dt)
     return linalg.matmul_transposed(scaled, scaled)
 
 
 KNOWN = (*POSITION, *VELOCITY, *ACCELERATION, *YAW, *YAW_RATE)
 
 
-def _lacks(found: Any) -> str | None:
-    lacking = lacks_class(MotionModel)(found)
+def _lacks(model: Any) -> str | None:
+    lacking = lacks_class(MotionModel)(model)
     if lacking is not None:
         return lacking
     for name in ("components", "driving_noise"):
-        if not _names(getattr(found, name)):
-            return f"its {name} must be a tuple of names, not {getattr(found, name)!r}"
-    if not isinstance(found.angular, tuple) or not set(found.angular) <= set(range(len(found.components))):
-        return f"its angular must be a tuple of places in its components, not {found.angular!r}"
-    if not isinstance(found.linear, bool):
-        return f"its linear must be True or False, not {found.linear!r}"
-    if not isinstance(found.first_sigmas, Mapping):
-        return f"its first_sigmas must be a mapping of components to standard deviations, not {found.first_sigmas!r}"
-    for name, sigma in found.first_sigmas.items():
+        if not _names(getattr(model, name)):
+            return f"its {name} must be a tuple of names, not {getattr(model, name)!r}"
+    if not isinstance(model.angular, tuple) or not set(model.angular) <= set(range(len(model.components))):
+        return f"its angular must be a tuple of places in its components, not {model.angular!r}"
+    if not isinstance(model.linear, bool):
+        return f"its linear must be True or False, not {model.linear!r}"
+    if not isinstance(model.first_sigmas, Mapping):
+        return f"its first_sigmas must be a mapping of components to standard deviations, not {model.first_sigmas!r}"
+    for name, sigma in model.first_sigmas.items():
         if not isinstance(sigma, int | float) or not 0 < sigma < math.inf:
             return f"its first_sigmas say {sigma!r} of {name}, where a positive number is needed"
-    unsaid = [name for name in found.components if name not in KNOWN and name not in found.first_sigmas]
+    unsaid = [name for name in model.components if name not in KNOWN and name not in model.first_sigmas]
     if unsaid:
         return f"its first_sigmas do not say how uncertain {' and '.join(unsaid)} is at a track's start"
-    unknown = [name for name in found.driving_noise if name not in found.model_fields]
+    unknown = [name for name in model.driving_noise if name not in model.model_fields]
     return f"its driving_noise names {unknown[0]!r}, which is no option of it" if unknown else None
 
 

@@ -10,7 +10,20 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from trackbench.base import linalg
-from trackbench.base.config import PROBLEM, Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
+from trackbench.base.config import (
+    LIST,
+    NUMBER,
+    PROBLEM,
+    Angle,
+    Config,
+    KeyPath,
+    NonNegative,
+    Positive,
+    Probability,
+    Problem,
+    number_or_list,
+    reject,
+)
 from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.errors import nearest
 from trackbench.base.plugins import Registry, lacks_class
@@ -22,16 +35,10 @@ from trackbench.models.sensors.presets import presets
 Delay = Annotated[float, Field(ge=0, le=60)]
 
 
-def _latency_choice(value: Any) -> str | None:
-    if isinstance(value, list):
-        return "<interval>"
-    return "<constant>" if isinstance(value, int | float | str) and not isinstance(value, bool) else None
-
-
 Latency = Annotated[
-    Annotated[Delay, Tag("<constant>")] | Annotated[list[Delay], Field(min_length=2, max_length=2), Tag("<interval>")],
+    Annotated[Delay, Tag(NUMBER)] | Annotated[list[Delay], Field(min_length=2, max_length=2), Tag(LIST)],
     Discriminator(
-        _latency_choice,
+        number_or_list,
         custom_error_type=PROBLEM,
         custom_error_message="write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]",
     ),
@@ -135,7 +142,9 @@ class Sensor(Config, ABC):
         return {"type": kind, **preset.values, **data}
 
     def problems(self) -> Iterator[Problem]:
-        for at in self._needs_volume():
+        stated: KeyPath = ("states", "clutter_per_scan") if self.states.clutter_per_scan else ()
+        at: KeyPath = ("clutter", "per_scan") if self.clutter.per_scan else stated
+        if at:
             if not self.has_volume():
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
@@ -145,12 +154,6 @@ class Sensor(Config, ABC):
             yield Problem(("latency_s",), f"the least comes first: [{most:g}, {least:g}]")
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
-
-    def _needs_volume(self) -> Iterator[KeyPath]:
-        if self.clutter.per_scan:
-            yield "clutter", "per_scan"
-        elif self.states.clutter_per_scan:
-            yield "states", "clutter_per_scan"
 
     @classmethod
     def kind(cls) -> str:
@@ -231,16 +234,16 @@ class Sensor(Config, ABC):
         return cls.radial_velocity.__func__ is not Sensor.radial_velocity.__func__  # type: ignore[attr-defined]
 
 
-def _lacks(found: Any) -> str | None:
-    lacking = lacks_class(Sensor)(found)
+def _lacks(sensor: Any) -> str | None:
+    lacking = lacks_class(Sensor)(sensor)
     if lacking is not None:
         return lacking
-    size = len(found.components)
+    size = len(sensor.components)
     for name in ("units", "sigma_options"):
-        if len(getattr(found, name)) != size:
-            return f"it has {size} components and {len(getattr(found, name))} {name}"
-    for name in found.sigma_options:
-        if name not in found.model_fields or split_key(name)[1] is None:
+        if len(getattr(sensor, name)) != size:
+            return f"it has {size} components and {len(getattr(sensor, name))} {name}"
+    for name in sensor.sigma_options:
+        if name not in sensor.model_fields or split_key(name)[1] is None:
             return f"its sigma_options name {name!r}, which is no option with a unit at its end"
     return None
 

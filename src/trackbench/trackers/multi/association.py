@@ -220,7 +220,10 @@ def associated(
     """
     if config.method == "oracle":
         assert origin is not None
-        return _by_origin(at, table.origin, origin)
+        objects = int(max(table.origin.max(initial=-1), origin.max(initial=-1))) + 1
+        caused = np.where(origin >= 0, at.detections.run * objects + origin, NONE)
+        track, detection = of_same_object(at.run * objects + table.origin, caused)
+        return decided(at, track, detection, np.zeros(len(track)))
     measured = at.filter.measured(at.detections.scan)
     belief, predicted, _ = at.expected
     threshold = _threshold(config.gate, len(measured.value))
@@ -275,13 +278,6 @@ def _established(
 def _threshold(gate: float, components: int) -> float:
     """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
     return float(chi_square_quantile(gate, components))
-
-
-def _by_origin(at: AssociationInput, of_track: Indices, of_detection: Indices) -> Association:
-    objects = int(max(of_track.max(initial=-1), of_detection.max(initial=-1))) + 1
-    detection = np.where(of_detection >= 0, at.detections.run * objects + of_detection, NONE)
-    track, taken = of_same_object(at.run * objects + of_track, detection)
-    return decided(at, track, taken, np.zeros(len(track)))
 
 
 def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: tuple[int, ...]) -> Mask:

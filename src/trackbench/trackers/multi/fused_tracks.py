@@ -74,8 +74,8 @@ def _box(components: int, angular: tuple[int, ...], noise_of_each: bool) -> Pair
             close = close & (apart * apart <= values["threshold"] * variance * (1.0 + MARGIN))
         return {"close": close}
 
-    one, two = (components,), (components, components)
-    shapes = {"value": one, "noise": two, "expected": one, "spread": two, "threshold": ()}
+    vector, matrix = (components,), (components, components)
+    shapes = {"value": vector, "noise": matrix, "expected": vector, "spread": matrix, "threshold": ()}
     equations = Equations("detection in a box", function, {name: len(shape) for name, shape in shapes.items()})
     own = {"value", "noise"} if noise_of_each else {"value"}
     return PairSearch(kernels(), equations, shapes, {"expected", "spread"}, own)

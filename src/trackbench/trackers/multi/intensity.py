@@ -36,7 +36,7 @@ class Undetected(NamedTuple):
     """
 
     unseen: float
-    """PredictedTracks number in a view into which no sensor has looked yet."""
+    """Expected number in a view into which no sensor has looked yet."""
     views: Mapping[str, View]
     """By sensor."""
 
@@ -54,13 +54,13 @@ class Undetected(NamedTuple):
         field = scan.field_of_view or FieldOfView(np.pi, np.inf)
         views = {**self.views, scan.sensor: View(field, scan.sensor_pose, self.in_view(scan.sensor))}
         left = {
-            name: view._replace(expected=view.expected * (1.0 - probability * seen_of(view, scan)))
+            name: view._replace(expected=view.expected * (1.0 - probability * seen_share(view, scan)))
             for name, view in views.items()
         }
         return Undetected(self.unseen, left)
 
 
-def seen_of(view: View, scan: Scan) -> float:
+def seen_share(view: View, scan: Scan) -> float:
     """The share of a view that a scan looks at."""
     reach = view.field.max_range if np.isfinite(view.field.max_range) else UNLIMITED_RANGE
     angle = view.pose[2] + view.field.half_angle * _ANGLES

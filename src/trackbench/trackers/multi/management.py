@@ -27,8 +27,15 @@ class Judged(NamedTuple):
     """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
 
 
+class _Untimed:
+    """The evidence does not change with time alone."""
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        return evidence
+
+
 @dataclass(frozen=True)
-class CountLogic:
+class CountLogic(_Untimed):
     """M detections in the first N scans confirm; so many misses in a row delete.
 
     Evidence: detections, scans in view, misses in a row.
@@ -45,9 +52,6 @@ class CountLogic:
         evidence[2] = 0.0
         return evidence
 
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        return evidence
-
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         missed = np.where(judged.hit, 0.0, evidence[2] + judged.in_view)
         return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
@@ -57,12 +61,11 @@ class CountLogic:
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         lost = evidence[1] - evidence[0] > self.scans - self.needed
-        ends: Mask = np.where(confirmed, evidence[2] >= self.misses, lost)
-        return ends
+        return np.asarray(np.where(confirmed, evidence[2] >= self.misses, lost))
 
 
 @dataclass(frozen=True)
-class ScoreLogic:
+class ScoreLogic(_Untimed):
     """The log-likelihood ratio of a track confirms it, and deletes it when it falls.
 
     Source: Blackman and Popoli (1999), "Design and Analysis of Modern Tracking Systems", section 6.2.
@@ -77,9 +80,6 @@ class ScoreLogic:
     def begun(self, count: int, existence: Array | None) -> Array:
         return np.zeros((2, count))
 
-    def after_time(self, evidence: Array, elapsed: float) -> Array:
-        return evidence
-
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         score = evidence[0] + judged.log_ratio
         return linalg.vector([score, np.maximum(score, evidence[1])])
@@ -88,8 +88,7 @@ class ScoreLogic:
         return np.asarray(evidence[0] >= self.threshold)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        ends: Mask = evidence[0] <= evidence[1] - self.drop
-        return ends
+        return np.asarray(evidence[0] <= evidence[1] - self.drop)
 
 
 @dataclass(frozen=True)
@@ -133,8 +132,7 @@ class ExistenceLogic:
         return np.asarray(evidence[0] >= self.confirm)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        ends: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
-        return ends
+        return np.asarray(evidence[0] < np.where(confirmed, self.end, self.delete))
 
 
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a

@@ -203,8 +203,8 @@ def of_pairs(
     probability = np.stack([np.bincount(track, each, len(kept)) for each in hit]) + missed
     probability = np.maximum(probability, LEAST)
     modes = [
-        one_model(motion.angular, one, other, hit[j] / probability[j, track], missed[j] / probability[j])
-        for j, (motion, one, other) in enumerate(zip(motions, before.modes, updated.modes, strict=True))
+        one_model(motion.angular, mode, other, hit[j] / probability[j, track], missed[j] / probability[j])
+        for j, (motion, mode, other) in enumerate(zip(motions, before.modes, updated.modes, strict=True))
     ]
     return MultiModelBelief(probability / probability.sum(axis=0), tuple(modes))
 
@@ -229,24 +229,24 @@ def of_slots(
     def one_model(
         angular: tuple[int, ...], before: Belief, updated: Sequence[Belief], share: Sequence[Array], kept: Array
     ) -> Belief:
-        parts = [_parts(angular, before.mean, one, weight) for one, weight in zip(updated, share, strict=True)]
+        parts = [_parts(angular, before.mean, belief, weight) for belief, weight in zip(updated, share, strict=True)]
         shift, spread = (reduce(add, each) for each in zip(*parts, strict=True))
         return _mixed(angular, before, shift, spread, kept)
 
-    singles = [one for one in updated if isinstance(one, Belief)]
+    singles = [belief for belief in updated if isinstance(belief, Belief)]
     if isinstance(before, Belief):
         return one_model(motions[0].angular, before, singles, share, kept)
-    several = [one for one in updated if isinstance(one, MultiModelBelief)]
+    several = [belief for belief in updated if isinstance(belief, MultiModelBelief)]
     missed, hit = (
         kept * before.probability,
-        [weight * one.probability for one, weight in zip(several, share, strict=True)],
+        [weight * belief.probability for belief, weight in zip(several, share, strict=True)],
     )
     probability = np.maximum(reduce(add, hit) + missed, LEAST)
     modes = [
         one_model(
             motion.angular,
             before.modes[j],
-            [one.modes[j] for one in several],
+            [belief.modes[j] for belief in several],
             [each[j] / probability[j] for each in hit],
             missed[j] / probability[j],
         )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
 from trackbench.engine.choice import compute_by, used
 from trackbench.engine.equations import Compute, EngineUsed
-from trackbench.filters import AnyBelief, Belief, Filter, bare
+from trackbench.filters import AnyBelief, Belief, bare
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
@@ -69,12 +69,7 @@ class MultiObjectTracker(ScanTracker):
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return used(self._filter)
-
-    @cached_property
-    def _filter(self) -> Filter[Any]:
-        """The filter as the engine computes it."""
-        return self._track_filter.filter
+        return used(self._track_filter.filter)
 
     @cached_property
     def _compute(self) -> Compute:
@@ -104,8 +99,8 @@ class MultiObjectTracker(ScanTracker):
         time. What is replayed may give an id to another object than before the late scan.
         """
         if scan.valid.ndim == 1:
-            one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
-            state, tracks = self.step(state, one, None if origins is None else origins[:, None])
+            single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
+            state, tracks = self.step(state, single, None if origins is None else origins[:, None])
             return state, _alone(tracks)
         scan = self.assumed.read(scan)
         if state is None:
@@ -164,7 +159,7 @@ class MultiObjectTracker(ScanTracker):
         ahead = self._at(state, time)
         belief = state.table.belief
         if len(state.table.run):
-            belief = bare(self._filter.predict(belief, time - state.time))
+            belief = bare(self._track_filter.filter.predict(belief, time - state.time))
         return ahead._replace(table=ahead.table._replace(belief=belief))
 
     def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
@@ -210,27 +205,27 @@ class MultiObjectTracker(ScanTracker):
         run, gate = ahead.table.run, self.associate.gate
         return AssociationInput(self._track_filter, expected, detections, run, probability, gate, density)
 
-    def _judged(self, before: TrackTable, found: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
+    def _judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""
-        hit, confirmed, scan = found.detection != NONE, before.id != NONE, at.detections.scan
+        hit, confirmed, scan = result.detection != NONE, before.id != NONE, at.detections.scan
         values = {
             "evidence": before.evidence,
             "hit": hit,
             "detection probability": at.detection_probability,
-            "log ratio": found.log_ratio,
-            "existence": found.existence,
+            "log ratio": result.log_ratio,
+            "existence": result.existence,
             "confirmed": confirmed,
             "seen": before.seen,
             "time": scan.time,
         }
         silent = self.associate.delete_after_s - SAME_TIME
-        after = self._compute(judgement(self._logic, silent, found.existence is not None), values)
+        after = self._compute(judgement(self._logic, silent, result.existence is not None), values)
         # Of none, which is -1, the last.
-        used = np.concatenate([at.detections.column, [NONE]]).take(found.detection)
+        used = np.concatenate([at.detections.column, [NONE]]).take(result.detection)
         ends = np.asarray(after["ends"], dtype=bool)
         if self.associate.method in SHARING:
-            ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
-        table = before._replace(belief=found.belief, evidence=after["evidence"], used=used, seen=after["seen"])
+            ends |= duplicates(result.detection, confirmed, *self._compared(result.belief))
+        table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends
 
     def _begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable:
@@ -264,13 +259,13 @@ class MultiObjectTracker(ScanTracker):
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
         existence = None if self.associate.method in COUNTING else table.evidence[0]
-        return reported(table, self._filter, existence, runs)
+        return reported(table, self._track_filter.filter, existence, runs)
 
     def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
         """The states in which tracks are compared, and which components are angles: that of the only motion model."""
         if isinstance(belief, Belief):
             return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
-        return self._filter.cartesian(belief), ()
+        return self._track_filter.filter.cartesian(belief), ()
 
     @cached_property
     def _logic(self) -> TrackLogic:

@@ -7,7 +7,18 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
+from trackbench.base.config import (
+    LIST,
+    MAPPING,
+    NUMBER,
+    PROBLEM,
+    WORD,
+    Config,
+    Positive,
+    Problem,
+    number_or_list,
+    shape,
+)
 from trackbench.truth.base import MAX_SCENES, SteppedTruth
 from trackbench.truth.config.recording import FixedObserver
 
@@ -64,18 +75,11 @@ Targets = Annotated[
 ]
 
 
-def _seeds_choice(value: Any) -> str | None:
-    if isinstance(value, list):
-        return "<list>"
-    return "<count>" if isinstance(value, int | float | str) and not isinstance(value, bool) else None
-
-
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Seeds = Annotated[
-    Annotated[int, Field(ge=1, le=MAX_SCENES), Tag("<count>")]
-    | Annotated[list[Seed], Field(min_length=1), Tag("<list>")],
+    Annotated[int, Field(ge=1, le=MAX_SCENES), Tag(NUMBER)] | Annotated[list[Seed], Field(min_length=1), Tag(LIST)],
     Discriminator(
-        _seeds_choice,
+        number_or_list,
         custom_error_type=PROBLEM,
         custom_error_message="write a number of scenes, such as 20, or a list of seeds, such as [3, 5]",
     ),

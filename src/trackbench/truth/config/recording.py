@@ -82,13 +82,13 @@ class MotionColumns(Config):
 
     def velocity_problems(self, required: bool) -> Iterator[Problem]:
         """What is wrong with how the velocity is given."""
-        given = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
-        if len(given) > 1 or (required and not given):
-            how = "is given twice" if given else "is missing"
+        pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
+        if len(pairs) > 1 or (required and not pairs):
+            how = "is given twice" if pairs else "is missing"
             yield Problem((), f"the velocity {how}: write vx and vy, or speed and course")
             return
-        for key in [key for pair in given for key in pair if getattr(self, key) is None]:
-            yield Problem((key,), f"missing: a velocity is {' and '.join(given[0])}")
+        for key in [key for pair in pairs for key in pair if getattr(self, key) is None]:
+            yield Problem((key,), f"missing: a velocity is {' and '.join(pairs[0])}")
 
 
 class ObserverColumns(MotionColumns):

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from trackbench.base.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
+from trackbench.base.config import Angle, Config, Name, NonNegative, Positive, Problem
+from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.recording import MovingObserver
@@ -113,17 +114,17 @@ class Piece(Config):
         return 0.0 if steady else None
 
     def problems(self) -> Iterator[Problem]:
-        given = [kind for kind in KINDS if getattr(self, kind) is not None]
-        for kind in given[1:]:
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        for kind in kinds[1:]:
             yield Problem(
-                (kind,), f"a piece has one kind of motion: write another piece for it, beside that of {given[0]}"
+                (kind,), f"a piece has one kind of motion: write another piece for it, beside that of {kinds[0]}"
             )
         for key in STEADY:
-            if given and key in self.model_fields_set:
-                yield Problem((key,), f"not used with {given[0]}; write another piece for it")
+            if kinds and key in self.model_fields_set:
+                yield Problem((key,), f"not used with {kinds[0]}; write another piece for it")
         for kind, keys in KINDS.items():
             for key in keys:
-                if kind not in given and key in self.model_fields_set:
+                if kind not in kinds and key in self.model_fields_set:
                     yield Problem((key,), f"only used with {kind}; the speed changes by acceleration_mps2")
 
 

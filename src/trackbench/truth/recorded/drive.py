@@ -48,9 +48,10 @@ def cycles(time: Array, owner: Indices, scans: Array) -> Cycles:
         scans: ``(scans,)`` s, all times at which the sensor is known to have looked; sorted.
     """
     instants = np.unique(np.concatenate([time, scans]))
-    period = _shortest(time, owner)
-    if period is None or len(instants) < 2:
+    intervals = np.concatenate([np.diff(time[owner == number]) for number in np.unique(owner)] or [np.empty(0)])
+    if len(intervals) < FEWEST or len(instants) < 2:
         return Cycles(instants, np.arange(len(instants)), None)
+    period = float(np.quantile(intervals, SHORT))
     number = _numbers(instants, period / 2)
     starts = instants[np.searchsorted(number, np.arange(number[-1] + 1))]
     steps = np.diff(starts)
@@ -69,12 +70,6 @@ def cycles(time: Array, owner: Indices, scans: Array) -> Cycles:
     ]
     instants = np.unique(np.concatenate([instants, *added]))
     return Cycles(instants, _numbers(instants, period / 2), period)
-
-
-def _shortest(time: Array, owner: Indices) -> float | None:
-    """The short intervals between two detections of one object, s."""
-    intervals = np.concatenate([np.diff(time[owner == number]) for number in np.unique(owner)] or [np.empty(0)])
-    return float(np.quantile(intervals, SHORT)) if len(intervals) >= FEWEST else None
 
 
 def _numbers(instants: Array, apart: float) -> Indices:
@@ -227,7 +222,7 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
         InputError: the observer is known at none of them.
     """
     times = np.unique(
-        np.concatenate([m.time for m in drive.motions.values()] + [found.instants for found in looked.values()])
+        np.concatenate([m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()])
     )
     return times if drive.observer is None else within(times, drive.observer, "truth", "truth.columns.observer")
 
@@ -303,8 +298,8 @@ def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str
     }
     for name, of in counts.items():
         rows = drive.order.rows if name == "truth" else drive.logs[name].order.rows
-        said = ", ".join(f"{count} {words[what]}" for what, count in of.items())
-        yield f"{name}: of {counted(rows, 'row')}, {said}"
+        parts = ", ".join(f"{count} {words[what]}" for what, count in of.items())
+        yield f"{name}: of {counted(rows, 'row')}, {parts}"
 
 
 def require_measurements(drive: Drive, clipped: Drive) -> None:

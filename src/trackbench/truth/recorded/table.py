@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.base.files import read_bytes
+from trackbench.base.files import read_text
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
@@ -47,7 +47,11 @@ def find(path: str, folder: Path, key: str) -> Path:
     unset = _VARIABLE.search(str(expanded))
     if unset is not None:
         name = unset.group(1).strip("{}")
-        raise InputError(f"the environment variable {name} is not set; {_meaning(name)}", key=key)
+        remedy = "set it, or write the path without it"
+        if name == "TRACKBENCH_DATA":
+            example = "udacity/obj_pose-laser-radar-synthetic-input.txt"
+            remedy = f"it is the folder that holds recordings, such as {example}"
+        raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
         if place.is_file():
             return place
@@ -59,27 +63,16 @@ def find(path: str, folder: Path, key: str) -> Path:
     raise InputError(f"there is no file {expanded}{hint}", key=key)
 
 
-def read_text(file: Path) -> str:
+def text_of(file: Path) -> str:
     """The text of a file in UTF-8.
 
     Raises:
         InputError: it cannot be read, is empty or is not UTF-8.
     """
-    raw = read_bytes(file)
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x})", file=file, line=line) from None
+    text = read_text(file)
     if not text.strip():
         raise InputError("the file is empty", file=file)
     return text
-
-
-def _meaning(name: str) -> str:
-    if name == "TRACKBENCH_DATA":
-        return "it is the folder that holds recordings, such as udacity/obj_pose-laser-radar-synthetic-input.txt"
-    return "set it, or write the path without it"
 
 
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -168,7 +161,7 @@ def read(file: Path, form: str, wanted: Iterable[str]) -> Rows:
 
 
 def _csv(file: Path, names: list[str]) -> Rows:
-    reader = csv.reader(read_text(file).splitlines(keepends=True), strict=True)
+    reader = csv.reader(text_of(file).splitlines(keepends=True), strict=True)
     lines: list[int] = []
     rows: list[list[str]] = []
     header: list[str] = []

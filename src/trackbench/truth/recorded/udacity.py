@@ -15,7 +15,7 @@ from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.table import NUMBER, find, read_text
+from trackbench.truth.recorded.table import NUMBER, find, text_of
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -109,7 +109,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
         InputError: the file cannot be read, or a line of it is damaged.
     """
     file = find(config.path or "", folder, "truth.path")
-    measurements = parse(read_text(file), file)
+    measurements = parse(text_of(file), file)
     stamps = np.array([item.stamp for item in measurements], dtype=np.int64)
     seconds = (stamps - stamps[0]) / 1e6
     times, first = np.unique(seconds, return_index=True)

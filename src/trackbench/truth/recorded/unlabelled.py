@@ -108,7 +108,12 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
     slots = list(dict.fromkeys(names[row] for row in detected.tolist()))
     number = {name: i for i, name in enumerate(slots)}
     slot = np.array([number[names[row]] for row in detected.tolist()], dtype=np.intp)
-    new = np.zeros(len(detected), dtype=bool) if entry.new_track is None else _flags(table, entry.new_track)[detected]
+    new = np.zeros(len(detected), dtype=bool)
+    if entry.new_track is not None:
+        flags = table.numbers(entry.new_track, 1.0, None)
+        for row in np.flatnonzero((flags != 0) & (flags != 1)).tolist():
+            raise table.error(row, f"{entry.new_track} is {flags[row]:g}, where 0 or 1 is expected")
+        new = flags[detected] == 1
     # Without slots two equal rows are two detections.
     kept, order = row_order(at[detected], np.arange(len(detected)) if entry.slot is None else slot)
     time, slot, new = at[detected][kept], slot[kept], new[kept]
@@ -125,13 +130,6 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
     result = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
     return result if entry.copies_within_m is None else _without_copies(result, time, model, entry.copies_within_m)
-
-
-def _flags(table: Rows, column: str) -> Mask:
-    values = table.numbers(column, 1.0, None)
-    for row in np.flatnonzero((values != 0) & (values != 1)).tolist():
-        raise table.error(row, f"{column} is {values[row]:g}, where 0 or 1 is expected")
-    return np.asarray(values == 1)
 
 
 def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
@@ -173,8 +171,8 @@ def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float)
     )
 
 
-def _notes(found: Mapping[str, _Scans], times: Array) -> Iterator[str]:
-    for name, of in found.items():
+def _notes(result: Mapping[str, _Scans], times: Array) -> Iterator[str]:
+    for name, of in result.items():
         outside = int((~np.isin(of.time, times))[of.scan].sum())
         if of.duplicates:
             what = "of a slot and a time that came before (left out)"
