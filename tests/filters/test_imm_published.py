@@ -8,9 +8,10 @@ draws is held against it.
 import numpy as np
 import pytest
 from tests.support.scenes import scan
+from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
-from trackbench.filters import InteractingMultipleModel, KalmanFilter, smoothed
+from trackbench.filters import InteractingMultipleModel, KalmanFilter
 from trackbench.models.motion import ConstantAcceleration, ConstantVelocity
 
 DT, STEPS, RUNS = 0.1, 200, 200

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 from tests.support.scenes import LIDAR_NOISE, NOISE, scan
+from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
 from trackbench.filters import (
@@ -15,7 +16,6 @@ from trackbench.filters import (
     InteractingMultipleModel,
     KalmanFilter,
     SigmaPointFilter,
-    smoothed,
 )
 from trackbench.filters.imm import transition_probabilities
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, InitialSigmas, process_noise

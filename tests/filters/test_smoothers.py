@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from tests.support.scenes import LIDAR_NOISE, NOISE, scan
+from tests.support.smoother import smoothed
 
 from trackbench.base.types import Gaussian
 from trackbench.base.units import difference
@@ -16,7 +17,6 @@ from trackbench.filters import (
     SigmaPointFilter,
     classic,
     scaled,
-    smoothed,
 )
 from trackbench.models.motion import MOTION_MODELS
 

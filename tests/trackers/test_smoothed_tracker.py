@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.filters.test_filters_properties import TRUTH_START, measurements, through
 from tests.support.scenes import NOISE, member, scan, tracker
+from tests.support.smoother import smoothed
 from tests.trackers.test_imm_tracker import primed
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.filters import smoothed
 from trackbench.report.tables import ranking
 from trackbench.runner.work import LARGEST_SMOOTHED, work_of
 from trackbench.scenario.truth import truths_of

@@ -65,11 +65,11 @@ class InputErrors(InputError):
 
 def nearest(name: str, choices: Iterable[str]) -> str:
     """A sentence that names the nearest valid choice, or lists the choices when none is near."""
-    known = sorted(choices)
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    names = sorted(choices)
+    close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
-    return "choose from: " + ", ".join(known) if known else "there is none to choose from"
+    return "choose from: " + ", ".join(names) if names else "there is none to choose from"
 
 
 def counted(number: int, noun: str) -> str:

@@ -171,9 +171,9 @@ class Registry(Generic[T]):
 
     def name_of(self, plugin: Any) -> str:
         """The name under which a scenario can ask for a plug-in that is at hand."""
-        known = next((name for name, other in self.found.items() if other is plugin), None)
-        if known is not None:
-            return known
+        looked_up = next((name for name, other in self.found.items() if other is plugin), None)
+        if looked_up is not None:
+            return looked_up
         reference = f"{plugin.__module__}:{plugin.__qualname__}"
         published = self._published().items()
         return next((name for name, entries in published if entries[0].value == reference), reference)

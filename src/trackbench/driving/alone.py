@@ -29,7 +29,7 @@ class Stateful(Generic[Answer]):
 
     Args:
         tracker: a fresh one.
-        check: makes what it says of a scan an answer of the right form, or raises.
+        check: makes its answer to a scan one of the right form, or raises.
         what: ``step`` has to return beside the state, in messages.
     """
 
@@ -49,8 +49,8 @@ class Stateful(Generic[Answer]):
         Raises:
             TrackerFault: what it returned is no answer.
         """
-        self.state, said = unpack(self.tracker.step(self.state, scan, *more), self._what)
-        return self._check(said, scan)
+        self.state, unchecked = unpack(self.tracker.step(self.state, scan, *more), self._what)
+        return self._check(unchecked, scan)
 
 
 class Alone(Stateful[Estimate | None]):

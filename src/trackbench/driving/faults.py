@@ -9,7 +9,7 @@ from trackbench.base.errors import TrackbenchError
 from trackbench.base.user_code import Frame, last_of_user, place_of
 from trackbench.trackers.answers import TrackerFault
 
-#: What it gave is no estimate; a calculation failed; it raised anything else; its process died or was ended.
+#: Invalid output; a failed calculation; any other exception; a process that died or was ended.
 Kind = Literal["answer", "arithmetic", "raised", "died"]
 KINDS = get_args(Kind)
 
@@ -41,7 +41,7 @@ class TrackFault(Exception):
 
 
 def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
-    """The fault that an error in a tracker is."""
+    """An error in a tracker as a fault."""
     if isinstance(error, TrackFault):
         return error
     kind: Kind = "raised"

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError
 from trackbench.driving.faults import KINDS, TrackFault, place_in_dump
-from trackbench.driving.wire import TOLD, Malformed, receive_answer, send_request
+from trackbench.driving.wire import REPORT, Malformed, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"
 #: How often the bench looks whether a process is still there while it waits for its answer, s.
@@ -70,7 +70,7 @@ class Template:
             try:
                 socket.send_fds(self._control, [b"+"], [connection.fileno(), dump.fileno()])
                 while True:
-                    started, process, status = self._told()
+                    started, process, status = self._message()
                     if started:
                         return process
                     self._statuses[process] = status
@@ -87,7 +87,7 @@ class Template:
             try:
                 while process not in self._statuses:
                     self._control.settimeout(max(1e-3, until - time.monotonic()))
-                    _, ended, self._statuses[ended] = self._told()
+                    _, ended, self._statuses[ended] = self._message()
             except (OSError, EOFError):
                 return None
             finally:
@@ -103,12 +103,12 @@ class Template:
             self._process.kill()
             self._process.wait()
 
-    def _told(self) -> tuple[bool, int, int]:
-        message = self._control.recv(TOLD.size)
-        if len(message) < TOLD.size:
+    def _message(self) -> tuple[bool, int, int]:
+        message = self._control.recv(REPORT.size)
+        if len(message) < REPORT.size:
             raise EOFError
-        result: tuple[bool, int, int] = TOLD.unpack(message)
-        return result
+        report: tuple[bool, int, int] = REPORT.unpack(message)
+        return report
 
 
 class TrackerProcess:
@@ -158,7 +158,7 @@ class TrackerProcess:
             values, arrays = receive_answer(self)
             if values.get("exchange") != self._exchange:
                 raise Malformed
-            _raise_told(values, self._members)
+            _raise_error(values, self._members)
         except TimeoutError:
             text = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
             raise self._ended(text, signal.SIGABRT) from None
@@ -220,12 +220,12 @@ class TrackerProcess:
         return self.fault
 
 
-def _raise_told(values: dict[str, Any], members: int) -> None:
-    """Raise what an answer tells of.
+def _raise_error(values: dict[str, Any], members: int) -> None:
+    """Raise the error that an answer reports, if any.
 
     Raises:
-        InputError, TrackFault: what it tells.
-        TypeError, ValueError: it tells nothing that could be.
+        InputError, TrackFault: the reported error.
+        TypeError, ValueError: the report is malformed.
     """
     problems, fault = values.get("input"), values.get("fault")
     if problems:

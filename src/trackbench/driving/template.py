@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from trackbench.driving import host
-from trackbench.driving.wire import INSIDE, TOLD
+from trackbench.driving.wire import INSIDE, REPORT
 
 #: prctl(2)
 PR_SET_CHILD_SUBREAPER = 36
@@ -59,7 +59,7 @@ def main(descriptor: int) -> None:
                     return
                 if process == 0:
                     return
-                control.send(TOLD.pack(False, process, status))
+                control.send(REPORT.pack(False, process, status))
 
         signal.signal(signal.SIGCHLD, ended)
         while True:
@@ -78,7 +78,7 @@ def main(descriptor: int) -> None:
                 host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], bench)
             for number in descriptors:
                 os.close(number)
-            control.send(TOLD.pack(True, process, 0))
+            control.send(REPORT.pack(True, process, 0))
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
 
 

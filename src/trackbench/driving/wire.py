@@ -1,4 +1,4 @@
-"""What goes over the socket between the bench and the process of a tracker.
+"""Messages between the bench and the process of a tracker.
 
 Requests are pickled. Answers are not: they come from code that nobody here knows, and are JSON and plain arrays.
 """
@@ -15,8 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-#: What the template tells: whether it is of a start, the process, and how that ended (as of ``os.waitpid``).
-TOLD = struct.Struct("<?ii")
+#: Report of the template: whether it is of a start, the process, and how that ended (as of ``os.waitpid``).
+REPORT = struct.Struct("<?ii")
 #: Set in the environment of every tracker's process.
 INSIDE = "TRACKBENCH_TRACKER_PROCESS"
 _LENGTH = struct.Struct("<Q")
@@ -30,7 +30,7 @@ Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 class Malformed(Exception):
-    """What came is no answer."""
+    """The bytes received are no valid answer."""
 
 
 def send_request(to: socket.socket, request: Mapping[str, Any]) -> None:
@@ -71,7 +71,7 @@ def receive_answer(source: Source) -> tuple[dict[str, Any], dict[str, npt.NDArra
 
     Raises:
         EOFError: the other side has ended.
-        Malformed: what came is no answer.
+        Malformed: the bytes received are no valid answer.
     """
     (size,) = _LENGTH.unpack(_receive(source, _LENGTH.size))
     if size > LARGEST_HEADER:

@@ -256,13 +256,13 @@ FUNCTIONS: dict[str, Callable[..., Term]] = {
 
 def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
     """The same values without transcendental functions; the guards of the graph as well, and what they then need."""
-    known: dict[int, Node] = {}
+    lowered_nodes: dict[int, Node] = {}
     guards, graph.guards = graph.guards, []
     for node in ordered([*roots, *guards]):
-        arguments = tuple([known[argument.number] for argument in node.arguments])
+        arguments = tuple([lowered_nodes[argument.number] for argument in node.arguments])
         if node.op in FUNCTIONS:
-            known[node.number] = FUNCTIONS[node.op](*(Term(graph, argument) for argument in arguments)).node
+            lowered_nodes[node.number] = FUNCTIONS[node.op](*(Term(graph, argument) for argument in arguments)).node
         else:
-            known[node.number] = node if arguments == node.arguments else graph.apply(node.op, *arguments)
-    graph.guards = list(dict.fromkeys([*(known[guard.number] for guard in guards), *graph.guards]))
-    return [known[root.number] for root in roots]
+            lowered_nodes[node.number] = node if arguments == node.arguments else graph.apply(node.op, *arguments)
+    graph.guards = list(dict.fromkeys([*(lowered_nodes[guard.number] for guard in guards), *graph.guards]))
+    return [lowered_nodes[root.number] for root in roots]

@@ -1,4 +1,4 @@
-"""What filters believe and are told, as named arrays, and back."""
+"""Beliefs, scans and predicted measurements as named arrays, and back."""
 
 from __future__ import annotations
 
@@ -107,12 +107,12 @@ def scan_of(values: Values, of: Scan) -> Scan:
 
 def scan_placeholder(kind: str) -> Scan:
     """A scan of which nothing is known but its kind, so that a sensor that reads more of it cannot be traced."""
-    known: list[Any] = [kind if name == "kind" else _Untold(name) for name in Scan._fields]
-    return Scan(*known)
+    fields: list[Any] = [kind if name == "kind" else _NoInput(name) for name in Scan._fields]
+    return Scan(*fields)
 
 
-class _Untold:
-    """Raises whatever is done with it."""
+class _NoInput:
+    """A field of a scan that is no input of a kernel: raises whatever is done with it."""
 
     def __init__(self, name: str) -> None:
         self._name = name

@@ -22,13 +22,13 @@ class EngineUsed(NamedTuple):
 
 def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
     """What computed all parts together; None where there are none."""
-    known = list(parts)
-    if not known:
+    used = list(parts)
+    if not used:
         return None
-    engines = {part.engine for part in known}
-    reasons = dict.fromkeys(part.why_numpy for part in known if part.why_numpy)
+    engines = {part.engine for part in used}
+    reasons = dict.fromkeys(part.why_numpy for part in used if part.why_numpy)
     engine = engines.pop() if len(engines) == 1 else "fused and numpy"
-    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in known))
+    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used))
 
 
 #: Arrays by name; inside a function each is ``(components..., batch...)``, or without batch axes the same for all.

@@ -40,7 +40,7 @@ from trackbench.filters import (
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import SENSOR_MODELS
 
-#: What of an update and of what a tracker says of it means nothing where there is no measurement.
+#: Outputs of an update that mean nothing where there is no measurement.
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
 #: Behind the names of what is believed at a later time.
 LATER = " later"
@@ -196,8 +196,8 @@ class FusedFilter:
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
 
         def of(filter: Filter[Any], values: Values) -> Values:
-            known = scan_placeholder(kind) if is_traced(values) else self._scan
-            return function(FilterCall(filter, self.modes, known), values)
+            call_scan = scan_placeholder(kind) if is_traced(values) else self._scan
+            return function(FilterCall(filter, self.modes, call_scan), values)
 
         any_filter = settled(of, self.filter, options.with_options, options.models, sensors)
         # Of a user's class its source counts too.
@@ -223,7 +223,7 @@ def fused(filter: Filter[Any]) -> FusedFilter:
 
 
 class FilterCall(NamedTuple):
-    """What a function of a filter is asked for."""
+    """Arguments of a traced function of a filter."""
 
     filter: Any
     modes: int

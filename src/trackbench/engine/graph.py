@@ -259,12 +259,12 @@ def _number(node: Node) -> float | None:
     return node.value if node.constant and isinstance(node.value, float) else None
 
 
-def ordered(roots: Sequence[Node], known: Iterable[int] = ()) -> Iterator[Node]:
+def ordered(roots: Sequence[Node], made: Iterable[int] = ()) -> Iterator[Node]:
     """Each node that the roots need, after its arguments; those that are needed together close to each other.
 
-    ``known``: numbers of those that need not be named.
+    ``made``: numbers of those that are left out.
     """
-    seen = set(known)
+    seen = set(made)
     for root in roots:
         waiting = [(root, iter(root.arguments))] if root.number not in seen else []
         seen.add(root.number)

@@ -36,7 +36,7 @@ class Input(NamedTuple):
 
     @property
     def level(self) -> int:
-        """For what it is the same; see :class:`trackbench.engine.graph.Node`."""
+        """Whether all members share it, a group does, or none; see :class:`trackbench.engine.graph.Node`."""
         if self.batch_axes == 0:
             return ALL
         return GROUP if self.shared else MEMBER

@@ -38,14 +38,11 @@ def unavailable() -> str | None:
         return f"llvmlite cannot be loaded: {error}"
     except (AttributeError, RuntimeError):
         return "this llvmlite is too old: pip install 'trackbench[fast]'"
-    return _other_arrays() or _no_executable_memory()
-
-
-def _other_arrays() -> str | None:
-    """Kernels read where the data of an array lie from the array itself, as every extension of NumPy does."""
+    # Kernels read where the data of an array lie from the array itself, as every extension of NumPy does.
     probe = np.zeros(1)
-    place = ctypes.c_void_p.from_address(id(probe) + HEAD).value
-    return None if place == probe.ctypes.data else "the arrays of this NumPy have another form"
+    if ctypes.c_void_p.from_address(id(probe) + HEAD).value != probe.ctypes.data:
+        return "the arrays of this NumPy have another form"
+    return _no_executable_memory()
 
 
 @cache

@@ -18,10 +18,8 @@ M = TypeVar("M", bound=MotionModel)
 
 def options(filter: Filter[Any]) -> dict[str, Any]:
     """The numbers among the options of a filter's motion models, each a number or one for each member."""
-    result: dict[str, Any] = {}
-    for number, motion in enumerate(filter.motions):
-        result |= numbers(motion, str(number))
-    return result
+    motions = enumerate(filter.motions)
+    return {name: value for number, motion in motions for name, value in numbers(motion, str(number)).items()}
 
 
 def with_options(filter: Any, values: Values) -> Any:
@@ -78,8 +76,8 @@ def form(value: Any) -> Hashable:
         return type(value), tuple(kept)
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
-    known: Hashable = value
-    return known
+    constant: Hashable = value
+    return constant
 
 
 def _fields(model: MotionModel) -> Mapping[str, Any]:

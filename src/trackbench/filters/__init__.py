@@ -29,7 +29,6 @@ from trackbench.filters.kalman import (
     classic,
     scaled,
 )
-from trackbench.filters.smoothers import smoothed
 
 __all__ = [
     "CUBATURE",
@@ -57,5 +56,4 @@ __all__ = [
     "scaled",
     "select",
     "selected_prediction",
-    "smoothed",
 ]

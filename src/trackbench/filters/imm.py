@@ -238,8 +238,8 @@ class InteractingMultipleModel:
             come, before = self.mixture(belief, chain, j)
             mixed = moment_matched(come, before, motion.angular)
             after = self.filters[j].smooth(Belief(*mixed), later.modes[j], dt)
-            known = future(mixed, Gaussian(after.mean, after.covariance), motion.angular)
-            result = [known.joined(part) for part in before]
+            evidence = future(mixed, Gaussian(after.mean, after.covariance), motion.angular)
+            result = [evidence.joined(part) for part in before]
             share, _ = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in result]))
             for k, i in enumerate(self.origins(j)):
                 joint[i, j] = share[k] * later.probability[j]

@@ -1,8 +1,7 @@
-"""Smoothing over a fixed lag or a whole track."""
+"""The likelihood of a state under measurements to come, for the smoother of several motion models."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,22 +9,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Mask
 from trackbench.base.units import difference
-from trackbench.filters.base import B, Filter, wrap_components
-
-
-def smoothed(filter: Filter[B], filtered: Sequence[B], intervals: Sequence[float]) -> list[B]:
-    """A filter's beliefs given all measurements, from the last to the first.
-
-    Args:
-        filter: the one that gave the beliefs.
-        filtered: ``(T,)`` after the update of each instant; those with batch axes are smoothed together.
-        intervals: ``(T - 1,)`` from each instant to the next, s.
-    """
-    result = [filtered[-1]]
-    for belief, dt in zip(reversed(filtered[:-1]), reversed(intervals), strict=True):
-        result.append(filter.smooth(belief, result[-1], dt))
-    return result[::-1]
-
+from trackbench.filters.base import wrap_components
 
 #: What differs by no more is the same, relative to the variances before.
 ROUNDING = 1e-9

@@ -113,7 +113,7 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 
 def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    """What it assumes of sensors."""
+    """Sensor models and noise that a tracker assumes."""
     for sensor, kind in tracker.sensor_models.items():
         at = ("trackers", name, "sensor_models", sensor)
         if unread := _not_read(scenario, tracker, sensor):

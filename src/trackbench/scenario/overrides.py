@@ -53,7 +53,7 @@ def _require_entry(root: Any, parts: Sequence[str], origin: Origin) -> None:
     entries = root.get(section)
     if not isinstance(entries, dict) or name in entries or key in NAMED[section]:
         return
-    alike = [known for known, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
+    alike = [other for other, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
     hint = f"did you mean {' or '.join(map(repr, alike))}?" if alike else nearest(name, map(str, entries))
     raise InputError(f"there is no {name!r} in {section}; {hint}", key=dotted((section, name)), file=origin.file)
 

@@ -40,7 +40,7 @@ def find_scenario(named: Path | str) -> Path:
     files = shipped()
     if name in files:
         return files[name]
-    if any(known.startswith(f"{name}/") for known in files):
+    if any(path_name.startswith(f"{name}/") for path_name in files):
         return FOLDER / path
     raise InputError(f"there is no such file{_nearest(path, files)}", file=path)
 

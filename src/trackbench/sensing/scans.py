@@ -68,10 +68,10 @@ def ideal_sensors(
         sensors: by name.
         recorded: what some of them have read.
     """
-    known = recorded or {}
+    from_file = recorded or {}
     return [
-        _as_recorded(truth, name, config, known[name])
-        if name in known
+        _as_recorded(truth, name, config, from_file[name])
+        if name in from_file
         else _ideal(truth, name, config, firing_steps(config, truth.time))
         for name, config in sensors.items()
     ]

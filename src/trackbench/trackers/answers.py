@@ -42,7 +42,7 @@ class Tracker(Protocol):
 
 
 class TrackerFault(Exception):
-    """What a tracker gave cannot be an estimate."""
+    """Invalid output of a tracker."""
 
 
 def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:

@@ -264,7 +264,7 @@ class FilterConfig(OptionsBeside):
         yield from _unexpanded(self.sweep)
 
     def _unfit(self, motion: MotionModel, name: str) -> Iterator[Problem]:
-        """What does not go with one of the motion models."""
+        """Options that do not fit one of the motion models."""
         if self.filter == "kf" and not motion.linear:
             linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
             yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {name}")
@@ -278,7 +278,7 @@ class FilterConfig(OptionsBeside):
                 yield Problem(at, f"{needed}, not {len(diagonal)}")
 
     def _not_associated(self) -> Iterator[Problem]:
-        """What a tracker of one object has and one of several has not."""
+        """Options of a tracker of one object that one of several does not have."""
         if self.initial.source != "first_measurement":
             message = "with associate a track starts from one detection: use from: first_measurement"
             yield Problem(("initial", "from"), message)

@@ -161,8 +161,8 @@ def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
     """What is assumed of the components that position and velocity leave open."""
-    known = InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
-    return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
+    assumed = InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
+    return assumed if config.yaw_sigma_rad is None else assumed._replace(yaw=config.yaw_sigma_rad)
 
 
 def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
@@ -216,10 +216,10 @@ def first_measurement(
     velocity = np.zeros((2, *scan.valid.shape))
     if config.velocity != "zero":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
-    known = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
+    belief = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
-        known = _with_range_rate(known, scan)
-    return _of_cartesian(motion, config, known)
+        belief = _with_range_rate(belief, scan)
+    return _of_cartesian(motion, config, belief)
 
 
 def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:

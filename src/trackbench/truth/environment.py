@@ -53,17 +53,17 @@ def _variant(value: Any, default: Mapping[str, Any], name: str, variants: Varian
     kind = value.get("type", default.get("type"))
     if kind not in variants[name]:
         raise InputError(f"unknown {name} type {kind!r}; {nearest(str(kind), variants[name])}", key=f"{at}.type")
-    known = default if kind == default.get("type") else {}
-    accepted = {"type", *variants[name][kind], *known}
+    usual = default if kind == default.get("type") else {}
+    accepted = {"type", *variants[name][kind], *usual}
     for key, inner in value.items():
         if key not in accepted:
             raise InputError(f"unknown key; {nearest(str(key), accepted)}", key=f"{at}.{key}")
-        if known.get(key) is not None:
-            _check(key, inner, known[key], f"{at}.{key}")
-    merged = {**known, **value}
+        if usual.get(key) is not None:
+            _check(key, inner, usual[key], f"{at}.{key}")
+    merged = {**usual, **value}
     part = f"{name}_config"
     if part in value:
-        merged[part] = _variant(value[part], known.get(part, {}), name, variants, f"{at}.{part}")
+        merged[part] = _variant(value[part], usual.get(part, {}), name, variants, f"{at}.{part}")
     return merged
 
 
@@ -88,7 +88,6 @@ def _check(key: str, value: Any, default: Any, at: str) -> None:
 
 
 def _finite(value: float) -> bool:
-    """Whether it can be reckoned with: a whole number may be too large for that."""
     return abs(value) <= sys.float_info.max
 
 
@@ -183,25 +182,25 @@ def at_instants(truth: Truth, stepped: Mask) -> Truth:
         truth: velocity, acceleration and yaw rate are those of the step that begins at each instant.
         stepped: ``(objects,)`` the bodies that move so; the others stay. The observer moves so.
     """
-    known = np.zeros_like(truth.alive)
-    known[1:] = truth.alive[1:] & truth.alive[:-1]
-    known = (known & stepped)[..., None]
+    averaged = np.zeros_like(truth.alive)
+    averaged[1:] = truth.alive[1:] & truth.alive[:-1]
+    averaged = (averaged & stepped)[..., None]
 
     def middle(values: Array) -> Array:
-        return np.where(known, 0.5 * (values + _before(values)), values)
+        return np.where(averaged, 0.5 * (values + _before(values)), values)
 
     vx, vy = middle(truth.vx), middle(truth.vy)
-    moves = known & (np.hypot(vx, vy) > 0.0)
+    moves = averaged & (np.hypot(vx, vy) > 0.0)
     carrier = truth.observer
     vx_of_carrier, vy_of_carrier, turning = (
         0.5 * (rate + _before(rate)) for rate in (carrier.vx, carrier.vy, carrier.yaw_rate)
     )
     return replace(
         truth,
-        speed=np.where(known, np.hypot(vx, vy), truth.speed),
+        speed=np.where(averaged, np.hypot(vx, vy), truth.speed),
         course=np.where(moves, wrap_angle(np.arctan2(vy, vx)), truth.course),
         # The change from the step before to the step after is that at the instant.
-        acceleration=np.where(known, _before(truth.acceleration), truth.acceleration),
+        acceleration=np.where(averaged, _before(truth.acceleration), truth.acceleration),
         yaw_rate=middle(truth.yaw_rate),
         observer=replace(carrier, vx=vx_of_carrier, vy=vy_of_carrier, yaw_rate=turning),
     )

@@ -101,9 +101,9 @@ def rate(values: Array, dt: float, alive: Mask) -> Array:
     """
     slope = np.zeros_like(values)
     slope[:-1] = np.diff(values, axis=0) / dt
-    known = np.zeros_like(alive)
-    known[:-1] = alive[:-1] & alive[1:]
-    return np.where(known.any(axis=0), held(slope, known), 0.0)
+    both_ends = np.zeros_like(alive)
+    both_ends[:-1] = alive[:-1] & alive[1:]
+    return np.where(both_ends.any(axis=0), held(slope, both_ends), 0.0)
 
 
 #: Length and width, m. highway-env's drivers leave 10 m from centre to centre at rest: a longer truck would touch.
@@ -132,13 +132,13 @@ def target_bodies(config: HighwayOptions, frames: Frames, observer: Observer) ->
     """
     bodies = [i for i in range(len(frames.ids)) if i > 0 or config.observer != "ego"]
     if isinstance(config.targets, IdTargets):
-        known = {frames.ids[i]: i for i in bodies}
+        by_name = {frames.ids[i]: i for i in bodies}
         for name in config.targets.ids:
-            if name not in known:
+            if name not in by_name:
                 raise InputError(
-                    f"there is no vehicle {name!r} in this scene; {nearest(name, known)}", key="truth.targets.ids"
+                    f"there is no vehicle {name!r} in this scene; {nearest(name, by_name)}", key="truth.targets.ids"
                 )
-        bodies = sorted({known[name] for name in config.targets.ids})
+        bodies = sorted({by_name[name] for name in config.targets.ids})
     elif isinstance(config.targets, NearestTargets):
         nearest_m = _least_distance(frames, observer)
         bodies.sort(key=lambda i: float(nearest_m[i]))

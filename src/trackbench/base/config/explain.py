@@ -1,4 +1,4 @@
-"""What is said of a configuration that is not valid."""
+"""Messages about an invalid configuration."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def advise(key: str, value: Any, model: type[BaseModel], root: type[BaseModel]) 
 
 def _option(key: str, value: Any, keys: list[str]) -> Advice:
     """Advice on a key beside ``use``: most often it is an option of the class named there."""
-    close = get_close_matches(key, [known for known in keys if known != "use"], n=1, cutoff=0.8)
+    close = get_close_matches(key, [candidate for candidate in keys if candidate != "use"], n=1, cutoff=0.8)
     if close:
         return Advice(f"unknown key; did you mean {close[0]!r}?", close[0])
     shown = json.dumps(value, ensure_ascii=False, default=str)
@@ -93,10 +93,10 @@ def _same_quantity(key: str, keys: list[str]) -> str | None:
     if unit is not None and stem in keys:
         return stem
     stems: dict[str, str] = {}
-    for known in keys:
-        known_stem, known_unit = split_key(known)
+    for candidate in keys:
+        known_stem, known_unit = split_key(candidate)
         if known_unit is not None and (unit is None or unit.quantity == known_unit.quantity):
-            stems[known_stem] = known
+            stems[known_stem] = candidate
     close = get_close_matches(stem.lower(), stems, n=1, cutoff=0.8 if unit else 0.9)
     return stems[close[0]] if close else None
 

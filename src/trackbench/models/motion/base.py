@@ -113,7 +113,7 @@ class MotionModel(Config, ABC):
         """``(n, ...)`` the state of a body in the given motion."""
         c, s = np.cos(motion.course), np.sin(motion.course)
         tangential, normal = motion.acceleration, motion.speed * motion.yaw_rate
-        known = {
+        values = {
             "px": motion.px,
             "py": motion.py,
             "vx": motion.speed * c,
@@ -121,7 +121,7 @@ class MotionModel(Config, ABC):
             "ax": tangential * c - normal * s,
             "ay": tangential * s + normal * c,
         }
-        return linalg.vector([known.get(name, np.zeros_like(motion.px)) for name in self.components])
+        return linalg.vector([values.get(name, np.zeros_like(motion.px)) for name in self.components])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         """The motion of a body in the state ``x``, whose rates that the state does not have are driven by noise.

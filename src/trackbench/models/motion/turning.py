@@ -188,7 +188,7 @@ class SpeedAndYaw(MotionModel):
         return pad_state(self, Gaussian(mean, linalg.symmetrise(p)), sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
-        known = {
+        values = {
             "px": motion.px,
             "py": motion.py,
             "v": motion.speed,
@@ -196,7 +196,7 @@ class SpeedAndYaw(MotionModel):
             "yaw_rate": motion.yaw_rate,
             "a": motion.acceleration,
         }
-        return linalg.vector([known.get(name, np.zeros_like(motion.px)) for name in self.components])
+        return linalg.vector([values.get(name, np.zeros_like(motion.px)) for name in self.components])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
         px, py, speed, yaw, yaw_rate = x[:5]

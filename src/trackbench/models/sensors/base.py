@@ -133,10 +133,10 @@ class Sensor(Config, ABC):
         kind = data.get("type") or cls.kind()
         if not isinstance(data.get("preset"), str):
             return {"type": kind, **data}
-        known = {name: preset for name, preset in presets().items() if preset.kind == kind}
-        preset = known.get(data["preset"])
+        of_kind = {name: preset for name, preset in presets().items() if preset.kind == kind}
+        preset = of_kind.get(data["preset"])
         if preset is None:
-            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest(data['preset'], known)}"
+            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest(data['preset'], of_kind)}"
             reject(cls.__name__, [Problem(("preset",), problem)])
             return data
         return {"type": kind, **preset.values, **data}

@@ -48,7 +48,7 @@ def missed(detection: Array, gate: float) -> Array:
 
 
 class Association(NamedTuple):
-    """What became of the tracks and the detections."""
+    """Result of an association: beliefs of the tracks, and which detections are theirs."""
 
     belief: AnyBelief
     """Of the L tracks."""
@@ -208,7 +208,7 @@ def associated(
     probability: float,
     compute: Compute,
 ) -> Association:
-    """What becomes of the tracks and the detections.
+    """Associate the detections of a scan with the tracks.
 
     Args:
         config: the options.

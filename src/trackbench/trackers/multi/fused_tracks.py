@@ -1,4 +1,4 @@
-"""What a tracker of several objects asks of a filter, by kernels."""
+"""The filter steps of a tracker of several objects, as kernels."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 
 
 class Judged(NamedTuple):
-    """What a scan says of each track."""
+    """Evidence of a scan for each track."""
 
     hit: Mask
     """``(L,)`` it has a detection."""

@@ -17,12 +17,11 @@ from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
 from trackbench.trackers.multi.association import CLAIMED, Association, AssociationInput, associated, duplicates
-from trackbench.trackers.multi.gate import RunDetections, side_by_side
+from trackbench.trackers.multi.gate import side_by_side
 from trackbench.trackers.multi.intensity import Undetected, intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
 from trackbench.trackers.multi.table import (
     NONE,
-    PredictedTracks,
     TrackFilter,
     TrackTable,
     detections_of,
@@ -111,7 +110,7 @@ class MultiObjectTracker(ScanTracker):
         if self.late == "as_new" and not scan.asked:
             scan = scan._replace(time=scan.arrival_time)
         if scan.asked or not self.reads(scan.sensor):
-            ahead, answer = self._asked(state, max(scan.time, state.time))
+            ahead, answer = self._prediction(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
         return self._after_scan(state, scan, origins)
 
@@ -119,7 +118,32 @@ class MultiObjectTracker(ScanTracker):
         self, state: MultiObjectState, scan: Scan, origins: Indices | None = None
     ) -> tuple[MultiObjectState, Tracks]:
         expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
-        return self._after(self._at(state, scan.time), expected, scan, origins)
+        ahead = self._at(state, scan.time)
+        config, runs, stated = self.associate, len(ahead.next_id), self._stated_probability(scan)
+        detections = side_by_side(scan, as_listed=config.method == "naive")
+        origin = None if origins is None else origins[detections.column, detections.run]
+        density = intensity(
+            detections.scan,
+            len(expected.measurement.mean),
+            config,
+            ahead.undetected.in_view(scan.sensor),
+            self.initial.velocity_sigma_mps,
+        )
+        probability = np.where(expected.in_view, stated, 0.0)
+        at = AssociationInput(
+            self._track_filter, expected, detections, ahead.table.run, probability, config.gate, density
+        )
+        result = associated(config, at, ahead.table, origin, stated, self._compute)
+        table, ends = self._judged(ahead.table, result, at)
+        if self.initial.sensors is None or scan.sensor in self.initial.sensors:
+            table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin), runs)
+        else:
+            table = table.select(~ends)
+        table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
+        undetected = ahead.undetected
+        if config.method in EXISTENCE:
+            undetected = undetected.after_scan(scan, stated)
+        return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
     def _after_late(
         self, state: MultiObjectState, scan: Scan, origins: Indices | None, number: int
@@ -134,9 +158,9 @@ class MultiObjectTracker(ScanTracker):
         return again.state._replace(history=again.history), tracks._replace(used=used)
 
     def _present(self, state: MultiObjectState) -> Tracks:
-        return self._asked(state, state.time)[1]
+        return self._prediction(state, state.time)[1]
 
-    def _asked(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
+    def _prediction(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
         ahead = self._predicted(state, time)
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
@@ -169,41 +193,6 @@ class MultiObjectTracker(ScanTracker):
         undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
         table = table._replace(evidence=self._logic.after_time(table.evidence, elapsed))
         return MultiObjectState(time, table, state.next_id, undetected)
-
-    def _after(
-        self, ahead: MultiObjectState, expected: PredictedTracks, scan: Scan, origins: Indices | None
-    ) -> tuple[MultiObjectState, Tracks]:
-        config, runs = self.associate, len(ahead.next_id)
-        detections = side_by_side(scan, as_listed=config.method == "naive")
-        origin = None if origins is None else origins[detections.column, detections.run]
-        at = self._association_input(ahead, expected, detections)
-        probability = self._stated_probability(scan)
-        result = associated(config, at, ahead.table, origin, probability, self._compute)
-        table, ends = self._judged(ahead.table, result, at)
-        if self.initial.sensors is None or scan.sensor in self.initial.sensors:
-            table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin), runs)
-        else:
-            table = table.select(~ends)
-        table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
-        undetected = ahead.undetected
-        if config.method in EXISTENCE:
-            undetected = undetected.after_scan(scan, self._stated_probability(scan))
-        return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
-
-    def _association_input(
-        self, ahead: MultiObjectState, expected: PredictedTracks, detections: RunDetections
-    ) -> AssociationInput:
-        scan = detections.scan
-        density = intensity(
-            scan,
-            len(expected.measurement.mean),
-            self.associate,
-            ahead.undetected.in_view(scan.sensor),
-            self.initial.velocity_sigma_mps,
-        )
-        probability = np.where(expected.in_view, self._stated_probability(scan), 0.0)
-        run, gate = ahead.table.run, self.associate.gate
-        return AssociationInput(self._track_filter, expected, detections, run, probability, gate, density)
 
     def _judged(self, before: TrackTable, result: Association, at: AssociationInput) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""

@@ -173,7 +173,7 @@ class ScriptedOptions(SteppedTruth):
                 yield Problem(("objects", name, "pieces", *problem.at), problem.message)
 
     def _times(self, pieces: list[Piece]) -> Iterator[Problem]:
-        """What does not add up to the length of the scene."""
+        """Durations of pieces that do not add up to the length of the scene."""
         last = len(pieces) - 1
         lasting = sum(piece.for_s or 0.0 for piece in pieces)
         whole = True

@@ -25,13 +25,13 @@ __all__ = ["Drive", "Recording", "load", "read"]
 
 
 class Recording(NamedTuple):
-    """What a file says, on one grid of times."""
+    """Content of a file, on one grid of times."""
 
     truth: Truth
     measurements: dict[str, Recorded]
     """By sensor."""
     notes: tuple[str, ...]
-    """What was put in order or left out, a line each."""
+    """Rows that were sorted or left out, a line each."""
 
 
 def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:

@@ -127,7 +127,7 @@ class Log(NamedTuple):
 
 @dataclass(frozen=True)
 class Drive:
-    """What the files of a recording say."""
+    """Content of the files of a recording."""
 
     motions: dict[str, Motion]
     """By object."""
@@ -142,8 +142,8 @@ class Drive:
 
     def span(self, number: int) -> tuple[float, float]:
         """From when to when the truth of an object, and of the observer, is known, s."""
-        known = [list(self.motions.values())[number], *([self.observer] if self.observer else [])]
-        return max(float(m.time[0]) for m in known), min(float(m.time[-1]) for m in known)
+        bodies = [list(self.motions.values())[number], *([self.observer] if self.observer else [])]
+        return max(float(m.time[0]) for m in bodies), min(float(m.time[-1]) for m in bodies)
 
     def inside(self, log: Log) -> Log:
         """The rows of a log within the span of their object's truth."""
@@ -314,9 +314,9 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
             continue
         if drive.observer is not None and all(first > last for first, last in spans):
             grid(drive, {})
-        known = f"from {min(first for first, _ in spans):g} to {max(last for _, last in spans):g} s"
+        span = f"from {min(first for first, _ in spans):g} to {max(last for _, last in spans):g} s"
         own = f"from {log.time[0]:g} to {log.time[-1]:g} s"
-        message = f"no measurement of {name} ({own}) lies within the time of its object's truth ({known})"
+        message = f"no measurement of {name} ({own}) lies within the time of its object's truth ({span})"
         raise InputError(f"{message}: check the units of time", key=f"truth.readings.{name}")
 
 
