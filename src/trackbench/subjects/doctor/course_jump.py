@@ -120,15 +120,15 @@ def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[tuple[float, F
     return CourseJump(max(gaps[first:]), scans[first], text, exhibit)
 
 
-def _gap(here: Estimate | None, one: Estimate | None, other: Estimate | None) -> float:
+def _gap(here: Estimate | None, first: Estimate | None, second: Estimate | None) -> float:
     """The lesser difference from the two; 0 where they are not alike."""
-    if here is None or one is None or other is None or not _alike(one, other):
+    if here is None or first is None or second is None or not _alike(first, second):
         return 0.0
-    return min(apart(here, one), apart(here, other))
+    return min(apart(here, first), apart(here, second))
 
 
-def _alike(one: Estimate, other: Estimate | None) -> bool:
-    return other is not None and apart(one, other) < ALIKE * FAR
+def _alike(first: Estimate, second: Estimate | None) -> bool:
+    return second is not None and apart(first, second) < ALIKE * FAR
 
 
 def _velocity(estimate: Estimate) -> str:

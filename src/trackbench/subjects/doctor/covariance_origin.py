@@ -72,10 +72,10 @@ def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float |
     stated = [_covariance(session.step, scan)[0] for scan in scans]
     ahead = [_covariance(session.peek, empty_scan(last._replace(time=last.time + time)))[0] for time in AHEAD]
     i, j = entry
-    known = [p for p in (*stated, *ahead) if p is not None and abs(scaled(p)[i, j] - scaled(p)[j, i]) > ROUNDING]
-    if len(known) < len(AHEAD) or any(p is None for p in ahead):
+    wrong = [p for p in (*stated, *ahead) if p is not None and abs(scaled(p)[i, j] - scaled(p)[j, i]) > ROUNDING]
+    if len(wrong) < len(AHEAD) or any(p is None for p in ahead):
         return None
-    ratios = [float(p[i, j] / p[j, i]) for p in known]
+    ratios = [float(p[i, j] / p[j, i]) for p in wrong]
     return ratios[0] if np.ptp(ratios) < ROUNDING * abs(ratios[0]) else None
 
 

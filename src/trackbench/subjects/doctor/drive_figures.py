@@ -17,7 +17,7 @@ from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.report.numbers import joined, percent
 from trackbench.subjects.doctor.evidence import EvidenceRun, RunErrors, SensorInnovations, run_errors
-from trackbench.subjects.doctor.exhibits import UNITS, Course, OverTime
+from trackbench.subjects.doctor.exhibits import Course, OverTime
 
 TRACKER, REFERENCE = TRACKER_COLOURS[4], TRACKER_COLOURS[5]
 _TRACKER_ENTRY, _REFERENCE_ENTRY = LegendEntry("tracker", TRACKER), LegendEntry("reference", REFERENCE)
@@ -57,7 +57,7 @@ def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figur
     gap = np.abs(innovations.applied - innovations.expected) / innovations.sigma[:, None]
     different = np.nan_to_num(gap, nan=0.0) > _DIFFERENT
     components = [name.replace("_", " ") for name in innovations.components]
-    units = [UNITS.get(name, "m") for name in innovations.components]
+    units = SENSOR_MODELS[innovations.kind].units
     chosen = [int(i) for i in np.flatnonzero(different.any(axis=1))] or list(range(len(components)))
     instants = np.flatnonzero(different.any(axis=0))
 

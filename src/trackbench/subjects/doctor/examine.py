@@ -178,7 +178,7 @@ class Doctor:
         """The result of a check; what is not asked has the reason."""
         left_out = self._not_made(check)
         every = self._not_made(check, "")
-        if every and {one.name for one in every} == {one.name for one in left_out}:
+        if every and {result.name for result in every} == {result.name for result in left_out}:
             return PartResult(left_out)
         if check.of_filters and tracker.memoryless:
             why = "it predicts no motion, and its position is that of the last measurement"
@@ -189,12 +189,14 @@ class Doctor:
         made = check.make(tracker)
         made.checks = check.with_questions(made.checks)
         if (check.asks_at_misses or check.of_filters) and tracker.silent_at_misses:
-            made.checks = [replace(one, result=NO_PREDICTION) if one.passed is None else one for one in made.checks]
+            made.checks = [
+                replace(result, result=NO_PREDICTION) if result.passed is None else result for result in made.checks
+            ]
         return self._assumptions.applied(made, left_out, check)
 
     def _states_another(self, tracker: TrackerUnderTest) -> bool:
         """Whether the covariance that a tracker returns is found not to be its own."""
-        check = next(one for one in checks_of(CHECKS) if one.name == "stated_covariance")
+        check = next(check for check in checks_of(CHECKS) if check.name == "stated_covariance")
         return not (self._not_made(check) or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
 
     def _not_made(self, check: DoctorCheck[Any], why: str | None = None) -> list[CheckResult]:
@@ -218,9 +220,9 @@ class Doctor:
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}
         runs = [(*drives[name], of) for name, of in shown.items() if name in drives]
         count = StepCount(progress, evidence_steps([drive for drive, *_ in runs]))
-        given = Examined(make, self._assumptions.no_misses, count)
+        examined = Examined(make, self._assumptions.no_misses, count)
         try:
-            return [evidence_run(given, *run) for run in runs]
+            return [evidence_run(examined, *run) for run in runs]
         except TrackFault:
             # Its process has ended.
             return []

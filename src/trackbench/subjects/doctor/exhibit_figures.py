@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -30,12 +30,14 @@ from trackbench.subjects.doctor.exhibits import (
     StatedBelief,
 )
 
+Mark = Literal["line", "dash", "dot", "ring", "cross"]
 _COLOURS = {"tracker": TRACKER, "right": REFERENCE, "before": MUTED}
 _PLANES = {"position": slice(0, 2), "velocity": slice(2, 4)}
 _UNITS = {"position": "m", "velocity": "m/s"}
 #: The tracker's lies on top of the one before where it is the same.
 _LINES = {"before": ("solid", 4.0), "right": ("solid", 1.6), "tracker": (DASHED, 1.6)}
-_MARKS: dict[str, Literal["dot", "ring", "cross"]] = {"before": "dot", "right": "ring", "tracker": "cross"}
+_MARKS: dict[str, Mark] = {"before": "dot", "right": "ring", "tracker": "cross"}
+_LINE_MARKS: dict[str, Mark] = {"before": "line", "right": "line", "tracker": "dash"}
 #: Heights: of a plane alone, of two planes beside each other, and of points.
 _ONE, _TWO, _POINTS = 300.0, 215.0, 330.0
 #: Distance of two means below which a plane shows no difference, in standard deviations.
@@ -48,8 +50,8 @@ def exhibit_figure(name: str, exhibit: Exhibit) -> Figure:
     """The figure of an exhibit; ``name`` is that of its file."""
     drawn: dict[type[Exhibit], Callable[[str, Any], Figure]] = {
         Matrices: _matrices_figure,
-        Predictions: _predictions_figure,
-        Covariances: _covariances_figure,
+        Predictions: _beliefs_figure,
+        Covariances: _beliefs_figure,
         OverTime: over_time_figure,
         Points: _points_figure,
     }
@@ -81,94 +83,75 @@ def _fit_equal(axes: Axes, drawn: list[Array]) -> None:
     axes.set_aspect("equal", adjustable="box")
 
 
-def _beliefs_figure(
-    name: str,
-    exhibit: Covariances | Predictions,
-    parts: Sequence[str],
-    marks: Mapping[str, Literal["line", "dash", "dot", "ring", "cross"]],
-    text: Callable[[Mapping[str, StatedBelief], str], str],
-    draw: Callable[[Axes, Mapping[str, StatedBelief], slice], list[Array]],
-) -> Figure:
-    """The planes ``parts`` beside each other, with the estimate before, the right one and the tracker's."""
+def _sigma(covariance: Array) -> float:
+    return float(np.sqrt(max(0.0, float(np.trace(covariance)))))
+
+
+def _beliefs_figure(name: str, exhibit: Covariances | Predictions) -> Figure:
+    """The estimate before, the right one and the tracker's, with ellipses of 95 %.
+
+    Predictions with their means, in the planes in which the tracker's and the right one differ; covariances around
+    one point, in both planes.
+    """
     beliefs = {"before": exhibit.before, "right": exhibit.right, "tracker": exhibit.tracker}
     drawn = {role: belief for role, belief in beliefs.items() if belief is not None}
+    with_means, parts = isinstance(exhibit, Predictions), list(_PLANES)
+    if with_means:
+        parts = [part for part in parts if _differ(drawn["tracker"], drawn["right"], _PLANES[part])] or ["position"]
+
+    def draw(axes: Axes, role: str, belief: StatedBelief, plane: slice) -> list[Array]:
+        colour, mean = _COLOURS[role], belief.mean[plane]
+        ring = outline(mean if with_means else np.zeros(2), belief.covariance[plane, plane])
+        if not with_means:
+            style, width = _LINES[role]
+            alpha = 0.6 if role == "before" else 1.0
+            axes.plot(*ring, color=colour, linestyle=style, linewidth=width, alpha=alpha, gid=f"shown-{role}")
+            return [ring]
+        marker, size = MARKERS[_MARKS[role]]
+        axes.plot(*ring, color=colour, linewidth=1.4)
+        axes.plot(
+            mean[:1], mean[1:], color=colour, marker=marker, markersize=size + 1,
+            markerfacecolor="none" if role == "right" else colour, markeredgewidth=1.8, linestyle="none",
+            gid=f"shown-{role}",
+        )  # fmt: skip
+        return [mean[:, None], ring]
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(1, len(parts), squeeze=False)[0]
         for axes, part in zip(panels, parts, strict=True):
             plane = _PLANES[part]
             axes.set(xlabel=STATE[plane][0], ylabel=STATE[plane][1])
-            _fit_equal(axes, draw(axes, drawn, plane))
+            shapes = [shape for role, belief in drawn.items() for shape in draw(axes, role, belief, plane)]
+            if with_means and "before" in drawn:
+                for role in ("right", "tracker"):
+                    ends = np.stack([drawn["before"].mean[plane], drawn[role].mean[plane]], axis=1)
+                    axes.plot(*ends, color=_COLOURS[role], linestyle=DASHED, linewidth=1.0)
+            _fit_equal(axes, shapes)
 
-    caption = " ".join(text(drawn, part) for part in parts)
+    def text(part: str) -> str:
+        plane, unit = _PLANES[part], _UNITS[part]
+        if not with_means:
+            sigmas = [f"{belief.name} {_sigma(belief.covariance[plane, plane]):.3g}" for belief in drawn.values()]
+            return f"Standard deviation of the {part}, {unit}: {'; '.join(sigmas)}."
+        shown = [(drawn[role].name, drawn[role].mean[plane]) for role in ("tracker", "right")]
+        # The names without what stands after a comma or colon.
+        points = [f"{re.split('[,:]', name)[0]} {mean[0]:.4g}, {mean[1]:.4g} {unit}" for name, mean in shown]
+        apart = float(np.hypot(*(shown[0][1] - shown[1][1])))
+        return f"{part.capitalize()}: {'; '.join(points)}: {apart:.3g} {unit} apart."
+
+    marks = _MARKS if with_means else _LINE_MARKS
     legend = tuple(LegendEntry(belief.name, _COLOURS[role], marks[role]) for role, belief in drawn.items())
     tooltips = {f"shown-{role}": belief.name for role, belief in drawn.items()}
     height = _ONE if len(parts) == 1 else _TWO
+    caption = " ".join(text(part) for part in parts)
     return captioned_figure(name, exhibit.title, caption, paint, height, legend, tooltips, note=" Ellipses: 95 %.")
 
 
-def _covariances_figure(name: str, exhibit: Covariances) -> Figure:
-    """The ellipses of 95 %, before and after."""
-
-    def draw(axes: Axes, drawn: Mapping[str, StatedBelief], plane: slice) -> list[Array]:
-        rings = {role: outline(np.zeros(2), belief.covariance[plane, plane]) for role, belief in drawn.items()}
-        for role, ring in rings.items():
-            style, width = _LINES[role]
-            alpha = 0.6 if role == "before" else 1.0
-            axes.plot(*ring, color=_COLOURS[role], linestyle=style, linewidth=width, alpha=alpha, gid=f"shown-{role}")
-        return list(rings.values())
-
-    def text(drawn: Mapping[str, StatedBelief], part: str) -> str:
-        plane = _PLANES[part]
-        sigmas = [f"{belief.name} {_sigma(belief.covariance[plane, plane]):.3g}" for belief in drawn.values()]
-        return f"Standard deviation of the {part}, {_UNITS[part]}: {'; '.join(sigmas)}."
-
-    marks: dict[str, Literal["line", "dash"]] = {"before": "line", "right": "line", "tracker": "dash"}
-    return _beliefs_figure(name, exhibit, list(_PLANES), marks, text, draw)
-
-
-def _sigma(covariance: Array) -> float:
-    return float(np.sqrt(max(0.0, float(np.trace(covariance)))))
-
-
-def _predictions_figure(name: str, exhibit: Predictions) -> Figure:
-    """Means with their ellipses of 95 %, in the planes in which the tracker's and the right one differ."""
-
-    def differ(plane: slice) -> bool:
-        """Whether the means differ, relative to the spread of the right one."""
-        apart = np.hypot(*(exhibit.tracker.mean - exhibit.right.mean)[plane])
-        spread = np.sqrt(np.nan_to_num(np.trace(exhibit.right.covariance[plane, plane])))
-        return bool(not np.isfinite(apart) or apart > _SAME * max(float(spread), 1e-9))
-
-    def draw(axes: Axes, drawn: Mapping[str, StatedBelief], plane: slice) -> list[Array]:
-        shapes = []
-        for role, belief in drawn.items():
-            marker, size = MARKERS[_MARKS[role]]
-            mean, ring = belief.mean[plane], outline(belief.mean[plane], belief.covariance[plane, plane])
-            hollow = "none" if role == "right" else _COLOURS[role]
-            axes.plot(*ring, color=_COLOURS[role], linewidth=1.4)
-            axes.plot(
-                mean[:1], mean[1:], color=_COLOURS[role], marker=marker, markersize=size + 1, markerfacecolor=hollow,
-                markeredgewidth=1.8, linestyle="none", gid=f"shown-{role}",
-            )  # fmt: skip
-            shapes += [mean[:, None], ring]
-        if exhibit.before is not None:
-            for role in ("right", "tracker"):
-                ends = np.stack([exhibit.before.mean[plane], drawn[role].mean[plane]], axis=1)
-                axes.plot(*ends, color=_COLOURS[role], linestyle=DASHED, linewidth=1.0)
-        return shapes
-
-    def text(drawn: Mapping[str, StatedBelief], part: str) -> str:
-        plane, unit = _PLANES[part], _UNITS[part]
-        means = [belief.mean[plane] for belief in (drawn["tracker"], drawn["right"])]
-        # The names without what stands after a comma or colon.
-        names = [re.split("[,:]", belief.name)[0] for belief in (drawn["tracker"], drawn["right"])]
-        points = [f"{name} {mean[0]:.4g}, {mean[1]:.4g} {unit}" for name, mean in zip(names, means, strict=True)]
-        apart = float(np.hypot(*(means[0] - means[1])))
-        return f"{part.capitalize()}: {'; '.join(points)}: {apart:.3g} {unit} apart."
-
-    parts = [part for part, plane in _PLANES.items() if differ(plane)] or ["position"]
-    return _beliefs_figure(name, exhibit, parts, _MARKS, text, draw)
+def _differ(tracker: StatedBelief, right: StatedBelief, plane: slice) -> bool:
+    """Whether the means differ, relative to the spread of the right one."""
+    apart = np.hypot(*(tracker.mean - right.mean)[plane])
+    spread = np.sqrt(np.nan_to_num(np.trace(right.covariance[plane, plane])))
+    return bool(not np.isfinite(apart) or apart > _SAME * max(float(spread), 1e-9))
 
 
 def _points_figure(name: str, exhibit: Points) -> Figure:

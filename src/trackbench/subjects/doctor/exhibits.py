@@ -10,13 +10,12 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 #: Names of the state's components with their units.
 STATE = tuple(f"{name}, {'m' if name.startswith('p') else 'm/s'}" for name in COMMON_STATE)
-#: Units of what is measured, by the sensor model's name of it; of other components m.
-UNITS = {"azimuth": "rad", "range_rate": "m/s", "speed": "m/s"}
 
 
 def components_of(kind: str) -> tuple[str, ...]:
     """The names of the components of a kind of sensor with their units."""
-    return tuple(f"{name.replace('_', ' ')}, {UNITS.get(name, 'm')}" for name in SENSOR_MODELS[kind].components)
+    model = SENSOR_MODELS[kind]
+    return tuple(f"{name.replace('_', ' ')}, {unit}" for name, unit in zip(model.components, model.units, strict=True))
 
 
 class Exhibit:

@@ -52,7 +52,7 @@ def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[
             (relative_error(applied, right, trial.gain_scale), right)
             for right in (linearised_gain(trial, used), gaussian_gain(trial, used))
         ),
-        key=lambda one: one[0],
+        key=lambda error: error[0],
     )
 
 
@@ -63,9 +63,9 @@ def joseph(trial: Trial, gain: Array, covariance: Array | None = None) -> Array:
     return np.asarray(kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
 
 
-def relative_error(found: Array, right: Array, scale: Array) -> float:
+def relative_error(applied: Array, right: Array, scale: Array) -> float:
     """Of a matrix whose entries are multiplied by ``scale``, in the Frobenius norm."""
-    return float(np.linalg.norm((found - right) * scale) / np.linalg.norm(right * scale))
+    return float(np.linalg.norm((applied - right) * scale) / np.linalg.norm(right * scale))
 
 
 def _gain(cross: Array, innovation_covariance: Array, used: Mask | None) -> Array:

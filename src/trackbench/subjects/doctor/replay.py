@@ -67,9 +67,9 @@ def _scene(run: EvidenceRun, sensors: Mapping[str, str]) -> ReplayScene:
 
 
 def _estimates(name: str, time: Array, mean: Array, covariance: Array) -> ReplayPath:
-    known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-    p = covariance[:2, :2, known]
-    return ReplayPath(name, COLOURS[name], time[known], mean[:2, known], p, width=PATH_WIDTHS[name])
+    finite = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
+    p = covariance[:2, :2, finite]
+    return ReplayPath(name, COLOURS[name], time[finite], mean[:2, finite], p, width=PATH_WIDTHS[name])
 
 
 def _measurements(run: EvidenceRun, sensor: str, colour: str) -> ReplayMeasurements:
@@ -93,8 +93,8 @@ def _innovation_charts(run: EvidenceRun) -> Iterator[Chart]:
                 _line("reference", series.time, series.expected[i], "expected"),
                 _line("tracker", series.time, series.applied[i], "applied"),
             )
-            limits = {"high": 2.0 * series.sigma[i], "low": -2.0 * series.sigma[i]}
-            bounds = tuple(_bound(side, series.time, limit, "2 sigma") for side, limit in limits.items())
+            limits = (("high", 2.0 * series.sigma[i]), ("low", -2.0 * series.sigma[i]))
+            bounds = tuple(_bound(side, series.time, limit, "2 sigma") for side, limit in limits)
             place = (run.drive, "innovation", series.sensor, component)
             name = f"Innovation of {series.sensor}, {component.replace('_', ' ')}"
             yield Chart(place, name, units[i], lines, bounds, signed=True)

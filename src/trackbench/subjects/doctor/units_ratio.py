@@ -76,14 +76,14 @@ def conversion(
     sure = SURE if {"speed", "length"} & set(quantities) else FAR_APART
     if not ratio > 0.0 or tolerance > sure * power:
         return None
-    found = [
+    conversions = [
         Conversion(unit, unit.size**exponent, formula(unit.size, exponent))
         for unit in UNITS
         if unit.quantity in quantities
         for exponent in (power, -power)
         if abs(log(ratio) - exponent * log(unit.size)) < tolerance
     ]
-    return found[0] if len(found) == 1 else None
+    return conversions[0] if len(conversions) == 1 else None
 
 
 def formula(size: float, exponent: int) -> str:
