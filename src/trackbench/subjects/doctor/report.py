@@ -190,26 +190,22 @@ def text(examination: Examination, every_check: bool = False) -> str:
         lines += ["", "Probably consequences; check them again after the fix:"]
         for finding in examination.consequences:
             lines += _wrapped(f"  {finding.fault} (of {finding.consequence_of}): {finding.evidence}", "    ")
-    return "\n".join([*lines, "", *_checks(examination, every_check)])
-
-
-def _checks(examination: Examination, every: bool) -> Iterator[str]:
-    checks = examination.checks
-    made = [check for check in checks if check.passed is not None]
+    made = [check for check in examination.checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
-    yield f"Checks: {len(made) - len(failed)} of {len(made)} passed" + (", failed:" if failed and not every else "")
-    if every:
-        for check in checks:
-            yield from _wrapped(f"  {_mark(check):<8} {check.name}: {check.question}", " " * 11)
-            yield from _wrapped(f"{' ' * 11}{check.result}", " " * 11)
-        return
-    for check in failed:
-        yield from _wrapped(f"  {check.name}: {check.question}", "    ")
-    left_out = len(checks) - len(made)
-    if left_out:
-        yield f"{counted(left_out, 'check')} not made:"
+    names_follow = ", failed:" if failed and not every_check else ""
+    lines += ["", f"Checks: {len(made) - len(failed)} of {len(made)} passed{names_follow}"]
+    for check in examination.checks if every_check else failed:
+        if every_check:
+            lines += _wrapped(f"  {_mark(check):<8} {check.name}: {check.question}", " " * 11)
+            lines += _wrapped(f"{' ' * 11}{check.result}", " " * 11)
+        else:
+            lines += _wrapped(f"  {check.name}: {check.question}", "    ")
+    left_out = len(examination.checks) - len(made)
+    if left_out and not every_check:
+        lines.append(f"{counted(left_out, 'check')} not made:")
         for reason, names in _not_made(examination):
-            yield from _wrapped(f"  {names}: {reason}", "    ")
+            lines += _wrapped(f"  {names}: {reason}", "    ")
+    return "\n".join(lines)
 
 
 def _wrapped(line: str, indent: str = "") -> list[str]:

@@ -98,7 +98,10 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     track = _Track.of_one_object(make, site)
     if track is None:
         return result
-    odds = [track.odds(), *(track.odds(track.miss(stated)) for stated in (LITTLE, *PROBABILITIES))]
+    last = track.scans[-1]
+    empty = last._replace(measurement=last.measurement[:, :0], valid=last.valid[:0])
+    misses = [empty._replace(detection_probability=stated) for stated in (LITTLE, *PROBABILITIES)]
+    odds = [track.odds(), *(track.odds(miss) for miss in misses)]
     positive = [value for value in odds if value]
     if len(positive) < len(odds):
         result.checks.append(CheckResult("detection_probability", "", None, "one miss ends the track"))
@@ -173,13 +176,6 @@ class _Track:
         if column is None or tracks.existence is None:
             return None
         return float(tracks.existence[column] / max(1 - tracks.existence[column], np.finfo(float).eps))
-
-    def miss(self, probability: float) -> Scan:
-        """A scan without a detection."""
-        last = self.scans[-1]
-        return last._replace(
-            measurement=last.measurement[:, :0], valid=last.valid[:0], detection_probability=probability
-        )
 
 
 GATE_CHECK = DoctorCheck(
