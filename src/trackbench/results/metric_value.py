@@ -69,11 +69,11 @@ class MetricValue(ResultModel):
     @model_serializer(mode="wrap")
     def _short(self, handler: SerializerFunctionWrapHandler) -> Json:
         """Without what is not set; a value stays, and so does an interval that is missing for a reason."""
-        found = {key: value for key, value in handler(self).items() if value is not None}
-        value = found.pop("value", None)
+        entry = {key: value for key, value in handler(self).items() if value is not None}
+        value = entry.pop("value", None)
         if value is not None and self.reason is not None:
-            found["ci95"] = None
-        return {"mean" if self.dof is not None else "value": value, **found}
+            entry["ci95"] = None
+        return {"mean" if self.dof is not None else "value": value, **entry}
 
 
 class MetricsByPath(dict[str, MetricValue]):
@@ -95,11 +95,11 @@ def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[st
 
 def nested_metrics(flat: Mapping[str, Any]) -> Json:
     """The reverse of :func:`flat_metrics`."""
-    found: Json = {}
+    nested: Json = {}
     for path, entry in flat.items():
         *groups, name = path.split(".")
-        node = found
+        node = nested
         for group in groups:
             node = node.setdefault(group, {})
         node[name] = entry
-    return found
+    return nested

@@ -40,14 +40,14 @@ class Result:
         Raises:
             InputError: there is none of this name.
         """
-        for found in self.summary.trackers:
-            if found.name == tracker:
-                return found
+        for entry in self.summary.trackers:
+            if entry.name == tracker:
+                return entry
         raise InputError(f"no tracker {tracker!r} in this result; {nearest(str(tracker), self)}")
 
     def __iter__(self) -> Iterator[str]:
         """The names of the trackers, in the order of the scenario."""
-        return (found.name for found in self.summary.trackers)
+        return (entry.name for entry in self.summary.trackers)
 
     @property
     def name(self) -> str:
@@ -58,12 +58,12 @@ class Result:
     def scored(self) -> list[TrackerResult]:
         """The trackers that finished with a position RMSE and enough estimates, best first."""
         ranked = [self[name] for name in self.summary.ranking]
-        return [found for found in ranked if not self.why_unscored(found)]
+        return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
     @property
     def contenders(self) -> list[TrackerResult]:
         """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
-        return [found for found in self.scored if not found.is_reference] or self.scored
+        return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
 
     @property
     def drawn(self) -> list[TrackerResult]:
@@ -73,7 +73,7 @@ class Result:
     @property
     def unscored(self) -> list[TrackerResult]:
         """The trackers that failed, gave nothing to score or too few estimates."""
-        return [found for found in self.summary.trackers if self.why_unscored(found)]
+        return [tracker for tracker in self.summary.trackers if self.why_unscored(tracker)]
 
     def why_unscored(self, tracker: TrackerResult) -> str:
         """Why a tracker is not held against the others; empty where it is."""
@@ -173,11 +173,11 @@ def summary_of(raw: Any, file: Path) -> Summary:
     if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
         raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
     try:
-        found = Summary.model_validate(raw)
+        summary = Summary.model_validate(raw)
     except ValidationError as invalid:
         error = invalid.errors()[0]
         where = ".".join(str(part) for part in error["loc"])
         raise InputError(f"not the result of a run: {where}: {error['msg']}", file=file) from None
-    if sorted(tracker.name for tracker in found.trackers) != sorted(found.ranking):
+    if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
         raise InputError("not the result of a run: ranking does not name its trackers", file=file)
-    return found
+    return summary

@@ -98,10 +98,10 @@ def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], file: Pat
     """The series of one sensor have the same times, each once; so have all series of what is of no sensor."""
     if table["time_s"].null_count or not np.isfinite(table["time_s"].to_numpy()).all():
         raise InputError(f"time_s is not finite: not the table {name} of a run", file=file)
-    known: dict[str, np.ndarray] = {}
+    by_sensor: dict[str, np.ndarray] = {}
     for key, rows in split(table, *texts).items():
         sensor = key[texts.index("sensor")] if "sensor" in texts else ""
-        times = known.setdefault(sensor, rows["time_s"])
+        times = by_sensor.setdefault(sensor, rows["time_s"])
         if not np.array_equal(times, rows["time_s"]) or not (np.diff(times) > 0).all():
             message = f"{' '.join(key)} has not each time of the others once: not the table {name} of a run"
             raise InputError(message, file=file)

@@ -21,16 +21,16 @@ class Tables(Mapping[str, pa.Table]):
     """
 
     def __init__(
-        self, known: Mapping[str, pa.Table], folder: Path | None = None, layout: TableLayout | None = None
+        self, loaded: Mapping[str, pa.Table], folder: Path | None = None, layout: TableLayout | None = None
     ) -> None:
-        """``known``: those in memory. ``folder``: where the others are read from. ``layout``: of these."""
-        self._known = dict(known)
+        """``loaded``: those in memory. ``folder``: where the others are read from. ``layout``: of these."""
+        self._loaded = dict(loaded)
         self._folder = folder
         self._layout = layout or TableLayout({})
 
     def __iter__(self) -> Iterator[str]:
         there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]
-        return iter(dict.fromkeys([*self._known, *there]))
+        return iter(dict.fromkeys([*self._loaded, *there]))
 
     def __getattr__(self, name: str) -> pa.Table:
         """A table as an attribute."""
@@ -45,7 +45,7 @@ class Tables(Mapping[str, pa.Table]):
         return sum(1 for _ in self)
 
     def __contains__(self, name: object) -> bool:
-        return any(name == known for known in self)
+        return any(name == there for there in self)
 
     def __getitem__(self, name: str) -> pa.Table:
         """A table by its name.
@@ -53,9 +53,9 @@ class Tables(Mapping[str, pa.Table]):
         Raises:
             InputError: it is not in the folder or cannot be read.
         """
-        if name not in self._known:
-            self._known[name] = self._read(name)
-        return self._known[name]
+        if name not in self._loaded:
+            self._loaded[name] = self._read(name)
+        return self._loaded[name]
 
     def if_there(self, name: str) -> pa.Table:
         """A table that not every run leaves; without rows where it is not there."""

@@ -38,7 +38,7 @@ class Failure(ResultModel):
         place = [] if self.place is None else [self.place]
         place += [f"step {self.step}", f"{self.time_s:.2f} s"]
         named = {"sensor": self.sensor, "run": self.run, "object": self.object}
-        place += [f"{what} {found}" for what, found in named.items() if found is not None]
+        place += [f"{what} {value}" for what, value in named.items() if value is not None]
         return f"{self.cause} ({', '.join(place)})"
 
 

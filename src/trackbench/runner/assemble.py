@@ -10,7 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.engine.equations import EngineUsed
+from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Evaluation, Metric, health, no_metrics, ratio, variance_shares
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
@@ -31,7 +31,7 @@ from trackbench.results.scenario_summary import (
 from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
-from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
+from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
 from trackbench.runner.tables import labelled_tables
@@ -52,9 +52,13 @@ def assemble(
     scenario, hidden = loaded.config, work.cutoff is not None
     scores = evaluated(work, blocks)
     margin = MarginSummary(**scenario.score.margin.model_dump())
-    engines = engines_of(work, blocks)
-    for name, used in engines.items():
-        log_left_to_numpy(work.scenario, name, used)
+    engines: dict[str, EngineUsed] = {}
+    for name in work.trackers:
+        used = joined([block.engines[name] for block in blocks if name in block.engines])
+        if used is not None:
+            engines[name] = used
+            log_left_to_numpy(work.scenario, name, used)
+    every_engine = joined(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     pairs = []
     if work.has_truth:
@@ -77,7 +81,8 @@ def assemble(
         seed=work.seed,
         runs=work.runs * len(work.scenes),
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
-        engine=engine_of_all(work, engines),
+        # Without built-in trackers, what computed the scores.
+        engine=work.engine if every_engine is None else every_engine.engine,
         command=command,
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
         truth=_truth(loaded, truths, work, scores),

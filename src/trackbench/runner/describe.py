@@ -30,14 +30,13 @@ def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str
 
 def _initial(tracker: FilterConfig) -> str:
     """How its tracks start: "initial: two_measurements with skip 3"; empty where it is as unless given."""
-    given = tracker.initial
-    usual = InitialConfig()
-    other = {name: value for name, value in given if value != getattr(usual, name)}
+    initial, usual = tracker.initial, InitialConfig()
+    other = {name: value for name, value in initial if value != getattr(usual, name)}
     if not other:
         return ""
     other.pop("source", None)
     words = [_option(name, value) for name, value in other.items()]
-    return f"initial: {given.source}" + (f" with {' and '.join(words)}" if words else "")
+    return f"initial: {initial.source}" + (f" with {' and '.join(words)}" if words else "")
 
 
 def _late(tracker: FilterConfig, late: Collection[str]) -> str:

@@ -87,8 +87,8 @@ class HiddenRun(TrackerRun[Tracks]):
         super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps])
         self._tracks_at: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
-        self._asked = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
-        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
+        self._predicted_runs = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
+        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._predicted_runs}
         self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(hidden.scans))
         self._outcome: TrafficScores | None = None
 
@@ -131,7 +131,7 @@ class HiddenRun(TrackerRun[Tracks]):
         if not read or number is None or scan.arrival_time != scan.time:
             return
         if isinstance(self._work.trackers[self.name], FilterConfig) and isinstance(tracker, Batched):
-            for run in self._asked:
+            for run in self._predicted_runs:
                 self._predicted[run][number] = tracker.predicted(scan.time, run)
 
     def _scored(self) -> TrafficScores:
@@ -139,15 +139,15 @@ class HiddenRun(TrackerRun[Tracks]):
         tracks = _stacked(self._tracks_at)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         steps = self._timed * len(runs)
-        found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
+        outcome = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
         summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
         options = TrafficScoreOptions(cutoff=self._work.cutoff or 5.0)
         scope = TrackScope(self.name, len(runs), options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(len(runs)):
-            one = range(runs.start + run, runs.start + run + 1)
-            truth = TruthHistory(self._time, of_runs(state, one)[..., 0], of_runs(self._due.status, one)[..., 0])
+            single = range(runs.start + run, runs.start + run + 1)
+            truth = TruthHistory(self._time, of_runs(state, single)[..., 0], of_runs(self._due.status, single)[..., 0])
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
@@ -157,13 +157,13 @@ class HiddenRun(TrackerRun[Tracks]):
             tracked = TrackedRun(truth, history, own, scores)
             sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
             number = self._work.number(self._piece.scene, runs.start + run)
-            found.sums.add(number, scores, recorded=run == self._kept)
-            found.reused_ids[run] = reused(history.ids)
+            outcome.sums.add(number, scores, recorded=run == self._kept)
+            outcome.reused_ids[run] = reused(history.ids)
             if run == self._kept:
-                found.recorded, found.taken = history, self._detections_taken(run)
-                found.predicted = self._predicted[run]
-        found.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
-        return found
+                outcome.recorded, outcome.taken = history, self._detections_taken(run)
+                outcome.predicted = self._predicted[run]
+        outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
+        return outcome
 
     def _associations(self) -> Associations | None:
         """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say."""
@@ -189,13 +189,13 @@ class HiddenRun(TrackerRun[Tracks]):
     def _judged_scans(self, run: int) -> list[UnlabelledScan]:
         """What the tracker said of each scan that it took, in a run of a recording without a truth."""
         sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
-        found = []
+        judged = []
         for _, tracks, number in self._taken:
             scan = scan_of_run(self._hidden.scans[number], run)
             own_track = self._hidden.origins[number][: len(scan.valid), run]
             predicted = self._predicted[run].get(number)
-            found.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
-        return found
+            judged.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
+        return judged
 
     def _detections_taken(self, run: int) -> Indices:
         rows = [

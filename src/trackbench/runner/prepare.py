@@ -63,8 +63,8 @@ def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, co
     shape = (len(objects), len(runs))
 
     def at_start(values: Array) -> Array:
-        found = of_runs(values[first, objects], runs)
-        return np.tile(np.broadcast_to(found, shape).reshape(-1), copies)
+        start = of_runs(values[first, objects], runs)
+        return np.tile(np.broadcast_to(start, shape).reshape(-1), copies)
 
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(at_start(values) for values in fields))

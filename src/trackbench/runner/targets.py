@@ -81,16 +81,16 @@ class Targets:
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""
         scene, work = self._scene, self._work
-        found = conditional_bound(
+        bound = conditional_bound(
             scene.truth,
-            {name: found for name, found in scene.information.items() if name in sensors},
+            {name: each for name, each in scene.information.items() if name in sensors},
             self._valid,
             work.acceleration,
             start,
             scene.instants(),
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
         )
-        return np.nan_to_num(found, copy=False)
+        return np.nan_to_num(bound, copy=False)
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

@@ -50,8 +50,8 @@ class TrafficSums:
 
 def summed(bins: Sequence[ExistenceBins | None]) -> ExistenceBins | None:
     """The sums of several; None where none has any."""
-    known = [each for each in bins if each is not None]
-    return ExistenceBins(*(sum(column) for column in zip(*known, strict=True))) if known else None
+    stated = [each for each in bins if each is not None]
+    return ExistenceBins(*(sum(column) for column in zip(*stated, strict=True))) if stated else None
 
 
 def dearest(events: Sequence[Event], recorded: int | None) -> list[Event]:

@@ -59,14 +59,14 @@ def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
     if tracks.used is None:
         none = np.zeros(0, dtype=np.intp)
         return none, none
-    column = {one: k for k, one in enumerate(predicted.ids.tolist()) if one != NO_TRACK}
+    column = {id: k for k, id in enumerate(predicted.ids.tolist()) if id != NO_TRACK}
     pairs = [
-        (column[one], used)
-        for one, used in zip(tracks.ids.tolist(), tracks.used.tolist(), strict=True)
-        if used >= 0 and one in column
+        (column[id], used)
+        for id, used in zip(tracks.ids.tolist(), tracks.used.tolist(), strict=True)
+        if used >= 0 and id in column
     ]
-    found = np.array(pairs, dtype=np.intp).reshape(-1, 2)
-    return found[:, 0], found[:, 1]
+    columns = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+    return columns[:, 0], columns[:, 1]
 
 
 def _log_score(scan: Scan, config: Sensor, predicted: Tracks, log_density: Array) -> float:

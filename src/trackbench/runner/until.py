@@ -70,21 +70,21 @@ def run_until(
             blocks = []
         before = work
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
-        known = {block.piece: block for block in blocks}
-        missing = [piece for piece in work.pieces() if piece not in known]
+        made = {block.piece: block for block in blocks}
+        missing = [piece for piece in work.pieces() if piece not in made]
         pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
-        known |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
-        blocks = [known[piece] for piece in work.pieces()]
+        made |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
+        blocks = [made[piece] for piece in work.pieces()]
         on_recorded_run = None
-        found = _precision(work, blocks, target, max_runs)
-        if found.reached or found.half_width is None or work.runs >= max_runs:
+        precision = _precision(work, blocks, target, max_runs)
+        if precision.reached or precision.half_width is None or work.runs >= max_runs:
             break
-        loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
+        loaded = _with_runs(loaded, _next(work.runs, precision.half_width, target, max_runs))
         if loaded.config.truth.random:
             # The reference of every run rests on the motion of all.
             truths, blocks = truths_of(loaded, executor=executor), []
     result = assemble(loaded, truths, work, blocks, command(loaded))
-    return result.updated(precision=found)
+    return result.updated(precision=precision)
 
 
 def first_look(loaded: Scenario, max_runs: int) -> Scenario:
@@ -117,21 +117,18 @@ def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int
     """How well the leading difference is known after these blocks."""
     scores = evaluated(work, blocks)
     smoothers = {name for name, config in work.trackers.items() if getattr(config, "smoother", None)}
-    contenders = [name for name in scores.ranked if name not in smoothers]
-    known = {name: scores.evaluations[name].intervals[work.headline] for name in contenders}
-    if len(known) < 2:
-        return PrecisionReached(
-            target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None
-        )
-    best, second = sorted(known, key=lambda name: known[name].value)[:2]
-    ci95 = paired(known[best], known[second]).ci95
-    if ci95 is None or known[best].value == 0.0:
-        return PrecisionReached(
-            target=target, half_width=None, reached=False, max_runs=max_runs, best=best, second=second
-        )
-    half_width = (ci95[1] - ci95[0]) / 2 / known[best].value
+    errors = {
+        name: scores.evaluations[name].intervals[work.headline] for name in scores.ranked if name not in smoothers
+    }
+    half_width = best = second = None
+    if len(errors) >= 2:
+        best, second = sorted(errors, key=lambda name: errors[name].value)[:2]
+        ci95 = paired(errors[best], errors[second]).ci95
+        if ci95 is not None and errors[best].value != 0.0:
+            half_width = (ci95[1] - ci95[0]) / 2 / errors[best].value
+    reached = half_width is not None and half_width <= target
     return PrecisionReached(
-        target=target, half_width=half_width, reached=half_width <= target, max_runs=max_runs, best=best, second=second
+        target=target, half_width=half_width, reached=reached, max_runs=max_runs, best=best, second=second
     )
 
 

@@ -123,18 +123,18 @@ class Work:
         Where a block begins depends on the scenes alone, not on the number of runs: with more runs all blocks stay but
         the last.
         """
-        found = []
+        pieces = []
         for number, scene in enumerate(self.scenes):
             start = block = 0
             largest = LARGEST_BATCH
             if any(isinstance(config, FilterConfig) and config.smoother for config in self.trackers.values()):
                 largest = min(largest, LARGEST_SMOOTHED // len(scene.instants()))
             while start < self.runs:
-                lanes = min(BATCH_SIZE * 2**block, largest)
-                stop = min(start + max(1, lanes // max(1, len(scene.truth.ids))), self.runs)
-                found.append(BlockRuns(number, range(start, stop)))
+                size = min(BATCH_SIZE * 2**block, largest)
+                stop = min(start + max(1, size // max(1, len(scene.truth.ids))), self.runs)
+                pieces.append(BlockRuns(number, range(start, stop)))
                 start, block = stop, block + 1
-        return found
+        return pieces
 
     def number(self, scene: int, run: int) -> int:
         """Of a run among those of all scenes."""
