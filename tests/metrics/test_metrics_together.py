@@ -11,7 +11,7 @@ from trackbench.metrics import Interval, evaluate
 from trackbench.metrics.built_in.basic import PositionRmse
 from trackbench.metrics.differences import differences
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.parts import scores_of, stretches
+from trackbench.metrics.evaluate import scores_of, stretches
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout

@@ -7,8 +7,7 @@ import pytest
 from benchmarks.calibration.verdicts import RIGHT_ON_AVERAGE, right_on_average
 
 from trackbench.metrics.intervals import ratio
-from trackbench.metrics.verdict_words import conditions_off
-from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
+from trackbench.metrics.verdicts import condition_verdict, conditions_off, judged, together, verdict, whiteness_verdict
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.parts import stretches
 from trackbench.metrics.protocol import Chunk, Scope
-from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, TrackerSet, merge
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, TrackerSet, merge, stretches
 
 
 class EstimateSums:

@@ -43,6 +43,12 @@ STRETCHES, SHORTEST = 20, 4.0
 TrackerSet = frozenset[str]
 
 
+def stretches(instants: int, duration: float) -> Indices:
+    """``(instants,)`` number of the stretch of each of the instants of so many seconds."""
+    count = min(STRETCHES, max(1, int(duration / SHORTEST)))
+    return np.arange(instants) * count // max(instants, 1)
+
+
 @dataclass
 class NisScores:
     """Sums over the innovations of one sensor."""

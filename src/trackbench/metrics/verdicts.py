@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from trackbench.metrics.conditions import AGES
-from trackbench.results import Breakdown, ConditionScores, ConditionVerdict
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
 WHITENESS = ("white", "coloured", "undecided")
@@ -123,3 +124,34 @@ def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | No
     if low <= ci95[0] and ci95[1] <= high:
         return 0
     return 1 if ci95[0] > high else -1 if ci95[1] < low else None
+
+
+#: What a reader is told of a verdict on a covariance.
+MEANING = {
+    "consistent": "the errors are as large as its covariance states, under each condition",
+    "optimistic": "the errors are larger than its covariance states",
+    "pessimistic": "the errors are smaller than its covariance states",
+    "mixed": "the errors are larger or smaller than its covariance states, depending on the condition",
+    "undecided": "too few runs or scenes to say whether the errors are as large as its covariance states",
+}
+
+
+def conditions_off(nees: MetricValue, most: int = 4) -> str:
+    """Where a mean is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+
+    Of a mixed one that is off nowhere, the conditions that are furthest apart.
+    """
+    off = [condition for condition in nees.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
+    dof = nees.dof or 1
+    if nees.verdict == "mixed" and not off:
+        means = sorted(nees.conditions or (), key=lambda condition: condition.mean)
+        off = [means[0], means[-1]]
+    off.sort(key=lambda condition: -abs(math.log(max(condition.mean, 1e-9) / dof)))
+    named = [f"{condition.name} {mean_text(condition.mean)}" for condition in off[:most]]
+    more = [f"{len(off) - most} more"] if len(off) > most else []
+    return ", ".join(named + more)
+
+
+def mean_text(mean: float) -> str:
+    """ "4.2", "2e+05"."""
+    return f"{mean:.1f}" if mean < 1000 else f"{mean:.0e}"

@@ -12,7 +12,7 @@ from rich.text import Text
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
-from trackbench.metrics.verdict_words import conditions_off, mean_text
+from trackbench.metrics.verdicts import conditions_off, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
 from trackbench.report.pairs import letters
 from trackbench.report.scenes import basis_of_intervals, runs_in_words

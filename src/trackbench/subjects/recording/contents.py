@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
-from trackbench.metrics.verdict_words import MEANING, conditions_off
+from trackbench.metrics.verdicts import MEANING, conditions_off
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,

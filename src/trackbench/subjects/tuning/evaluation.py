@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
@@ -92,8 +92,15 @@ class _Start(NamedTuple):
     """What computed it; None of a tracker that is not built in."""
 
 
-#: The sums of some runs of one scene, or why there are none; what is counted; what computed the tracker.
-_StartPiece = tuple[Sums | str, PackedAvailability | None, EngineUsed | None]
+class _Piece(NamedTuple):
+    """What a trial gives in some runs of one scene."""
+
+    sums: Sums | str
+    """Or why there are none."""
+    available: PackedAvailability | None = None
+    """Of the start of a tracker of labelled objects."""
+    engine: EngineUsed | None = None
+    """What computed the tracker."""
 
 
 class _Scene(NamedTuple):
@@ -101,6 +108,7 @@ class _Scene(NamedTuple):
 
     work: Work
     counted: PackedAvailability | None
+    """None where nobody labelled the detections, and for the start, which says what is counted."""
     metric: Metric | None
     """That is summed beside the usual measures, where it is none of these."""
     measure: str
@@ -159,24 +167,24 @@ class Evaluator:
     def _start(self) -> list[_Start]:
         submitted = []
         for bench, work in zip(self.benches, self._work, strict=True):
-            tasks = self._tasks(_start_hidden if bench.hidden else _start_labelled, bench, work)
-            entry = bench.scenario.config.trackers[self.tracker]
+            batch = _Batch((0,), (bench.scenario.config.trackers[self.tracker],), ({},), ())
+            tasks = enumerate(self._tasks(bench, work))
             submitted.append(
                 [
-                    [self._executor.submit(task, piece, entry) for piece in _pieces(work, scene, 1)]
-                    for scene, task in enumerate(tasks)
+                    [self._executor.submit(task, piece, batch) for piece in _pieces(work, scene, 1)]
+                    for scene, task in tasks
                 ]
             )
         starts = []
         for scenes in submitted:
-            results: list[list[_StartPiece]] = [[piece.result() for piece in pieces] for pieces in scenes]
+            results: list[list[_Piece]] = [[piece.result()[0] for piece in pieces] for pieces in scenes]
             counted = []
             for pieces in results:
-                masks = [piece[1] for piece in pieces if piece[1] is not None]
+                masks = [piece.available for piece in pieces if piece.available is not None]
                 counted.append(PackedAvailability.joined(masks) if len(masks) == len(pieces) else None)
             every = [piece for pieces in results for piece in pieces]
-            engine = joined(piece[2] for piece in every if piece[2] is not None)
-            starts.append(_Start(_joined([piece[0] for piece in every]), tuple(counted), engine))
+            engine = joined(piece.engine for piece in every if piece.engine is not None)
+            starts.append(_Start(_joined([piece.sums for piece in every]), tuple(counted), engine))
         return starts
 
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
@@ -189,22 +197,26 @@ class Evaluator:
         sums: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
         pending = []
         for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
-            tasks = self._tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
+            start = self._start[number]
+            tasks = self._tasks(bench, work, start.counted)
             for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in sums]):
+                if start.outcome.sums is None:
+                    for trial in batch.trials:
+                        sums[trial][number].append("the tracker fails as it is")
+                    continue
                 for scene, task in enumerate(tasks):
                     for piece in _pieces(work, scene, len(batch.trials)):
                         pending.append((number, batch, self._executor.submit(task, piece, batch)))
         for done, (number, batch, future) in enumerate(pending):
             progress(done, len(pending))
             for trial, outcome in zip(batch.trials, future.result(), strict=True):
-                sums[trial][number].append(outcome)
+                sums[trial][number].append(outcome.sums)
         progress(len(pending), len(pending))
         return [[_joined(parts) for parts in outcomes] for outcomes in sums]
 
-    def _tasks(
-        self, make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()
-    ) -> list[Task]:
+    def _tasks(self, bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()) -> list[Task]:
         """A function for each scene, and what its calls share."""
+        make = _hidden if bench.hidden else _labelled
         constants = [
             _Scene(work.of_scene(scene), counted[scene] if counted else None, self._metric, self._measure)
             for scene in range(len(work.scenes))
@@ -238,74 +250,61 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
         yield BlockRuns(scene, range(first, min(first + size, work.runs)))
 
 
-def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    try:
-        (sums,), available, engine = score_labelled(scene.work, piece, entry)
-    except (KeyboardInterrupt, GeneratorExit):
-        raise
-    except BaseException as error:
-        return fault_of(error).cause, None, None
-    return _with_metric(sums, scene, piece, entry), PackedAvailability.of(available), engine
+def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
+    """Trials that follow several objects from detections of hidden identities, one after the other."""
+    pieces = []
+    for entry in batch.entries:
+        block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
+        scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
+        if isinstance(scores, Failure):
+            pieces.append(_Piece(scores.cause, None, engine))
+            continue
+        assert isinstance(scores, TrafficScores)
+        measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
+        measures["prediction_score"] = "log_likelihood"
+        values = {name: run_sums(scores.metrics[TRACKS.name], path) for path, name in measures.items()}
+        blocks = () if scene.metric is None else (scores.metrics,)
+        pieces.append(_Piece(Sums(values, scene.metric, blocks), None, engine))
+    return pieces
 
 
-def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
-    """The sums of a trial that follows several objects from detections of hidden identities, or why there are none."""
-    block = run_block(replace(scene.work, trackers={TRIAL: entry}), piece)
-    scores, engine = block.outcomes[TRIAL], block.engines.get(TRIAL)
-    if isinstance(scores, Failure):
-        return scores.cause, None, engine
-    assert isinstance(scores, TrafficScores)
-    measures = {path: path for path in (*OF_TRACKS, scene.measure) if path in TRACK_METRICS}
-    measures["prediction_score"] = "log_likelihood"
-    values = scores.metrics[TRACKS.name]
-    sums = Sums({name: run_sums(values, path) for path, name in measures.items()})
-    return sums if scene.metric is None else replace(sums, metric=scene.metric, blocks=(scores.metrics,)), None, engine
-
-
-def _with_metric(sums: Sums | str, scene: _Scene, piece: BlockRuns, entry: Entry) -> Sums | str:
-    """With what the objective's metric sums of the same runs, as a run sums it."""
-    if scene.metric is None or isinstance(sums, str):
-        return sums
+def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
+    """Trials of single objects, with what the objective's metric sums of the same runs, as a run sums it."""
+    pieces = _together(scene, piece, batch)
+    if scene.metric is None:
+        return pieces
     metrics = metrics_of_trial(scene.metric)
-    outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).outcomes[TRIAL]
-    if isinstance(outcome, Failure):
-        return outcome.cause
-    assert isinstance(outcome, LabelledOutcome)
-    return replace(sums, metric=scene.metric, blocks=(outcome.sums,))
+    for number, (made, entry) in enumerate(zip(pieces, batch.entries, strict=True)):
+        if isinstance(made.sums, Sums):
+            outcome = run_block(replace(scene.work, trackers={TRIAL: entry}, metrics=metrics), piece).outcomes[TRIAL]
+            if isinstance(outcome, Failure):
+                pieces[number] = made._replace(sums=outcome.cause)
+                continue
+            assert isinstance(outcome, LabelledOutcome)
+            pieces[number] = made._replace(sums=replace(made.sums, metric=scene.metric, blocks=(outcome.sums,)))
+    return pieces
 
 
-def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
-    outcomes = zip(_together(scene, piece, batch), batch.entries, strict=True)
-    return [_with_metric(sums, scene, piece, entry) for sums, entry in outcomes]
-
-
-def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
     """The usual measures of the trials of a batch; where the arithmetic of one fails, each by itself."""
     number, entry, work = len(batch.trials), batch.entries[0], scene.work
-    if scene.counted is None:
-        return ["the tracker fails as it is"] * number
-    counted = scene.counted.of_runs(piece.runs).unpacked()
-    size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
-    if number == 1:
-        try:
-            return [*score_labelled(work, piece, entry, 1, counted)[0]]
-        except (KeyboardInterrupt, GeneratorExit):
-            raise
-        except BaseException as error:
-            return [fault_of(error).cause]
-    if isinstance(entry, FilterConfig) and batch.keys:
+    counted = None if scene.counted is None else scene.counted.of_runs(piece.runs).unpacked()
+    if number > 1 and isinstance(entry, FilterConfig) and batch.keys:
+        size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
         # Trials come slowest.
         columns = {key: np.repeat(np.array([float(point[key]) for point in batch.points]), size) for key in batch.keys}
         entry = combined(entry, columns)
     try:
-        return [*score_labelled(work, piece, entry, number, counted)[0]]
-    except np.linalg.LinAlgError:
+        sums, available, engine = score_labelled(work, piece, entry, number, counted)
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        if number == 1:
+            return [_Piece(fault_of(error).cause)]
+        if not isinstance(error, np.linalg.LinAlgError):
+            raise
         return [_together(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
-
-
-def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
-    """The trials of a batch, one after the other."""
-    return [_start_hidden(scene, piece, entry)[0] for entry in batch.entries]
+    return [_Piece(item, PackedAvailability.of(available) if counted is None else None, engine) for item in sums]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:
