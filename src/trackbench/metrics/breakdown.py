@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -98,8 +98,7 @@ def cells(sums: ClassSums) -> Iterator[dict[str, Any]]:
         count = total.pop("count")
         yield {
             "manoeuvre": MANOEUVRES[manoeuvre],
-            "range_from_m": _edges(band).start,
-            "range_to_m": _edges(band).end,
+            **dict(zip(("range_from_m", "range_to_m"), _edges(band), strict=True)),
             "count": count,
             "position_rmse_m": (total["position"] / count) ** 0.5,
             "velocity_rmse_mps": (total["velocity"] / count) ** 0.5,
@@ -115,14 +114,9 @@ def band_name(band: int) -> str:
     return f"{low:g} to {high:g} m"
 
 
-class _Edges(NamedTuple):
-    start: float | None
-    end: float | None
-
-
-def _edges(band: int) -> _Edges:
+def _edges(band: int) -> tuple[float | None, float | None]:
     edges = (0.0, *BAND_EDGES, None)
-    return _Edges(edges[band], edges[band + 1])
+    return edges[band], edges[band + 1]
 
 
 def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: float | None = None) -> ConditionScores:

@@ -56,13 +56,21 @@ def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], 
     manoeuvre[acceleration > CHANGING_SPEED] = MANOEUVRES.index("accelerating")
     manoeuvre[acceleration < -CHANGING_SPEED] = MANOEUVRES.index("braking")
     manoeuvre[np.abs(yaw_rate) > TURNING] = MANOEUVRES.index("turning")
-    manoeuvre = np.where(_in_gap(truth.time, instants, seen), MANOEUVRES.index("sensor gap"), manoeuvre)
+    # Chance misses do not count.
+    periods = [float(np.median(np.diff(sensor.time))) if len(sensor.time) > 1 else np.inf for sensor in sensors]
+    in_gap = out_of_view(truth.time, instants, seen) > GAP_PERIODS * max(periods) * (1 + ROUNDING)
+    manoeuvre = np.where(in_gap, MANOEUVRES.index("sensor gap"), manoeuvre)
     observer = truth.observer
     distance = np.hypot(
         of_runs(truth.px, runs)[instants] - observer.px[instants, None, None],
         of_runs(truth.py, runs)[instants] - observer.py[instants, None, None],
     )
-    later = truth.time[instants][:, None, None] - _first_seen(seen) >= FIRST * (1 - ROUNDING)
+    first_seen: Array = np.array(np.inf)
+    for sensor, visible in seen:
+        first_seen = np.minimum(
+            first_seen, np.where(visible.any(axis=0), sensor.time[np.argmax(visible, axis=0)], np.inf)
+        )
+    later = truth.time[instants][:, None, None] - first_seen >= FIRST * (1 - ROUNDING)
     jumped = of_runs(after_jump(truth), runs)[instants]
     parts = np.broadcast_arrays(manoeuvre, np.digitize(distance, BAND_EDGES), later.astype(int), jumped.astype(int))
     return np.ravel_multi_index(parts, SHAPE).astype(np.int16)
@@ -81,14 +89,6 @@ def _smoothed(values: Array, truth: Truth) -> Array:
     return total(values * alive) / np.maximum(total(alive), 1.0)
 
 
-def _first_seen(sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
-    """``(objects, runs or 1)`` when the first sensor could see each object, s; infinite where none ever could."""
-    first: Array = np.array(np.inf)
-    for sensor, visible in sensors:
-        first = np.minimum(first, np.where(visible.any(axis=0), sensor.time[np.argmax(visible, axis=0)], np.inf))
-    return first
-
-
 def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
     """``(instants, objects, runs or 1)`` for how long no sensor could see the object, s; infinite where none could yet.
 
@@ -103,10 +103,3 @@ def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSen
         measurement = np.searchsorted(sensor.steps, instants, side="right") - 1
         latest = np.maximum(latest, np.where(measurement[:, None, None] < 0, -np.inf, seen[measurement]))
     return np.asarray(time[instants][:, None, None] - latest)
-
-
-def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
-    """Where no sensor could have seen the object for too long; chance misses do not count."""
-    periods = [float(np.median(np.diff(sensor.time))) if len(sensor.time) > 1 else np.inf for sensor, _ in sensors]
-    limit = GAP_PERIODS * max(periods) * (1 + ROUNDING)
-    return out_of_view(time, instants, sensors) > limit

@@ -45,6 +45,11 @@ def _errors(values: Values) -> Values:
     nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
     squares = error * error
+    # That of the last two components by themselves.
+    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
+    variances = a * d
+    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
+    nees_of_velocity = (d * squares[2] + a * squares[3] - 2.0 * (b * (error[2] * error[3]))) / determinant
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
     course = course_error(mean, truth)
     rows = linalg.vector(
@@ -55,22 +60,13 @@ def _errors(values: Values) -> Values:
             moving,
             course * course * moving,
             nees_of_position,
-            _nees_of_velocity(squares, error[2] * error[3], covariance),
+            nees_of_velocity,
             *values["reference"],
         ]
     )
     if not np.all(scored):
         rows = np.where(scored, rows, 0.0)
     return {"rows": rows, "definite": factor.positive, "bounded": rows.max(axis=0) < OVERFLOW}
-
-
-def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
-    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
-    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
-    variances = a * d
-    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
-    nees: Array = (d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant
-    return nees
 
 
 #: Of an estimate that is ``finite``, or not, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero where it is not

@@ -120,7 +120,11 @@ def conditional_bound(
         measurement, or before the target's time in the scene where tracks start from the truth.
     """
     motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
-    masks = {name: _shared(valid[name]) for name in sensors}
+    # Of one run where all are alike.
+    masks = {
+        name: valid[name][..., :1] if bool((valid[name] == valid[name][..., :1]).all()) else valid[name]
+        for name in sensors
+    }
     if drawn is None:
         drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
     objects, runs = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
@@ -143,7 +147,12 @@ def conditional_bound(
             root, seen = of.root[k][..., None], masks[name][k]
             updated = _updated(covariance, root, seen)
             begun = seen & ~known
-            covariance = np.where(begun, _first(prior, root), updated) if begun.any() else updated
+            if begun.any():
+                # The prior is too wide for the update of a covariance.
+                total = np.linalg.inv(prior)[:, :, None, None] + linalg.gram(root)
+                first = np.linalg.inv(total.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1)
+                updated = np.where(begun, first, updated)
+            covariance = updated
             known = known | begun
         now = covariance if step == latest else _predicted(motion, covariance, truth.time[[latest, step]])
         variance = np.einsum("ii...->i...", now)
@@ -178,14 +187,3 @@ def _updated(covariance: Array, root: Array, seen: Mask) -> Array:
     s = linalg.matmul_transposed(cross, root) + np.eye(len(root))[:, :, None, None]
     gain = linalg.cholesky(s).whiten(cross)
     return covariance - linalg.gram(gain if seen.all() else np.where(seen, gain, 0.0))
-
-
-def _first(prior: Array, root: Array) -> Array:
-    """``(4, 4, objects, 1)`` after the first measurement: the prior is too wide for the difference above."""
-    total = np.linalg.inv(prior)[:, :, None, None] + linalg.gram(root)
-    return np.asarray(np.linalg.inv(total.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1))
-
-
-def _shared(valid: Mask) -> Mask:
-    """``(measurements, objects, runs)``, of one run where all are alike."""
-    return valid[..., :1] if bool((valid == valid[..., :1]).all()) else valid

@@ -122,15 +122,15 @@ class BlockScores:
 
     def where(self, givers: TrackerSet) -> ErrorSums:
         """The sums where all of these trackers gave an estimate."""
-        found = [sums for others, sums in self.errors.items() if givers <= others]
-        if not found:
+        common = [sums for others, sums in self.errors.items() if givers <= others]
+        if not common:
             rows, instants = len(ERROR_FIELDS), self.spread.shape[1]
             nothing = Cells(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((6, 0)))
             return ErrorSums(np.zeros((rows, instants)), np.zeros((rows, len(self.due))), nothing)
         return ErrorSums(
-            _total([sums.per_step for sums in found]),
-            _total([sums.per_run for sums in found]),
-            _joined([sums.cells for sums in found], [0] * len(found)),
+            _total([sums.per_step for sums in common]),
+            _total([sums.per_run for sums in common]),
+            _joined([sums.cells for sums in common], [0] * len(common)),
         )
 
 
@@ -180,6 +180,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     first = blocks[0]
     runs = np.cumsum([0, *(len(block.due) for block in blocks)])
     every = dict.fromkeys(givers for block in blocks for givers in block.errors)
+    longest = max(block.spread.shape[1] for block in blocks)
     return BlockScores(
         errors={givers: _merged(blocks, givers, runs) for givers in every},
         due=np.concatenate([block.due for block in blocks]),
@@ -194,7 +195,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
             )
             for name in first.nis
         },
-        spread=_padded(first.spread, max(block.spread.shape[1] for block in blocks)),
+        spread=np.pad(first.spread, ((0, 0), (0, longest - first.spread.shape[1])), constant_values=np.nan),
         duration=max(block.duration for block in blocks),
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
@@ -218,11 +219,6 @@ def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:
         np.concatenate([item.part + at for item, at in zip(cells, first, strict=True)]),
         np.concatenate([item.values for item in cells], axis=1),
     )
-
-
-def _padded(values: Array, length: int) -> Array:
-    """``(..., length)`` with NaN at the end."""
-    return np.pad(values, ((0, 0), (0, length - values.shape[1])), constant_values=np.nan)
 
 
 def _total(parts: Sequence[Array]) -> Array:

@@ -161,8 +161,13 @@ def solve_one(pairs: ObjectTrackPairs, half: float) -> Weights:
         pairs: of one object.
         half: cost of beginning or ending an assignment.
     """
-    if np.any(constant := _kept_throughout(pairs, half)):
-        return Weights(pairs, np.broadcast_to(constant.astype(float), pairs.gain.shape), True)
+    total = pairs.gain.sum(axis=0)
+    best = int(np.argmax(total))
+    if pairs.gain.max(axis=1).sum() - total[best] <= 2 * half:
+        # Kept for the whole run: the others would plainly not gain one switch.
+        weight = np.zeros(pairs.gain.shape)
+        weight[:, best] = 1.0
+        return Weights(pairs, weight, True)
     return Weights(pairs, _path_of_one(pairs.gain, half), True)
 
 
@@ -179,15 +184,6 @@ def solve_together(pairs: ObjectTrackPairs, half: float) -> Weights:
         return Weights(pairs, _path_step_by_step(pairs, half), False)
     weight = relaxed_weights(pairs, plain, half)
     return Weights(pairs, weight, bool(np.all(np.minimum(weight, 1 - weight) == 0)))
-
-
-def _kept_throughout(pairs: ObjectTrackPairs, half: float) -> Mask:
-    """``(E,)`` the pair that is best to keep for the whole run, if the others would plainly not gain one switch."""
-    total = pairs.gain.sum(axis=0)
-    best = int(np.argmax(total))
-    found = np.zeros(len(total), dtype=bool)
-    found[best] = pairs.gain.max(axis=1).sum() - total[best] <= 2 * half
-    return found
 
 
 def _path_of_one(gain: Array, half: float) -> Array:
@@ -299,7 +295,11 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
     def pairs_of(objects: frozenset[int]) -> ObjectTrackPairs:
         own = np.concatenate([of_object[item] for item in sorted(objects)])
-        return _near_pairs(pairs.instant[own], pairs.object[own], pairs.track[own], gain[own], len(counted.due))
+        numbers = pairs.track[own].max() + 1
+        pair, which = np.unique(pairs.object[own] * numbers + pairs.track[own], return_inverse=True)
+        table = np.zeros((len(counted.due), len(pair)))
+        table[pairs.instant[own], which] = gain[own]
+        return ObjectTrackPairs(*np.divmod(pair, numbers), table)
 
     half = switch**2 / 2
     solved = {
@@ -319,14 +319,6 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
         switch=half * sum(item.changes() for item in solved.values()),
         exact=all(item.exact for item in solved.values()),
     )
-
-
-def _near_pairs(instant: Indices, objects: Indices, tracks: Indices, gain: Array, steps: int) -> ObjectTrackPairs:
-    numbers = tracks.max() + 1
-    pair, which = np.unique(objects * numbers + tracks, return_inverse=True)
-    table = np.zeros((steps, len(pair)))
-    table[instant, which] = gain
-    return ObjectTrackPairs(*np.divmod(pair, numbers), table)
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:

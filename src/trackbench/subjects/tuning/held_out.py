@@ -145,26 +145,24 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         evaluator: on these.
         tuned: the values that were found.
     """
-    start_outcomes, (tuned_outcomes,) = evaluator.start, evaluator([tuned])
     scenes = {bench.name: len(bench.truths) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
+    sides: list[list[Sums]] = []
+    for word, outcomes in (("start", evaluator.start), ("tuned", evaluator([tuned])[0])):
+        failed = [outcome.failed for outcome in outcomes if outcome.sums is None]
+        if failed:
+            return HeldOut((), scenes, runs, f"the {word} values fail: {failed[0]}")
+        sides.append([outcome.sums for outcome in outcomes if outcome.sums is not None])
     comparisons: list[MeasureComparison] = []
-    for word, outcomes in (("start", start_outcomes), ("tuned", tuned_outcomes)):
-        for outcome in outcomes:
-            if outcome.sums is None:
-                return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
     without: list[LackingMeasure] = []
-    sums = next((outcome.sums for outcome in start_outcomes if outcome.sums is not None), None)
-    for measure, metric in (sums.measures if sums is not None else {}).items():
+    for measure, metric in sides[0][0].measures.items():
         pairs = []
-        for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
-            assert own.sums is not None
-            assert other.sums is not None
-            if not other.sums.has(measure):
+        for number, (other, own) in enumerate(zip(*sides, strict=True)):
+            if not other.has(measure):
                 continue
-            lacking = own.sums.lacking(other.sums, [measure if measure == "log_likelihood" else "position_rmse"])
+            lacking = own.lacking(other, [measure if measure == "log_likelihood" else "position_rmse"])
             if lacking is None:
-                pairs.append((number, own.sums, other.sums))
+                pairs.append((number, own, other))
             else:
                 without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
         comparisons += _by(measure, metric, evaluator, pairs)
