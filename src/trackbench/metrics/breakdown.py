@@ -56,8 +56,8 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
         parts: how many there are.
     """
     sums = ClassSums(*(np.zeros((rows, _COLUMNS)) for rows in (len(FIELDS), len(FIELDS), len(FIELDS), 1)))
-    found, place = np.unique(cells.code, return_inverse=True)
-    counted = columns(found)
+    codes, place = np.unique(cells.code, return_inverse=True)
+    counted = columns(codes)
     for column in np.unique(counted):
         here = (counted == column).any(axis=0)[place]
         by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])

@@ -47,8 +47,8 @@ class _Summing:
         stretch = stretches(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
         self._stretches = int(stretch[-1]) + 1
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
-        self._found, found = np.unique(classes, return_inverse=True)
-        self._class = found.reshape(scope.classes.shape)
+        self._codes, place = np.unique(classes, return_inverse=True)
+        self._class = place.reshape(scope.classes.shape)
         self._per_step: dict[TrackerSet, Array] = {}
         self._per_class: dict[TrackerSet, Array] = {}
         self._diverged = np.zeros(scope.runs, dtype=bool)
@@ -107,14 +107,14 @@ class _Summing:
         if givers not in self._per_step:
             rows, instants = len(ERROR_FIELDS), len(self._scope.target.time)
             self._per_step[givers] = np.zeros((rows, instants))
-            self._per_class[givers] = np.zeros((rows, len(self._found), self._scope.runs))
+            self._per_class[givers] = np.zeros((rows, len(self._codes), self._scope.runs))
         return self._per_step[givers], self._per_class[givers]
 
     def _cells(self, per_class: Array) -> Cells:
         """What occurred."""
-        found, run = np.nonzero(per_class[0])
-        code, stretch = divmod(self._found[found], self._stretches)
-        return Cells(code, run + stretch, combined(per_class[:, found, run]))
+        cell, run = np.nonzero(per_class[0])
+        code, stretch = divmod(self._codes[cell], self._stretches)
+        return Cells(code, run + stretch, combined(per_class[:, cell, run]))
 
     def _by_run(self, batch: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""

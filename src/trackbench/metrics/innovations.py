@@ -92,7 +92,7 @@ class Innovations:
     def _values(self, ring: Array, here: slice) -> Array:
         """``(7, count, batch)`` rows ``NIS_FIELDS`` of rows of the ring."""
         before = slice(here.start - 1, here.stop - 1)
-        given = {
+        inputs = {
             "white": ring[here].swapaxes(0, 1),
             "used": self._used[here],
             "white_before": ring[before].swapaxes(0, 1),
@@ -100,7 +100,7 @@ class Innovations:
             "due": self._due[: self._filled],
             "point95": point95(self._dof),
         }
-        return self._compute(INNOVATION, given)["rows"]
+        return self._compute(INNOVATION, inputs)["rows"]
 
     def _add_pairs(self, here: slice, white: Array, nis: Array) -> None:
         """Add the products of the measurements ``here`` with every one in the ring: one product of matrices."""

@@ -206,8 +206,8 @@ class Contrast(NamedTuple):
 
 def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    (found,) = all_pairs([a, b], lambda *_: margin)
-    return found
+    (contrast,) = all_pairs([a, b], lambda *_: margin)
+    return contrast
 
 
 def all_pairs(intervals: Sequence[Interval], margin: Callable[[Interval, Interval], float]) -> list[Contrast]:
@@ -220,14 +220,14 @@ def all_pairs(intervals: Sequence[Interval], margin: Callable[[Interval, Interva
     values = np.array([item.value for item in intervals])
     influences = np.array([item.corrected for item in intervals])
     constant = np.array([item.constant for item in intervals])
-    found: list[Contrast] = []
-    for first, one in enumerate(intervals):
+    contrasts: list[Contrast] = []
+    for first, interval in enumerate(intervals):
         others = slice(first + 1, None)
-        margins = np.array([margin(one, other) for other in intervals[others]])
+        margins = np.array([margin(interval, other) for other in intervals[others]])
         freedom, errors = influences.shape[1] - 1, _standard_errors(influences[first] - influences[others])
-        told = ~(constant[first] & constant[others])
-        found += _tested(one.value, values[others], errors, freedom, margins, told)
-    return found
+        varies = ~(constant[first] & constant[others])
+        contrasts += _tested(interval.value, values[others], errors, freedom, margins, varies)
+    return contrasts
 
 
 def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
@@ -237,46 +237,46 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
     """
     errors = [_standard_error(item.corrected) for item in (a, b)]
-    told = np.array([not (a.constant and b.constant)])
+    varies = np.array([not (a.constant and b.constant)])
     if errors[0] is None or errors[1] is None:
-        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]), told)[0]
+        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]), varies)[0]
     squares = [error**2 for error in errors if error is not None]
     total = sum(squares)
     parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
     freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
-    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]), told)[0]
+    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]), varies)[0]
 
 
 def _tested(
-    one: float, others: Array, errors: Array | None, freedom: float, margins: Array, told: Mask
+    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask
 ) -> list[Contrast]:
     """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
-    ``told`` is whether the runs tell anything of the errors."""
-    values = one - others
-    margins = np.maximum(margins, ROUNDING * np.maximum(abs(one), abs(others)))
+    ``varies`` is whether the runs tell anything of the errors."""
+    values = first - others
+    margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
     if errors is None:
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
     reach, excess = t_quantile(0.975, freedom) * errors, abs(values) - margins
-    known = errors > 0
-    tails = t_probability(-excess / np.where(known, errors, 1.0), freedom)
-    p_values = np.where(known, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
-    ends = zip((values - reach).tolist(), (values + reach).tolist(), told.tolist(), strict=True)
+    positive = errors > 0
+    tails = t_probability(-excess / np.where(positive, errors, 1.0), freedom)
+    p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
+    ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
     ci95 = [(low, high) if own else None for low, high, own in ends]
     return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
-    found = np.asarray(p_values, dtype=float)
-    order, remaining = np.argsort(found, kind="stable"), np.arange(len(found), 0, -1)
-    corrected = np.empty(len(found))
-    corrected[order] = np.maximum.accumulate(np.minimum(1.0, remaining * found[order]))
+    values = np.asarray(p_values, dtype=float)
+    order, remaining = np.argsort(values, kind="stable"), np.arange(len(values), 0, -1)
+    corrected = np.empty(len(values))
+    corrected[order] = np.maximum.accumulate(np.minimum(1.0, remaining * values[order]))
     return corrected.tolist()
 
 
 def _standard_error(influence: Array) -> float | None:
-    found = _standard_errors(influence[None])
-    return None if found is None else float(found[0])
+    errors = _standard_errors(influence[None])
+    return None if errors is None else float(errors[0])
 
 
 def _standard_errors(influences: Array) -> Array | None:

@@ -141,21 +141,21 @@ def worst(
     due = np.array([recorded.tracks[name].due for name in trackers]).reshape(errors.shape)
     counted = due & np.array([vehicle in (None, name) for name in recorded.objects])
     errors = np.where(counted, errors, np.nan)
-    found: list[EstimateMoment] = []
-    while len(found) < count and np.isfinite(errors).any():
+    moments: list[EstimateMoment] = []
+    while len(moments) < count and np.isfinite(errors).any():
         tracker, instant, i = (int(index) for index in np.unravel_index(np.nanargmax(errors), errors.shape))
-        found.append(_estimate(recorded, trackers[tracker], instant, i))
+        moments.append(_estimate(recorded, trackers[tracker], instant, i))
         errors[:, np.abs(time - time[instant]) <= APART, i] = np.nan
-    return found
+    return moments
 
 
 def distinct(moments: Iterable[EstimateMoment]) -> list[EstimateMoment]:
     """The largest position error first; of one vehicle's moments that are not told apart only the first."""
-    found: list[EstimateMoment] = []
+    kept: list[EstimateMoment] = []
     for moment in sorted(moments, key=lambda each: -(each.position_error_m or 0.0)):
-        if not any(moment.object == known.object and abs(moment.time_s - known.time_s) <= APART for known in found):
-            found.append(moment)
-    return found
+        if not any(moment.object == other.object and abs(moment.time_s - other.time_s) <= APART for other in kept):
+            kept.append(moment)
+    return kept
 
 
 def _estimates(recorded: RecordedRun, time: float, present: set[str]) -> list[EstimateMoment]:
@@ -190,13 +190,13 @@ def _known(value: float) -> float | None:
 
 def _measurements(measurements: dict[tuple[str, ...], Columns], time: float) -> list[MeasurementMoment]:
     """The latest measurement of each sensor, of the objects that it detected."""
-    found = []
+    latest = []
     for (sensor, name), rows in measurements.items():
         at = _latest(rows["time_s"], time)
         if at >= 0 and rows["valid"][at]:
             place = (float(rows[key][at]) for key in ("time_s", "x_m", "y_m"))
-            found.append(MeasurementMoment(sensor, name, *place))
-    return found
+            latest.append(MeasurementMoment(sensor, name, *place))
+    return latest
 
 
 def _latest(times: Array, time: float) -> int:

@@ -66,8 +66,8 @@ def recorded_run(result: Result) -> RecordedRun:
     tracks: dict[str, dict[str, Columns]] = {}
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
-    found = {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()}
-    return RecordedRun(objects, time, state, alive, score.divergence_m, found)
+    by_tracker = {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()}
+    return RecordedRun(objects, time, state, alive, score.divergence_m, by_tracker)
 
 
 def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> RecordedTrack:

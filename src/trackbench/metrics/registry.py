@@ -66,31 +66,31 @@ def unfit_name(name: str, scores: str = "estimates") -> str | None:
     return None
 
 
-def _lacks(found: Any) -> str | None:
-    if not isinstance(found, type) or not issubclass(found, Metric):
+def _lacks(metric: Any) -> str | None:
+    if not isinstance(metric, type) or not issubclass(metric, Metric):
         return "it must be a subclass of trackbench.metrics.Metric"
-    missing = [name for name in ("name", "unit", "meaning") if not hasattr(found, name)]
-    unwritten = set(getattr(found, "__abstractmethods__", ()))
-    if found.shared is None:
-        unwritten |= {name for name in ("init", "update", "merge") if getattr(found, name) is getattr(Metric, name)}
+    missing = [name for name in ("name", "unit", "meaning") if not hasattr(metric, name)]
+    unwritten = set(getattr(metric, "__abstractmethods__", ()))
+    if metric.shared is None:
+        unwritten |= {name for name in ("init", "update", "merge") if getattr(metric, name) is getattr(Metric, name)}
     missing += sorted(unwritten)
     if missing:
         return f"it lacks {' and '.join(missing)}"
-    texts = {name: getattr(found, name) for name in ("name", "unit", "meaning", "value_name")}
+    texts = {name: getattr(metric, name) for name in ("name", "unit", "meaning", "value_name")}
     for name, value in texts.items():
         if not isinstance(value, str):
             return f"its {name} must be text, not {value!r}"
     for name in ("compared", "per_sensor"):
-        if not isinstance(getattr(found, name), bool):
-            return f"its {name} must be True or False, not {getattr(found, name)!r}"
-    if not isinstance(found.fields, tuple) or not all(isinstance(field, Field) for field in found.fields):
-        return f"its fields must be a tuple of trackbench.metrics.Field, not {found.fields!r}"
-    if found.scores not in ("estimates", "tracks"):
-        return f'scores must be "estimates" or "tracks", not {found.scores!r}'
-    if unfit := unfit_name(found.name, found.scores):
+        if not isinstance(getattr(metric, name), bool):
+            return f"its {name} must be True or False, not {getattr(metric, name)!r}"
+    if not isinstance(metric.fields, tuple) or not all(isinstance(field, Field) for field in metric.fields):
+        return f"its fields must be a tuple of trackbench.metrics.Field, not {metric.fields!r}"
+    if metric.scores not in ("estimates", "tracks"):
+        return f'scores must be "estimates" or "tracks", not {metric.scores!r}'
+    if unfit := unfit_name(metric.name, metric.scores):
         return unfit
-    if found.better not in ("smaller", "larger", None):
-        return f'better must be "smaller", "larger" or None, not {found.better!r}'
+    if metric.better not in ("smaller", "larger", None):
+        return f'better must be "smaller", "larger" or None, not {metric.better!r}'
     return None
 
 

@@ -61,8 +61,8 @@ class Scorer:
         batch = self._objects * self._runs
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker
-        known = _read_only(target), _read_only(classes), _read_only(measurements)
-        scope = Scope(*known, tracker, first, single, self.chunk, compute)
+        read_only = _read_only(target), _read_only(classes), _read_only(measurements)
+        scope = Scope(*read_only, tracker, first, single, self.chunk, compute)
         self._expected = scope.expected
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
@@ -78,11 +78,11 @@ class Scorer:
         if not scan.asked:
             white, used = whitened_innovation(estimate), scan.valid & self._expected[instant]
             # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
-            found = None if white is None else white.copy(), used, used & self._had
-            for array in found:
+            innovation = None if white is None else white.copy(), used, used & self._had
+            for array in innovation:
                 if array is not None:
                     array.setflags(write=False)
-            self._innovations[scan.sensor].append(Innovation(instant, *found))
+            self._innovations[scan.sensor].append(Innovation(instant, *innovation))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)
@@ -105,7 +105,7 @@ class Scorer:
         """By accumulator, the sums of everything that was scored."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
 
-    def given(self) -> Mask:
+    def counted(self) -> Mask:
         """``(instants, batch)`` where what waits holds an estimate that counts.
 
         Raises:
@@ -123,13 +123,13 @@ class Scorer:
             reject(NOT_FINITE, self._alive(here) & seen & ~finite, here.start)
         return self._expected[here] & finite
 
-    def score(self, given: Mask, agreement: Agreement) -> None:
-        """Score what waits, of which ``given`` told where it counts.
+    def score(self, counted: Mask, agreement: Agreement) -> None:
+        """Score what waits, of which ``counted`` says where it counts.
 
         Raises:
             Fault: a covariance is not positive definite, or an error too large.
         """
-        chunk = self._taken(given, agreement)
+        chunk = self._taken(counted, agreement)
         for name, accumulator in self._accumulators.items():
             self._sums[name] = accumulator.update(self._sums[name], chunk)
         self._begin_chunk()
@@ -139,7 +139,7 @@ class Scorer:
         self._repaired = np.zeros(self._runs)
         self._seconds, self._steps = 0.0, 0
 
-    def _taken(self, given: Mask, agreement: Agreement) -> Chunk:
+    def _taken(self, counted: Mask, agreement: Agreement) -> Chunk:
         """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
@@ -149,10 +149,10 @@ class Scorer:
             "truth": truth,
             "reference": self._target.reference[:, here],
             "finite": self._finite.reshape(shape),
-            "scored": given.reshape(shape),
+            "scored": counted.reshape(shape),
         }
-        found = self._computed(ERRORS, {**estimates, **held_against})
-        definite, bounded = _masks(found, "definite", "bounded")
+        computed = self._computed(ERRORS, {**estimates, **held_against})
+        definite, bounded = _masks(computed, "definite", "bounded")
         if not definite.all():
             reject(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
         if not bounded.all():
@@ -161,10 +161,10 @@ class Scorer:
             instants=here,
             time=_read_only(self._target.time[here]),
             truth=_read_only(truth),
-            mean=_read_only(estimates["mean"].reshape(4, *given.shape)),
-            covariance=_read_only(estimates["covariance"].reshape(4, 4, *given.shape)),
-            values=_read_only(found["rows"].reshape(-1, *given.shape)),
-            scored=_read_only(given),
+            mean=_read_only(estimates["mean"].reshape(4, *counted.shape)),
+            covariance=_read_only(estimates["covariance"].reshape(4, 4, *counted.shape)),
+            values=_read_only(computed["rows"].reshape(-1, *counted.shape)),
+            scored=_read_only(counted),
             agreement=_read_only(agreement),
             innovations=MappingProxyType({sensor: tuple(each) for sensor, each in self._innovations.items()}),
             repaired=_read_only(self._repaired),
@@ -194,26 +194,26 @@ class Scorer:
 
 def score_together(scorers: Sequence[Scorer]) -> dict[str, Fault]:
     """Score the buffered estimates of several trackers; return the faults by tracker name."""
-    given, faults = {}, {}
+    counted, faults = {}, {}
     for scorer in scorers:
         try:
-            given[scorer.tracker] = scorer.given()
+            counted[scorer.tracker] = scorer.counted()
         except Fault as fault:
             faults[scorer.tracker] = fault
-    if not given:
+    if not counted:
         return faults
-    agreement = _agreement(given)
+    agreement = _agreement(counted)
     for scorer in scorers:
-        if scorer.tracker in given:
+        if scorer.tracker in counted:
             try:
-                scorer.score(given[scorer.tracker], agreement)
+                scorer.score(counted[scorer.tracker], agreement)
             except Fault as fault:
                 faults[scorer.tracker] = fault
     return faults
 
 
-def _agreement(given: Mapping[str, Mask]) -> Agreement:
-    names, masks = list(given), np.stack(list(given.values()))
+def _agreement(counted: Mapping[str, Mask]) -> Agreement:
+    names, masks = list(counted), np.stack(list(counted.values()))
     everywhere = np.asarray(masks.all(axis=0))
     differ = masks.any(axis=0) & ~everywhere
     if not differ.any():
@@ -227,9 +227,9 @@ def _agreement(given: Mapping[str, Mask]) -> Agreement:
     return Agreement(frozenset(names), everywhere, partly)
 
 
-def _masks(found: Mapping[str, Any], *names: str) -> list[Mask]:
+def _masks(computed: Mapping[str, Any], *names: str) -> list[Mask]:
     """Masks ``(instants, batch)`` of what was computed ``(instants, objects, runs)``."""
-    return [found[name].reshape(len(found[name]), -1) for name in names]
+    return [computed[name].reshape(len(computed[name]), -1) for name in names]
 
 
 def _read_only(value: Any) -> Any:

@@ -204,12 +204,12 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
 
 def _merged(blocks: Sequence[BlockScores], givers: TrackerSet, runs: Indices) -> ErrorSums:
     """The sums of one set of givers; ``runs``: where those of each block begin, and the end."""
-    known = [(block.errors[givers], at) for block, at in zip(blocks, runs, strict=False) if givers in block.errors]
+    own = [(block.errors[givers], at) for block, at in zip(blocks, runs, strict=False) if givers in block.errors]
     per_run = np.zeros((len(ERROR_FIELDS), runs[-1]))
-    for sums, at in known:
+    for sums, at in own:
         per_run[:, at : at + sums.per_run.shape[1]] = sums.per_run
-    cells = _joined([sums.cells for sums, _ in known], [at for _, at in known])
-    return ErrorSums(_total([sums.per_step for sums, _ in known]), per_run, cells)
+    cells = _joined([sums.cells for sums, _ in own], [at for _, at in own])
+    return ErrorSums(_total([sums.per_step for sums, _ in own]), per_run, cells)
 
 
 def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:

@@ -64,7 +64,7 @@ def events_of(
     if run is not None:
         table = table.filter(pc.equal(table["run"], float(run)))
     columns = {name: table[name].to_pylist() for name in TrackEvent._fields}
-    found = [
+    events = [
         TrackEvent(
             **{
                 **row,
@@ -76,14 +76,16 @@ def events_of(
         for row in (dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
     ]
     if vehicle is not None:
-        found = [event for event in found if vehicle in (event.object, event.other_object)]
-    return sorted(found, key=lambda event: (-event.cost_m2, event.time_s))
+        events = [event for event in events if vehicle in (event.object, event.other_object)]
+    return sorted(events, key=lambda event: (-event.cost_m2, event.time_s))
 
 
 def instants(tables: Tables) -> Array:
     """``(instants,)`` s at which a sensor looks in the recorded run; without objects those with something to draw."""
-    known = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
-    return np.unique(np.concatenate([table["time_s"].to_numpy() for table in known if table.num_rows] or [np.empty(0)]))
+    sources = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
+    return np.unique(
+        np.concatenate([table["time_s"].to_numpy() for table in sources if table.num_rows] or [np.empty(0)])
+    )
 
 
 def _whole(number: float | None) -> int | None:

@@ -60,9 +60,9 @@ def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
 def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
     """The conditions with enough estimates: each manoeuvre, each range band and the first second; and the two halves of
     the NEES."""
-    found = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
-    found.pop(AGES[1], None)
-    return [*_judged(found.items(), breakdown.all.count), *_halves(breakdown.all)]
+    conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
+    conditions.pop(AGES[1], None)
+    return [*_judged(conditions.items(), breakdown.all.count), *_halves(breakdown.all)]
 
 
 def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) -> str:
@@ -80,10 +80,10 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
         whole: the verdict on it.
         conditions: those that are judged.
     """
-    found = {whole, *(condition.verdict for condition in conditions)}
-    off = found & {"optimistic", "pessimistic"}
+    verdicts = {whole, *(condition.verdict for condition in conditions)}
+    off = verdicts & {"optimistic", "pessimistic"}
     if not off:
-        return "undecided" if "undecided" in found else "consistent"
+        return "undecided" if "undecided" in verdicts else "consistent"
     apart = any(
         _side(condition.ci95, mean * (1 - BELOW), mean * (1 + ABOVE)) in (-1, 1)
         for condition in conditions
@@ -108,8 +108,8 @@ def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> It
         if nees is None or nees.value is None or nees.dof is None or nees.ci95 is None:
             continue
         if scores.count >= SMALLEST_SHARE * count and scores.runs >= FEWEST_RUNS:
-            found = condition_verdict(nees.ci95, nees.dof)
-            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=found)
+            word = condition_verdict(nees.ci95, nees.dof)
+            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=word)
 
 
 def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> str:

@@ -128,10 +128,10 @@ class Nees(EstimateMetric):
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
         mean = ratio(total, count, at_least=0.0)
-        found = _chi_square(mean, 4, inside)
+        value = _chi_square(mean, 4, inside)
         conditions = judged(breakdown(sums.classes))
-        word = together(mean.value, found.verdict or "undecided", conditions)
-        return found.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
+        word = together(mean.value, value.verdict or "undecided", conditions)
+        return value.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)
@@ -156,12 +156,12 @@ class Nis(EstimateMetric):
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count, at_least=0.0), nis.dof, inside)
+        value = _chi_square(ratio(total, count, at_least=0.0), nis.dof, inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         coverage = _share(count.sum(), expected)
         # The innovations that are missing may be the large ones.
-        word = found.verdict if coverage >= LEAST_COVERAGE else "undecided"
-        return found.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
+        word = value.verdict if coverage >= LEAST_COVERAGE else "undecided"
+        return value.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
 
 
 class Whiteness(EstimateMetric):
@@ -281,10 +281,10 @@ def _number(metric: Metric, value: float, reason: str) -> Outcome:
 
 
 def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
-    found = mean.as_value("1")
+    value = mean.as_value("1")
     # Innovations that are zero in every run are too small, whatever is not known of other runs.
-    certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else found.ci95
-    return found.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": verdict(certain, dof)})
+    certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else value.ci95
+    return value.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": verdict(certain, dof)})
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:

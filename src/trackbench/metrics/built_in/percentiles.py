@@ -50,10 +50,10 @@ class ErrorPercentile(Metric):
         return np.concatenate(blocks)
 
     def finish(self, sums: Array) -> Outcome:
-        known = np.isfinite(sums)
-        if not known.any():
+        finite = np.isfinite(sums)
+        if not finite.any():
             return self.no_value("there is no estimate of any object to score")
-        return ratio(np.where(known, sums, 0.0), known.astype(float), at_least=self.at_least)
+        return ratio(np.where(finite, sums, 0.0), finite.astype(float), at_least=self.at_least)
 
 
 class PositionP95(ErrorPercentile):

@@ -268,16 +268,16 @@ def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> 
     """The pairs within ``cutoff`` of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing."""
     steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
     at_once = max(1, CHUNK // max(1, n * k))
-    found, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]
+    cells, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]
     for start in range(0, steps, at_once):
         part = slice(start, start + at_once)
         square = _squared(objects[0, part], tracks[0, part])
         square += _squared(objects[1, part], tracks[1, part])
         square = square.reshape(-1)
         near = np.flatnonzero(square <= cutoff**2)
-        found.append(near + start * n * k)
+        cells.append(near + start * n * k)
         squares.append(square[near])
-    cell, column = np.divmod(np.concatenate(found), max(1, k))
+    cell, column = np.divmod(np.concatenate(cells), max(1, k))
     instant, item = np.divmod(cell, max(1, n))
     return NearPairs(instant, item, column, track[instant, column], np.sqrt(np.concatenate(squares)))
 

@@ -22,9 +22,9 @@ def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.in
     """``(T, N)`` NOT_DUE, WAITING, TRACKED, SWITCHED or LOST."""
     tracked = track_of != NO_TRACK
     untracked = np.where(np.logical_or.accumulate(tracked, axis=0), LOST, WAITING)
-    found = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
-    found[changes.instant, changes.object] = SWITCHED
-    return found
+    states = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
+    states[changes.instant, changes.object] = SWITCHED
+    return states
 
 
 class Stretches(NamedTuple):
@@ -219,9 +219,9 @@ def events(
     counts[instant, counted.track[instant, column]] = True
     shared = costs(of_gospa, counted)
     line = _Timeline(truth, tracks, counted, track_of, object_of, optional_of, column_of, counts, shared)
-    found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_of_gospa_alone(line)]
-    found += _switched(line, changes, switch**2)
-    return tuple(sorted(found, key=lambda event: event.instant))
+    rows = [*_births(line), *_of_objects(line), *_of_tracks(line), *_of_gospa_alone(line)]
+    rows += _switched(line, changes, switch**2)
+    return tuple(sorted(rows, key=lambda event: event.instant))
 
 
 def _births(line: _Timeline) -> Iterator[TrafficEvent]:

@@ -60,13 +60,13 @@ def _since(advantage: Array) -> Array:
 
 def _rivals(gain: Array, owner: Indices) -> Array:
     """``(T, E)`` the best gain among the other pairs of the same owner; 0 where there is none."""
-    found = np.zeros_like(gain)
+    rivals = np.zeros_like(gain)
     for own in _columns_of(owner):
         if len(own) > 1:
             ranked = np.sort(gain[:, own], axis=1)
             best = gain[:, own] == ranked[:, -1:]
-            found[:, own] = np.where(best, ranked[:, -2:-1], ranked[:, -1:])
-    return found
+            rivals[:, own] = np.where(best, ranked[:, -2:-1], ranked[:, -1:])
+    return rivals
 
 
 def _columns_of(owner: Indices) -> list[Indices]:
@@ -105,9 +105,9 @@ def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> A
     # The weight after each pair of instants minus that before it, where one of them is to be decided.
     number = np.full((steps, size), -1)
     number[instant, pair] = variables
-    before, after, known = number[:-1].reshape(-1), number[1:].reshape(-1), np.diff(weight, axis=0).reshape(-1)
+    before, after, constant = number[:-1].reshape(-1), number[1:].reshape(-1), np.diff(weight, axis=0).reshape(-1)
     some = (before >= 0) | (after >= 0)
-    before, after, known = before[some], after[some], known[some]
+    before, after, constant = before[some], after[some], constant[some]
     rows, columns, signs = [], [], []
     for which, sign in ((before, -1.0), (after, 1.0)):
         there = np.flatnonzero(which >= 0)
@@ -115,18 +115,18 @@ def relaxed_weights(pairs: ObjectTrackPairs, plain: Presolved, half: float) -> A
         columns.append(which[there])
         signs.append(np.full(len(there), sign))
     places = (np.concatenate(rows), np.concatenate(columns))
-    change = csr_matrix((np.concatenate(signs), places), (len(known), len(variables)))
+    change = csr_matrix((np.concatenate(signs), places), (len(constant), len(variables)))
     solved = linprog(
-        np.concatenate([-pairs.gain[instant, pair], np.full(len(known), half)]),
-        A_ub=bmat([[at_most_one, None], [change, -eye(len(known))], [-change, -eye(len(known))]], "csr"),
-        b_ub=np.concatenate([np.ones(at_most_one.shape[0]), -known, known]),
+        np.concatenate([-pairs.gain[instant, pair], np.full(len(constant), half)]),
+        A_ub=bmat([[at_most_one, None], [change, -eye(len(constant))], [-change, -eye(len(constant))]], "csr"),
+        b_ub=np.concatenate([np.ones(at_most_one.shape[0]), -constant, constant]),
         bounds=(0, None),
         method="highs",
     )
     assert solved.x is not None, solved.message
-    found = np.clip(solved.x[: len(variables)], 0, 1)
-    nearest = np.round(found)
-    weight[instant, pair] = np.where(np.abs(found - nearest) < TOLERANCE, nearest, found)
+    solution = np.clip(solved.x[: len(variables)], 0, 1)
+    nearest = np.round(solution)
+    weight[instant, pair] = np.where(np.abs(solution - nearest) < TOLERANCE, nearest, solution)
     return weight
 
 
@@ -208,19 +208,19 @@ def _path_of_one(gain: Array, half: float) -> Array:
 
 def _joint_assignments(pairs: ObjectTrackPairs) -> Array | None:
     """``(S, E)`` every set of pairs without a common object or track; None where there are too many."""
-    found: list[tuple[int, ...]] = [()]
+    sets: list[tuple[int, ...]] = [()]
     for item in np.unique(pairs.object):
         own = np.flatnonzero(pairs.object == item).tolist()
-        found += [
+        sets += [
             (*some, pair)
-            for some in found
+            for some in sets
             for pair in own
             if all(pairs.track[pair] != pairs.track[other] for other in some)
         ]
-        if len(found) > LARGEST:
+        if len(sets) > LARGEST:
             return None
-    members = np.zeros((len(found), len(pairs.object)))
-    for row, some in enumerate(found):
+    members = np.zeros((len(sets), len(pairs.object)))
+    for row, some in enumerate(sets):
         members[row, list(some)] = 1.0
     return members
 

@@ -41,19 +41,19 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     """
     minutes = (scans[-1].time - scans[0].time) / 60
     lengths = _lengths((scan.time, scan.ids.tolist()) for scan in scans)
-    found = {
+    sums = {
         "track_count": (float(sum(len(scan.ids) for scan in scans)), float(len(scans))),
         "track_length": (float(np.median(lengths)) if len(lengths) else 0.0, float(len(lengths) > 0)),
         "new_tracks": (float(len(lengths)), minutes),
     }
     if all(scan.used is not None for scan in scans):
-        found |= _use(scans, float(lengths.sum()) / 60)
-    asked = [(scan.log_score, len(scan.own_track)) for scan in scans if scan.log_score is not None]
-    if asked:
-        found["prediction_score"] = (sum(score for score, _ in asked), float(sum(count for _, count in asked)))
+        sums |= _use(scans, float(lengths.sum()) / 60)
+    predicted = [(scan.log_score, len(scan.own_track)) for scan in scans if scan.log_score is not None]
+    if predicted:
+        sums["prediction_score"] = (sum(score for score, _ in predicted), float(sum(count for _, count in predicted)))
         nis = np.concatenate([scan.nis for scan in scans])
-        found["nis"] = (float(nis.sum()), float(len(nis)))
-    return {path: sums for path, sums in found.items() if sums[1] > 0}
+        sums["nis"] = (float(nis.sum()), float(len(nis)))
+    return {path: sums for path, sums in sums.items() if sums[1] > 0}
 
 
 def without_truth(values: RunSums) -> RunScores:
@@ -65,14 +65,14 @@ def without_truth(values: RunSums) -> RunScores:
 
 def _use(scans: list[UnlabelledScan], track_minutes: float) -> RunSums:
     used = sum(len(np.unique(_used(scan)[_used(scan) != NONE])) for scan in scans)
-    found = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
+    sums = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
     own = _lengths((scan.time, [(scan.sensor, number) for number in _present(scan)]) for scan in scans)
     if len(own):
         changes = _changes(scans)
-        found["track_breaks"] = (float(changes.track_breaks), float(own.sum()) / 60)
-        found["own_track_breaks"] = (float(changes.own_track_breaks), track_minutes)
-        found["track_swaps"] = (float(changes.swaps), track_minutes)
-    return found
+        sums["track_breaks"] = (float(changes.track_breaks), float(own.sum()) / 60)
+        sums["own_track_breaks"] = (float(changes.own_track_breaks), track_minutes)
+        sums["track_swaps"] = (float(changes.swaps), track_minutes)
+    return sums
 
 
 class _Changes(NamedTuple):
