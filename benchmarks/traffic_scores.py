@@ -25,7 +25,8 @@ from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
 from trackbench.metrics.traffic.assignment import nearby, similarity
 from trackbench.metrics.traffic.mot_metrics import hota, identity, switches, track_of_each
 from trackbench.metrics.traffic.run import LEAST_SIMILARITY, count_by_clear
-from trackbench.metrics.traffic.set_distances import gospa_of_sets, ospa_of_parts
+from trackbench.metrics.traffic.set_distances import gospa_of_sets
+from trackbench.metrics.traffic.set_distances import ospa as ospa_of_parts
 
 CUTOFF = 5.0
 #: Steps of the long sequence, and those that Stone Soup takes.

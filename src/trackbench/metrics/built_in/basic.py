@@ -196,29 +196,19 @@ class RootReference(EstimateMetric):
 
     def finish(self, sums: Scores) -> Outcome:
         count, total = sums.per_part[ERROR["count"]].sum(), sums.per_part[ERROR[self.row]].sum()
-        return (
-            float(np.sqrt(total / count))
-            if total > 0
-            else self.no_value("there is no estimate that a measurement bears on")
-        )
+        if not total > 0:
+            return self.no_value("there is no estimate that a measurement bears on")
+        return float(np.sqrt(total / count))
 
 
 class PositionReference(RootReference):
-    name, unit, meaning = (
-        "position_reference",
-        "m",
-        "position RMSE of the reference, over the estimates that are scored",
-    )
-    row = "position_reference"
+    name, unit, row = "position_reference", "m", "position_reference"
+    meaning = "position RMSE of the reference, over the estimates that are scored"
 
 
 class VelocityReference(RootReference):
-    name, unit, meaning = (
-        "velocity_reference",
-        "m/s",
-        "velocity RMSE of the reference, over the estimates that are scored",
-    )
-    row = "velocity_reference"
+    name, unit, row = "velocity_reference", "m/s", "velocity_reference"
+    meaning = "velocity RMSE of the reference, over the estimates that are scored"
 
 
 class OverReference(EstimateMetric):

@@ -154,18 +154,7 @@ def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> 
     return np.asarray(np.divide(similarity, whole, out=np.zeros_like(similarity), where=whole > EPSILON))
 
 
-class IdentityCounts(NamedTuple):
-    """Instants of objects and tracks."""
-
-    true: int
-    """IDTP: an object and the track that stands for it over the run are together."""
-    missed: int
-    """IDFN."""
-    false: int
-    """IDFP."""
-
-
-def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> IdentityCounts:
+def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> tuple[int, int, int]:
     """Counts of the one-to-one matching of objects and tracks, for the whole run, with most instants together.
 
     Source: Ristani et al. (2016), "Performance measures and a data set for multi-target, multi-camera tracking".
@@ -174,9 +163,13 @@ def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) ->
         pairs: all that are near enough to be the same.
         object_counts: ``(N,)`` instants at which each object is there.
         track_counts: ``(tracks,)`` the same of the tracks.
+
+    Returns:
+        IDTP, instants at which an object and the track that stands for it are together; IDFN, other instants of
+        objects; IDFP, other instants of tracks.
     """
     objects, tracks = len(object_counts), len(track_counts)
     together = np.bincount(pairs.object * tracks + pairs.track, minlength=objects * tracks)
     table = together.reshape(objects, tracks).astype(float)
     true = int(table[largest_assignment(table)].sum())
-    return IdentityCounts(true, int(object_counts.sum()) - true, int(track_counts.sum()) - true)
+    return true, int(object_counts.sum()) - true, int(track_counts.sum()) - true

@@ -134,7 +134,7 @@ def score_run(
         "gospa_false": (float(parts.false.sum()), steps),
         "gospa_switch": (trajectory.switch, steps),
         "tgospa": (trajectory.total, steps),
-        "ospa": (float(ospa(of_gospa, parts).sum()), steps),
+        "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         "hota": (float(higher_order.hota.mean()), any_there),
         "deta": (float(higher_order.detection.mean()), any_there),

@@ -56,8 +56,9 @@ def _parts(instant: Indices, distance: Array, objects: Indices, tracks: Indices,
     return GospaParts(np.asarray(localisation, dtype=float), half * (objects - pairs), half * (tracks - pairs))
 
 
-def ospa(counted: Counted, parts: GospaParts) -> Array:
-    """``(T,)`` squared optimal sub-pattern assignment metric of order 2, m^2, from the parts of :func:`gospa`.
+def ospa(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
+    """``(T,)`` optimal sub-pattern assignment metric to the power p from GOSPA's parts and the ``(T,)`` numbers of
+    objects and tracks; m^2 with the parts of :func:`gospa`.
 
     Both metrics have the same optimal matching. With ``n`` the larger number of objects and tracks, OSPA to the power p
     is the distances of matched pairs plus ``c^p`` for each of the ``n`` that is not matched, divided by ``n``; 0 where
@@ -65,15 +66,8 @@ def ospa(counted: Counted, parts: GospaParts) -> Array:
 
     Source: Schuhmacher, Vo and Vo (2008), "A consistent metric for performance evaluation of multi-object filters".
     """
-    objects, tracks = counted.due.sum(axis=1), counted.present.sum(axis=1)
-    return ospa_of_parts(parts, objects, tracks)
-
-
-def ospa_of_parts(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
-    """``(T,)`` OSPA to the power p from GOSPA's parts and the ``(T,)`` numbers of objects and tracks."""
-    most = np.maximum(objects, tracks)
     unmatched = 2.0 * np.where(tracks > objects, parts.false, parts.missed)
-    return np.asarray((parts.localisation + unmatched) / np.maximum(most, 1))
+    return np.asarray((parts.localisation + unmatched) / np.maximum(np.maximum(objects, tracks), 1))
 
 
 def ospa2(counted: Counted, window: int) -> Array:

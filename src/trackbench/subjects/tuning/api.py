@@ -126,11 +126,15 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
     for other in scenarios[1:]:
         for item in parameters:
             parse_range(str(item), other, name)
-    trials = plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1)
-    start = start_values(first, name, parameters)
-    notes += why_no_start(first, name, parameters)
     return TuningTask(
-        name, plan.objective, tuple(parameters), start, trials, plan.seed, plan.storage, notes=tuple(notes)
+        tracker=name,
+        objective=plan.objective,
+        parameters=tuple(parameters),
+        start=start_values(first, name, parameters),
+        count=plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1),
+        seed=plan.seed,
+        storage=plan.storage,
+        notes=(*notes, *why_no_start(first, name, parameters)),
     )
 
 

@@ -139,16 +139,28 @@ def _influence(
     return np.asarray(total)
 
 
-@dataclass(frozen=True)
-class Tuning:
-    """What the tuning of one tracker found."""
+@dataclass(frozen=True, kw_only=True)
+class TuningTask:
+    """The tuning of one tracker."""
 
     tracker: str
-    scenarios: tuple[str, ...]
     objective: Objective
     parameters: tuple[Parameter, ...]
     start: dict[str, Any] | None
-    """The values that it had; None where one of them is in no range."""
+    """The values that it has; None where one of them is in no range."""
+    count: int
+    """Of trials."""
+    seed: int = 0
+    storage: Path | None = None
+    notes: tuple[str, ...] = ()
+    """What should be known of the ranges."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning(TuningTask):
+    """What the tuning of one tracker found."""
+
+    scenarios: tuple[str, ...]
     start_measures: Mapping[str, float]
     """What the start gives on what was tuned on, as a trial's ``measures``."""
     best: TuningTrial
@@ -162,8 +174,6 @@ class Tuning:
     train_runs: tuple[int, ...]
     engine: ComputedBy | None
     """What computed a built-in tracker; None of any other."""
-    notes: tuple[str, ...] = ()
-    """What should be known of the ranges."""
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
@@ -175,21 +185,6 @@ class Tuning:
     def front(self) -> list[TuningTrial]:
         """The trials that no other beats in both losses; empty where there is one."""
         return front_of([*self.trials, self.best]) if len(self.objective.axes) > 1 else []
-
-
-@dataclass(frozen=True)
-class TuningTask:
-    """The tuning of one tracker."""
-
-    tracker: str
-    objective: Objective
-    parameters: tuple[Parameter, ...]
-    start: dict[str, Any] | None
-    trials: int
-    seed: int = 0
-    storage: Path | None = None
-    notes: tuple[str, ...] = ()
-    """What should be known of the ranges."""
 
 
 def tune_tracker(
@@ -219,7 +214,7 @@ def tune_tracker(
     """
     objective = task.objective
     wanted = objective.metric, objective.measure
-    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.trials, *wanted)
+    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.count, *wanted)
     start = _start(evaluator, objective)
     used = evaluator.engine_used
     if used is not None:
@@ -229,7 +224,7 @@ def tune_tracker(
 
     # After them comes a pass over each option, with about so many trials.
     last = len(FACTORS) * len(task.parameters)
-    total = task.trials + last
+    total = task.count + last
 
     def advance_from(done: int, size: int) -> Progress:
         return lambda part, parts: progress(done + part / parts * size, total)
@@ -239,21 +234,18 @@ def tune_tracker(
         return [trial_of(objective, *pair, start) for pair in zip(points, outcomes, strict=True)]
 
     front = len(objective.axes) > 1
-    search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
-    made = study.trials[: task.trials]
+    search(task.parameters, study, task.start, make, objective.losses, task.count, task.seed, front)
+    made = study.trials[: task.count]
     best = chosen_of(objective, made)
     if best is None:
         raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
-    best, responses = polished(evaluator, objective, start, made, best, advance_from(task.trials, last))
+    best, responses = polished(evaluator, objective, start, made, best, advance_from(task.count, last))
     others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine, 1, *wanted)
     held_out = compare_held_out(others, best.values)
     return Tuning(
-        tracker=task.tracker,
+        **vars(task),
         scenarios=tuple(bench.name for bench in train),
-        objective=objective,
-        parameters=task.parameters,
-        start=task.start,
         start_measures=measures_of(start),
         best=best,
         trials=tuple(made),
@@ -263,7 +255,6 @@ def tune_tracker(
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
         engine=None if used is None else used.engine,
-        notes=task.notes,
     )
 
 
