@@ -98,7 +98,6 @@ def _options(model: Any, without: Sequence[str] = ()) -> str:
 
 def _metrics() -> Iterator[Row]:
     from trackbench.metrics.registry import METRICS, metric_paths
-    from trackbench.scenario.cross_checks import traffic_paths
 
     def rows(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
         for metric in metrics:
@@ -109,8 +108,8 @@ def _metrics() -> Iterator[Row]:
     own = METRICS.loaded().values()
     yield from rows(metric_paths(metric for metric in own if metric.scores == "estimates"))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
-    yield from rows(traffic_paths(truth=True, own=of_tracks).values(), "hidden identities: ")
-    yield from rows(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
+    yield from rows(metric_paths(of_tracks, hidden=True), "hidden identities: ")
+    yield from rows(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
 
 
 def _envs() -> Iterator[Row]:

@@ -14,12 +14,16 @@ from trackbench.metrics.protocol import SENSOR, Field, Metric
 HEALTH = "health."
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
-_HEALTH = (
-    Field(HEALTH + "diverged_runs", "runs whose position error exceeded score.divergence_m"),
-    Field(HEALTH + "repaired_covariances", "covariances that had to be made positive definite again"),
-    Field(HEALTH + "repaired_runs", "runs in which that happened"),
-    Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity"),
-)
+#: By whether identities are hidden.
+_HEALTH = {
+    False: (
+        Field(HEALTH + "diverged_runs", "runs whose position error exceeded score.divergence_m"),
+        Field(HEALTH + "repaired_covariances", "covariances that had to be made positive definite again"),
+        Field(HEALTH + "repaired_runs", "runs in which that happened"),
+        Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity"),
+    ),
+    True: (Field(HEALTH + "reused_ids", "identities that were used again after their track had ended"),),
+}
 
 
 def built_in_metrics(hidden: bool, truth: bool = True) -> tuple[Metric, ...]:
@@ -37,17 +41,20 @@ def headline(metrics: Iterable[Metric]) -> str:
     return next(metric.path for metric in metrics if metric.ranks)
 
 
-def metric_paths(own: Iterable[Metric | type[Metric]] = ()) -> list[Field]:
-    """What an expectation may name of the built-in metrics and of others."""
-    return [*(field for metric in (*BUILT_IN, *own) for field in entries(metric)), *_HEALTH]
+def metric_paths(own: Iterable[Metric | type[Metric]] = (), hidden: bool = False, truth: bool = True) -> list[Field]:
+    """What an expectation may name of the built-in metrics, as :func:`built_in_metrics`, and of others."""
+    metrics = (*built_in_metrics(hidden, truth), *own)
+    return [*(field for metric in metrics for field in entries(metric)), *_HEALTH[hidden]]
 
 
-def by_path(sensors: Iterable[str], own: Sequence[Metric] = ()) -> dict[str, Field]:
+def by_path(
+    sensors: Iterable[str], own: Sequence[Metric] = (), hidden: bool = False, truth: bool = True
+) -> dict[str, Field]:
     """Every path that an expectation may name in a scenario with these sensors."""
     names = list(sensors)
     return {
         path: field
-        for field in metric_paths(own)
+        for field in metric_paths(own, hidden, truth)
         for path in ([field.name.replace(SENSOR, name) for name in names] if field.per_sensor else [field.name])
     }
 

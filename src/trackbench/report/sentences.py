@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.metrics.differences import SILENCE
-from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
+from trackbench.metrics.verdicts import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, percent
 from trackbench.report.pairs import Pair, Pairs

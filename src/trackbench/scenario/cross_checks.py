@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest
-from trackbench.metrics import Field, Metric
-from trackbench.metrics.registry import HEALTH, built_in_metrics, by_path, entries
+from trackbench.metrics import Field
+from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
@@ -201,18 +201,9 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator
 
 def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     """Every path that an expectation may name."""
-    if scenario.sensing.identities == "known":
-        return by_path(scenario.sensors, scenario.score.metrics)
-    truth = scenario.truth
-    return traffic_paths(not (isinstance(truth, RecordingTruth) and truth.without_truth), scenario.score.metrics)
-
-
-def traffic_paths(truth: bool, own: Iterable[Metric | type[Metric]] = ()) -> dict[str, Field]:
-    """What an expectation may name with hidden identities, by path: metrics of tracks with or without a truth."""
-    metrics = [*built_in_metrics(True, truth), *own]
-    fields = {field.name: field for metric in metrics for field in entries(metric)}
-    reused = HEALTH + "reused_ids"
-    return {**fields, reused: Field(reused, "identities that were used again after their track had ended")}
+    hidden, truth = scenario.sensing.identities == "hidden", scenario.truth
+    known = not (isinstance(truth, RecordingTruth) and truth.without_truth)
+    return by_path(scenario.sensors, scenario.score.metrics, hidden, known)
 
 
 def _limit(

@@ -13,7 +13,6 @@ from trackbench.metrics import Field
 from trackbench.metrics.registry import METRICS, metric_paths
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
-from trackbench.scenario.cross_checks import traffic_paths
 from trackbench.scenario.schema import REFERENCE, Schema, json_schema
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
@@ -215,8 +214,8 @@ def _presets() -> str:
 def _metrics() -> str:
     tables: dict[str, Iterable[Field]] = {
         "Metrics": metric_paths([*METRICS.loaded().values()]),
-        "Metrics with hidden identities": traffic_paths(truth=True).values(),
-        "Metrics with hidden identities, of a recording without a truth": traffic_paths(truth=False).values(),
+        "Metrics with hidden identities": metric_paths(hidden=True),
+        "Metrics with hidden identities, of a recording without a truth": metric_paths(hidden=True, truth=False),
     }
     note = "The metrics with a yes under `better_than` can be compared by it, run by run."
     return "\n\n".join([note, *(_table_of(title, [*metrics]) for title, metrics in tables.items())])

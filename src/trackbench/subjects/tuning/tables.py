@@ -53,20 +53,17 @@ def held_out(item: Tuning, name: str = "") -> Table:
     compared = item.held_out.of(main)
     places = decimals([end.value for comparison in compared for end in (comparison.start, comparison.tuned)], 4)
     unit = compared[0].unit if compared else ""
+    start = Column(f"{WORDS[main]}{f', {unit}' if unit else ''}: start")
     difference = Column("difference", "With its 95 % interval, from the same runs.", details="95 % interval")
     columns = [
         (Column("scenario", left=True), [Cell(row.scenario) for row in compared]),
-        (
-            Column(f"{WORDS[main]}{f', {unit}' if unit else ''}: start"),
-            [Cell(fixed(row.start.value, places), _interval(row.start.ci95, places)) for row in compared],
-        ),
-        (
-            Column("tuned"),
-            [Cell(fixed(row.tuned.value, places), _interval(row.tuned.ci95, places)) for row in compared],
-        ),
-        (
-            difference,
-            [Cell(signed(row.difference.value, places), _interval(row.difference.ci95, places)) for row in compared],
+        *(
+            (column, [Cell(text(side.value, places), _interval(side.ci95, places)) for side in sides])
+            for column, text, sides in (
+                (start, fixed, [row.start for row in compared]),
+                (Column("tuned"), fixed, [row.tuned for row in compared]),
+                (difference, signed, [row.difference for row in compared]),
+            )
         ),
         (Column("verdict", left=True), [Cell(row.verdict, tone=_TONES.get(row.verdict, "")) for row in compared]),
     ]
