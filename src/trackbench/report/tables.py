@@ -9,8 +9,7 @@ from typing import TypeVar
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import mean_text
-from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
+from trackbench.metrics.verdicts import WHITENESS_TOLERANCE, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
 from trackbench.report.pairs import Pair, Pairs, letters
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
