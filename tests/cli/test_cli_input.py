@@ -13,10 +13,8 @@ Cli = Callable[..., Any]
 # Arguments, and what the message says.
 BAD_USAGE = [
     (["rn", "tiny.yaml"], "No such command 'rn'. Did you mean 'run'?"),
-    (
-        ["run", "tiny.yaml", "--worker", "2"],
-        "No such option '--worker'. (Did you mean one of: '--trackers', '--workers'?)",
-    ),
+    # Click's words are others in each version.
+    (["run", "tiny.yaml", "--worker", "2"], "--workers"),
     (["run"], "Missing argument"),
     (["run", "tiny.yaml", "--runs", "0"], "0 is not in the range x>=1"),
     (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
