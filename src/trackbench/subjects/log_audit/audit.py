@@ -236,7 +236,7 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
     units = [finding for finding in of_truth if finding.changes]
     if units:
         # Range rates are judged by the truth's velocity, so that is put right first.
-        fixed = _audited(scenario_of(corrected(loaded, units), loaded.path), progress)
+        fixed = _audited(_with_findings(loaded, units), progress)
         return replace(fixed, scenario=loaded, velocities=tuple(velocities), findings=(*units, *fixed.findings))
     clipped = drive.clipped()
     looked = scan_cycles(clipped)
@@ -293,7 +293,7 @@ def _with_squares(audit: LogAudit) -> LogAudit:
         audit = replace(audit, findings=findings)
     before = after = _squares(audit.scenario)
     if audit.changes:
-        after = _squares(scenario_of(corrected(audit.scenario, findings), audit.scenario.path))
+        after = _squares(_with_findings(audit.scenario, findings))
     sensors = {
         name: replace(item, square_before=before.get(name), square_after=after.get(name))
         for name, item in audit.sensors.items()
@@ -301,10 +301,14 @@ def _with_squares(audit: LogAudit) -> LogAudit:
     return replace(audit, sensors=sensors)
 
 
+def _with_findings(loaded: Scenario, findings: Iterable[LogFinding]) -> Scenario:
+    return scenario_of(corrected(loaded, findings), loaded.path)
+
+
 def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
     """Whether the scenario with findings put in is not valid."""
     try:
-        scenario_of(corrected(loaded, findings), loaded.path)
+        _with_findings(loaded, findings)
     except InputError:
         return True
     return False

@@ -73,10 +73,15 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
     if kind == "metric" and (unfit := unfit_name(name)):
         raise InputError(f"no metric can be written: {unfit}")
     filter_ = None if around is None else wrapped(around)
-    texts = {
-        out / pattern.format(name=name): _rendered(_template(template, filter_), name, filter_)
-        for pattern, template in KINDS[kind].items()
-    }
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    texts = {}
+    for pattern, template in KINDS[kind].items():
+        source = "around.py.j2" if filter_ is not None and template == "tracker.py.j2" else template
+        text = files(__package__).joinpath("templates", source).read_text(encoding="utf-8")
+        rendered = environment.from_string(text).render(name=name, cls=class_name(name), around=filter_)
+        texts[out / pattern.format(name=name)] = rendered
     there = [str(path) for path in texts if path.exists()]
     if there:
         raise InputError(f"{' and '.join(there)} {'is' if len(there) == 1 else 'are'} there already: use another name")
@@ -93,18 +98,6 @@ def decisions(path: Path) -> list[int]:
     """The lines of a written module that name a decision left to its author."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("# Decide:")]
-
-
-def _template(template: str, around: Wrapped | None) -> str:
-    return "around.py.j2" if around is not None and template == "tracker.py.j2" else template
-
-
-def _rendered(template: str, name: str, around: Wrapped | None) -> str:
-    text = files(__package__).joinpath("templates", template).read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    return environment.from_string(text).render(name=name, cls=class_name(name), around=around)
 
 
 def _write(texts: Mapping[Path, str]) -> None:
