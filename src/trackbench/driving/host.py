@@ -13,7 +13,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
-from trackbench.driving.steppers import local
+from trackbench.driving.steppers import Stepper, local
 from trackbench.driving.wire import Arrays, receive_request, send_answer
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -33,17 +33,11 @@ ORPHANED = 2.0
 PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd")
 
 
-class Stepped(Protocol):
-    """A tracker with its state."""
-
-    def step(self, scan: Scan) -> Estimate | Tracks | None: ...
-
-
 class Host:
     """Answers the requests of the bench, each named after a method."""
 
     def __init__(self) -> None:
-        self._stepped: dict[int, Stepped] = {}
+        self._stepped: dict[int, Alone | Stepper] = {}
         self._numbers = 0
 
     def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], Arrays]:
@@ -106,7 +100,7 @@ class Host:
         assert isinstance(stepped, Alone)
         return stepped
 
-    def _keep(self, stepped: Stepped) -> int:
+    def _keep(self, stepped: Alone | Stepper) -> int:
         self._numbers += 1
         self._stepped[self._numbers] = stepped
         return self._numbers

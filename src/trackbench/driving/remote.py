@@ -14,7 +14,6 @@ from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.processes import NO_ANSWER, TrackerProcess
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, local
-from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import check_options, create
@@ -126,7 +125,7 @@ def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Iso
     return make
 
 
-class RemoteStepper:
+class RemoteStepper(Stepper):
     """A tracker that follows a batch in a process of its own, which may have others."""
 
     def __init__(
@@ -147,11 +146,6 @@ class RemoteStepper:
             TrackFault: the tracker failed.
         """
         return _step(self._process, self._number, scan, self._form)
-
-    @property
-    def engine_used(self) -> EngineUsed | None:
-        """Only a built-in tracker says what computed it."""
-        return None
 
     def close(self) -> None:
         """End the process."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,9 +31,10 @@ from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
 
 
-class Stepper(Protocol):
+class Stepper(ABC):
     """A tracker made ready for a batch: of tracks, or of runs with several objects each."""
 
+    @abstractmethod
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """The estimate of every member, None while there is none; or the tracks of all runs, ids padded with -1.
 
@@ -40,14 +42,13 @@ class Stepper(Protocol):
             scan: ``measurement`` ``(m, batch)``, with hidden identities ``(m, D, runs)``.
             origins: ``(D, runs)`` the object that each detection stems from, for the tracker that knows them.
         """
-        ...
 
     @property
     def engine_used(self) -> EngineUsed | None:
         """What computed the steps so far; None of a tracker that is not built in."""
-        ...
+        return None
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - in this process nothing is left to end
         """It is no longer needed."""
 
 
@@ -84,19 +85,7 @@ def local(
     return Batched(tracker, form) if getattr(tracker, "batched", False) else Looped(make, batch, form)
 
 
-class InProcessStepper:
-    """What ends with the bench."""
-
-    @property
-    def engine_used(self) -> EngineUsed | None:
-        """Only a built-in tracker says what computed it."""
-        return None
-
-    def close(self) -> None:
-        """Nothing is left to end."""
-
-
-class Direct(InProcessStepper):
+class Direct(Stepper):
     """A built-in tracker of one object, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
@@ -114,7 +103,7 @@ class Direct(InProcessStepper):
         return self._tracker.engine_used
 
 
-class Offline(InProcessStepper):
+class Offline(Stepper):
     """A smoother, which gets all scans before the first step."""
 
     def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
@@ -145,7 +134,7 @@ class AnswerForm(NamedTuple):
     """One answer from those of all members."""
 
 
-class Batched(InProcessStepper):
+class Batched(Stepper):
     """A tracker that steps every member of the batch at once."""
 
     def __init__(self, tracker: Any, form: AnswerForm) -> None:
@@ -173,7 +162,7 @@ class Batched(InProcessStepper):
         return tracker.engine_used if isinstance(tracker, MultiObjectTracker) else None
 
 
-class Looped(InProcessStepper):
+class Looped(Stepper):
     """A tracker of one track, or of one run: a fresh one for each member.
 
     A tracker of one object is called from the member's first measurement on.
