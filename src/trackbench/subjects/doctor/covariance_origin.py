@@ -21,7 +21,7 @@ ROUNDING = 1e-6
 AHEAD = (0.02, 0.1, 0.5)
 
 Make = Callable[[], Tracker]
-Measure = Callable[[Array], float]
+Measure = Callable[[Array], Array]
 Blame = Callable[[Array, Array, Array | None], bool]
 """Of the covariances before a step, predicted and after it: whether the prediction is to blame."""
 
@@ -56,10 +56,12 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
 
     def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
         """Whether the prediction adds more to the asymmetry than the update does."""
-        first, then = (_asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
-        return then > ROUNDING and (after is None or then - first >= _asymmetry(scaled(after, like=predicted)) - then)
+        first, then = (asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
+        return bool(
+            then > ROUNDING and (after is None or then - first >= asymmetry(scaled(after, like=predicted)) - then)
+        )
 
-    origin = _origin(make, scans, _asymmetry, adds_more)
+    origin = _origin(make, scans, asymmetry, adds_more)
     if origin is None or origin.step != "prediction":
         return origin
     ratio = _ratio(make, scans, _mirrored(origin))
@@ -84,17 +86,9 @@ def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
 
     def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
         """An update is right only of a positive definite covariance."""
-        return _indefiniteness(scaled(predicted)) > ROUNDING
+        return bool(least_eigenvalue(scaled(predicted)) < -ROUNDING)
 
-    return _origin(make, scans, _indefiniteness, is_wrong)
-
-
-def _asymmetry(relative: Array) -> float:
-    return float(asymmetry(relative))
-
-
-def _indefiniteness(relative: Array) -> float:
-    return -float(least_eigenvalue(relative))
+    return _origin(make, scans, lambda relative: -least_eigenvalue(relative), is_wrong)
 
 
 def named(fault: str, of: FaultyStep | None) -> str:

@@ -12,7 +12,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.trial import Trial, TrialUpdate
+from trackbench.subjects.doctor.trial import Trial
 
 #: Roots and weights of the three-point Gauss-Hermite rule for a standard normal variable.
 ROOTS, WEIGHTS = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)
@@ -115,7 +115,13 @@ class SamplingErrors(NamedTuple):
 def implied(trial: Trial) -> ImpliedModel | None:
     """What an update with the predicted measurement implies; None where it is not that of a Kalman filter."""
     update = trial.update(trial.predicted_measurement)
-    if update is None or update.information is None or not update.used.any() or not _is_kalman(update):
+    if update is None or update.information is None or not update.used.any():
+        return None
+    # Of a Kalman filter the covariance changes only in the column space of the gain; with a fixed gain it does not.
+    change = (trial.prediction.covariance - update.estimate.covariance) / trial.variance_scale
+    base = np.linalg.qr(update.relative_gain[:, update.used])[0]
+    outside, changed = change - base @ (base.T @ change), float(np.linalg.norm(change))
+    if not (changed > 1e-9 and float(np.linalg.norm(outside)) < OUTSIDE * changed):
         return None
     h, spread, sigma = trial.jacobian, trial.state_sigma, trial.sigma
     scaled, rows = h * spread, update.information.T * spread
@@ -160,13 +166,3 @@ def averaged_models(
     direction, size, noise = (np.sqrt(np.nanmean(np.square(of), axis=0)) / 2 for of in (turned, scaled, louder))
     # The standard error of a median is 1.25 times that of a mean.
     return means, SamplingErrors(direction, size, 1.25 * noise / np.sqrt(len(pairs)))
-
-
-def _is_kalman(update: TrialUpdate) -> bool:
-    """Whether the covariance changes only in the column space of the gain; with a fixed gain it does not."""
-    spread = update.trial.state_sigma
-    change = (update.trial.prediction.covariance - update.estimate.covariance) / np.outer(spread, spread)
-    base = np.linalg.qr(update.relative_gain[:, update.used])[0]
-    outside = change - base @ (base.T @ change)
-    size = float(np.linalg.norm(change))
-    return size > 1e-9 and float(np.linalg.norm(outside)) < OUTSIDE * size

@@ -125,8 +125,11 @@ class TrackerSession:
         before = len(self._own.given)
         try:
             estimate = self._own.step(given)
-            if estimate is not None and _too_large(estimate):
-                raise TrackerFault(TOO_LARGE)
+            if estimate is not None:
+                # No target of a probe can be so far or so little known.
+                parts = (estimate.mean, np.sqrt(np.abs(estimate.covariance)))
+                if LARGEST < max(float(np.abs(part).max(initial=0.0)) for part in parts) < np.inf:
+                    raise TrackerFault(TOO_LARGE)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -202,14 +205,6 @@ class TrackerSession:
         if not self._started[column] and np.isnan(mean).all():
             return None
         return Estimate(mean, covariance, None if own is None else own[..., column])
-
-
-def _too_large(estimate: Estimate) -> bool:
-    """Whether it is finite, and no target of a probe can be so far or so little known."""
-    largest = max(
-        float(np.abs(part).max(initial=0.0)) for part in (estimate.mean, np.sqrt(np.abs(estimate.covariance)))
-    )
-    return LARGEST < largest < np.inf
 
 
 def finite(estimate: Estimate) -> bool:

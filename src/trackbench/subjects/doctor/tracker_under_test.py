@@ -135,7 +135,10 @@ class TrackerUnderTest:
         earlier = 0.1 if replica and self.assumptions.no_misses else 0.0
         scans = self.approach(probe, sensor_set, WARM_UP + earlier)
         if replica and not self.assumptions.no_misses:
-            scans = _with_additional_step(scans)
+            # A prediction shortly before the one two thirds on: the same to a Kalman filter, other random numbers from
+            # there on to a filter that draws some.
+            at = 2 * len(scans) // 3
+            scans.insert(at, empty_scan(scans[at]._replace(time=scans[at].time - ADDITIONAL_STEP)))
         estimates: list[Estimate | None] = []
         with self.recording_failures(probe.name):
             for scan in scans:
@@ -194,7 +197,13 @@ class TrackerUnderTest:
         """
         name = next(iter(self.sensors))
         if probe not in self._at_zero:
-            self._at_zero[probe] = self._stepped_to_zero(probe, name)
+            self._at_zero[probe] = None
+            session = self.session_of_most(probe)
+            if session is not None:
+                with self.recording_failures(probe.name):
+                    session = session.copy()
+                    now = session.step(empty_scan(probe.scan(name, self.sensors[name], 0.0)))
+                    self._at_zero[probe] = None if now is None or not finite(now) else (session, now)
         at_zero = self._at_zero[probe]
         if at_zero is None:
             return None
@@ -205,15 +214,6 @@ class TrackerUnderTest:
             )
         then = self._predictions[probe, step]
         return None if then is None or not finite(then) else (now, then)
-
-    def _stepped_to_zero(self, probe: Probe, name: str) -> tuple[TrackerSession, Estimate] | None:
-        session = self.session_of_most(probe)
-        if session is not None:
-            with self.recording_failures(probe.name):
-                session = session.copy()
-                now = session.step(empty_scan(probe.scan(name, self.sensors[name], 0.0)))
-                return None if now is None or not finite(now) else (session, now)
-        return None
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
@@ -284,14 +284,6 @@ class TrackerUnderTest:
             if estimate is None or np.hypot(*(estimate.mean[:2] - measured)) > 5e-3 * np.hypot(*offset[:2]):
                 return False
         return any(self.trials.values())
-
-
-def _with_additional_step(scans: list[Scan]) -> list[Scan]:
-    """The scans with a prediction shortly before the one two thirds on: the same to a Kalman filter, other random
-    numbers from there on to a filter that draws some."""
-    at = 2 * len(scans) // 3
-    later = scans[at]
-    return [*scans[:at], empty_scan(later._replace(time=later.time - ADDITIONAL_STEP)), *scans[at:]]
 
 
 def sampling_noise(tracker: TrackerUnderTest) -> float:

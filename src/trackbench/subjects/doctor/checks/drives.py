@@ -10,7 +10,7 @@ from trackbench.base.types import Array, Mask
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import TestDrive, drive_configs
-from trackbench.subjects.doctor.evidence import SensorInnovations, evidence_run
+from trackbench.subjects.doctor.evidence import evidence_run
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR
@@ -108,8 +108,8 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
         passed = one.far <= 1.0 and all(one.unbelievable(part) <= 1.0 for part in PARTS)
         result.add(drive.name, passed, _text(one))
         judged.append(one)
-    if judged:
-        result.findings += _too_far_off(judged) + _covariance_unbelievable(judged)
+    findings = (_too_far_off(judged), _covariance_unbelievable(judged))
+    result.findings += [finding for finding in findings if finding is not None]
     return result
 
 
@@ -132,11 +132,11 @@ def _text(one: JudgedDrive) -> str:
     )
 
 
-def _too_far_off(judged: list[JudgedDrive]) -> list[Finding]:
+def _too_far_off(judged: list[JudgedDrive]) -> Finding | None:
     """The drive in which the position is the farthest beyond the bound."""
     off = [one for one in judged if one.far > 1.0]
     if not off:
-        return []
+        return None
     worst = max(off, key=lambda one: one.far)
     own, other = worst.rms
     begin, within = _interval(worst, worst.errors.distance, worst.measured, largest=True)
@@ -145,17 +145,17 @@ def _too_far_off(judged: list[JudgedDrive]) -> list[Finding]:
         f"in {worst.drive.name} ({worst.drive.config.description}) the position is {own:.3g} m off (RMS of what is "
         f"judged), the reference's {other:.3g} m; most from {begin:.1f} to {begin + SHOWN:.1f} s: "
         f"{_rms(worst.errors.distance[within]):.3g} m against {_rms(worst.reference.distance[within]):.3g} m"
-        f"{_others(len(off), len(judged))}"
+        f" ({len(off)} of {len(judged)} drives)"
     )
     exhibit = _shown(worst, "position", run, begin)
-    return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)]
+    return Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)
 
 
-def _covariance_unbelievable(judged: list[JudgedDrive]) -> list[Finding]:
+def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
     """The drive in which the NEES is the farthest beyond a bound."""
     off = [(one, part) for one in judged for part in PARTS if one.unbelievable(part) > 1.0]
     if not off:
-        return []
+        return None
     worst, part = max(off, key=lambda pair: pair[0].unbelievable(pair[1]))
     nees = worst.nees(part)
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
@@ -164,20 +164,11 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> list[Finding]:
         f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), "
         f"the reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: {_compared(nees)}; most from "
         f"{begin:.1f} to {begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
-        f"{_others(len({one.drive.name for one, _ in off}), len(judged))}"
+        f" ({len({one.drive.name for one, _ in off})} of {len(judged)} drives)"
     )
+    fault, drive = "covariance_unbelievable", worst.drive.name
     exhibit, factor = _shown(worst, part, run, begin), 2.0 / max(nees, 1e-12)
-    return [
-        Finding(
-            "covariance_unbelievable",
-            0.85,
-            text,
-            factor=factor,
-            shown_by=worst.drive.name,
-            run=run,
-            exhibit=exhibit,
-        )
-    ]
+    return Finding(fault, 0.85, text, factor=factor, shown_by=drive, run=run, exhibit=exhibit)
 
 
 def _shown(one: JudgedDrive, part: str, run: int, begin: float) -> OverTime:
@@ -201,10 +192,6 @@ def _compared(nees: float) -> str:
         return "as of no positive definite covariance"
     ratio, words = (np.sqrt(nees / 2.0), "smaller") if nees > 2.0 else (np.sqrt(2.0 / nees), "larger")
     return f"the stated standard deviations are {ratio:.3g} times {words} than the errors"
-
-
-def _others(number: int, of: int) -> str:
-    return f" ({number} of {of} drives)"
 
 
 def _interval(one: JudgedDrive, values: Array, where: Mask, *, largest: bool) -> tuple[float, Mask]:
@@ -259,26 +246,18 @@ def innovations(tracker: TrackerUnderTest) -> PartResult:
         return result
     drive, reference = found
     for of in evidence_run(tracker.make, drive, reference, []).innovations:
-        _check(result, of)
+        angular, mean = SENSOR_MODELS[of.kind].angular, np.nanmean(of.applied / of.sigma[:, None], axis=1)
+        means = ", ".join(f"{name.replace('_', ' ')} {v:.2g}" for name, v in zip(of.components, mean, strict=True))
+        nis = float(np.nanmean(np.sum(of.whitened**2, axis=0)))
+        text = f"mean {means} sigma; NIS {nis:.3g} (expected: {len(of.sigma)}); "
+        text += f"lag-one autocorrelation {_autocorrelation(of.whitened):.2g}"
+        unwrapped = sum(int(np.sum(np.abs(of.applied[i]) > np.pi)) for i in angular)
+        if angular:
+            text += f"; {unwrapped} of {of.applied.shape[1]} larger than pi"
+        # The motion model alone can give the innovations a mean and a correlation in this drive; these are only
+        # reported.
+        result.add(f"innovations.{of.sensor}", unwrapped == 0, text)
     return result
-
-
-def _check(result: PartResult, of: SensorInnovations) -> None:
-    model = SENSOR_MODELS[of.kind]
-    mean = np.nanmean(of.applied / of.sigma[:, None], axis=1)
-    unwrapped = sum(int(np.sum(np.abs(of.applied[i]) > np.pi)) for i in model.angular)
-    nis = float(np.nanmean(np.sum(of.whitened**2, axis=0)))
-    parts = [
-        "mean "
-        + ", ".join(f"{name.replace('_', ' ')} {value:.2g}" for name, value in zip(of.components, mean, strict=True))
-        + " sigma",
-        f"NIS {nis:.3g} (expected: {len(of.sigma)})",
-        f"lag-one autocorrelation {_autocorrelation(of.whitened):.2g}",
-    ]
-    if model.angular:
-        parts.append(f"{unwrapped} of {of.applied.shape[1]} larger than pi")
-    # The motion model alone can give the innovations a mean and a correlation in this drive; they are only reported.
-    result.add(f"innovations.{of.sensor}", unwrapped == 0, "; ".join(parts))
 
 
 def _autocorrelation(whitened: Array) -> float:

@@ -56,7 +56,8 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
         elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
             passed = None
-            text = f"{_sampling(errors)}: a smaller error of a row cannot be told from it; {text}"
+            turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
+            text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told from it; {text}"
         result.add(name, passed, text, *findings)
     return result
 
@@ -253,10 +254,6 @@ def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Senso
     }
     unit = units.pop()
     return "" if units or unit is None else f": {unit.words}"
-
-
-def _sampling(errors: SamplingErrors) -> str:
-    return f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%} (standard error of two answers)"
 
 
 def _result(rows: Sequence[ImpliedModel]) -> str:

@@ -8,8 +8,9 @@ A tracker may provide these methods, each of its own state ``(n,)`` (that of ``E
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,16 +27,6 @@ TOLERANCE = 1e-3
 STEP = 1e-5
 
 
-class WorstEntry(NamedTuple):
-    """The entry of a Jacobian with the largest error."""
-
-    size: float
-    text: str
-    sensor: str | None
-    probe: str
-    exhibit: Matrices
-
-
 def models(tracker: TrackerUnderTest) -> PartResult:
     """Compare each Jacobian that the tracker provides with finite differences of its model."""
     provided = [name for name in MODELS if _has(tracker, name) and _has(tracker, f"{name}_jacobian")]
@@ -45,19 +36,18 @@ def models(tracker: TrackerUnderTest) -> PartResult:
     question = f"Are the Jacobians of the {' and the '.join(provided)} that the tracker provides right?"
     if not entries:
         return PartResult().add("models", None, "its estimates have no state", question=question)
-    worst = max(entries, key=lambda entry: entry.size)
-    passed = worst.size < TOLERANCE
-    text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.text}"
-    fault = "jacobian_wrong"
-    finding = Finding(fault, 0.98, text, sensor=worst.sensor, shown_by=worst.probe, exhibit=worst.exhibit)
-    return PartResult().add("models", passed, text, None if passed else finding, question=question)
+    size, worst = max(entries, key=lambda entry: entry[0])
+    text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.evidence}"
+    finding = None if size < TOLERANCE else replace(worst, evidence=text)
+    return PartResult().add("models", finding is None, text, finding, question=question)
 
 
 def _has(tracker: TrackerUnderTest, name: str) -> bool:
     return callable(getattr(tracker.make(), name, None))
 
 
-def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
+def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[tuple[float, Finding]]:
+    """The largest error of each Jacobian, as a finding."""
     fresh = tracker.make()
     model, jacobian = getattr(fresh, name), getattr(fresh, f"{name}_jacobian")
     for probe in tracker.probes.regular:
@@ -87,7 +77,8 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
                 (Panel("provided", provided), Panel("finite differences", found, "right")),
                 ((int(i), int(j)),),
             )
-            yield WorstEntry(float(apart[i, j]), text, sensor if name == "measurement" else None, probe.name, exhibit)
+            fault, of = "jacobian_wrong", sensor if name == "measurement" else None
+            yield float(apart[i, j]), Finding(fault, 0.98, text, sensor=of, shown_by=probe.name, exhibit=exhibit)
 
 
 def _unit(provided: Array, found: Array) -> str:

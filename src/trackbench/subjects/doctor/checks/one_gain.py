@@ -120,16 +120,13 @@ def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
     worst = max(errors, key=lambda one: one.gain)
     trial = worst.update.trial
     exhibit = gain_shown(trial, worst.update.gain, worst.right)
-    text = f"the gain of {sensor} is {words} ({len(errors)} trials){_covariance_of(errors)}"
-    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name, exhibit=exhibit)
-
-
-def _covariance_of(errors: Sequence[UpdateErrors]) -> str:
-    """Of which gain the covariance is."""
+    text = f"the gain of {sensor} is {words} ({len(errors)} trials)"
     of_right, of_applied = _covariance_errors(errors)
     if of_right < min(WRONG, of_applied / RATIO):
-        return ", while the covariance after it is that of one update with the right gain"
-    return ", and the covariance after it is that of this gain" if of_applied < WRONG else ""
+        text += ", while the covariance after it is that of one update with the right gain"
+    elif of_applied < WRONG:
+        text += ", and the covariance after it is that of this gain"
+    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name, exhibit=exhibit)
 
 
 def _covariance_errors(errors: Sequence[UpdateErrors]) -> tuple[float, float]:
@@ -163,7 +160,10 @@ def _simpler(errors: Sequence[UpdateErrors]) -> tuple[str, float | None] | None:
             (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
             for times in range(2, TIMES + 1)
         ]
-    misfits = [float(np.quantile([_gain_misfit(one, way(one)) for one in errors], MOST)) for _, _, way in ways]
+    misfits = [
+        float(np.quantile([relative_error(e.update.gain, way(e), e.update.trial.gain_scale) for e in errors], MOST))
+        for _, _, way in ways
+    ]
     best, alone = int(np.argmin(misfits)), float(np.quantile([one.gain for one in errors], MOST))
     if misfits[best] > min(RIGHT, alone / RATIO) or alone < CLEAR:
         return None
@@ -192,10 +192,6 @@ def _of_diagonal(one: UpdateErrors) -> Array:
     cross = linalg.symmetrise(trial.prediction.covariance) @ trial.jacobian.T
     innovation = trial.jacobian @ cross + trial.scan.noise_covariance
     return np.asarray(np.where(one.update.used, cross / np.diag(innovation), 0.0))
-
-
-def _gain_misfit(one: UpdateErrors, gain: Array) -> float:
-    return relative_error(one.update.gain, gain, one.update.trial.gain_scale)
 
 
 def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
@@ -238,14 +234,16 @@ def _said(errors: Sequence[UpdateErrors], off: float) -> str:
     factor = _joseph_factor(errors)
     ways: dict[str, Callable[[Trial, Array], Array]] = {
         "that of Joseph's form without K R K^T": _without_noise,
-        "that of two updates": _twice,
+        "that of two updates": lambda trial, k: joseph(trial, k, joseph(trial, k)),
         "the right one without the entries beside its diagonal": lambda trial, k: np.diag(np.diag(joseph(trial, k))),
         f"that of Joseph's form with {1 + factor:.3g} or {1 - factor:.3g} times the applied gain": (
             lambda trial, k: joseph(trial, (1 + factor) * k)
         ),
     }
     misfits = {
-        words: float(np.median([_misfit(one, way(one.update.trial, one.right)) for one in errors]))
+        words: float(
+            np.median([_covariance_error(e.update, way(e.update.trial, e.right), e.right_covariance) for e in errors])
+        )
         for words, way in ways.items()
     }
     best = min(misfits, key=lambda words: misfits[words])
@@ -255,14 +253,6 @@ def _said(errors: Sequence[UpdateErrors], off: float) -> str:
 def _without_noise(trial: Trial, gain: Array) -> Array:
     kept = np.eye(4) - gain @ trial.jacobian
     return np.asarray(kept @ linalg.symmetrise(trial.prediction.covariance) @ kept.T)
-
-
-def _twice(trial: Trial, gain: Array) -> Array:
-    return joseph(trial, gain, joseph(trial, gain))
-
-
-def _misfit(one: UpdateErrors, expected: Array) -> float:
-    return _covariance_error(one.update, expected, one.right_covariance)
 
 
 def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:

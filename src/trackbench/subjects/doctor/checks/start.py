@@ -84,11 +84,10 @@ def first_estimates(
                 return [None] * len(probes)
             # It tells not in which column it failed.
     found: list[FirstEstimate | None] = []
-    for one in targets:
-        with tracker.recording_failures(one.probe.name):
-            found += _started(tracker, [one])
-            continue
+    for target in targets:
         found.append(None)
+        with tracker.recording_failures(target.probe.name):
+            found[-1] = _started(tracker, [target])[0]
     return found
 
 

@@ -58,7 +58,9 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         if bad.where in SINGULAR:
             text += ", where the range is 0"
         # A track that has diverged may overflow for that alone.
-        before, after = _around(tracker, bad)
+        session, before, after = TrackerSession(tracker.make), None, None
+        for scan in bad.given():
+            before, after = after, session.step(scan)
         confidence = 0.98 if before is None or plausible(before) else 0.85
         exhibit = _not_finite_shown(before, after, bad)
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
@@ -127,14 +129,6 @@ def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
     wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
     finding = Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name)
     result.add("predicted_definite", not wrong, text, finding if wrong else None)
-
-
-def _around(tracker: TrackerUnderTest, bad: WorstCase) -> tuple[Estimate | None, Estimate | None]:
-    """The estimate before the first one that is not finite, and that one."""
-    session, before, after = TrackerSession(tracker.make), None, None
-    for scan in bad.given():
-        before, after = after, session.step(scan)
-    return before, after
 
 
 def _not_finite_shown(before: Estimate | None, after: Estimate | None, bad: WorstCase) -> Matrices | None:
