@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import FancyArrowPatch
 
+from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import INK, MUTED, svg_file
-from trackbench.document.model import Figure, LegendEntry
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.graph import Node, ordered
 from trackbench.engine.layout import Input

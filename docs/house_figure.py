@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import FancyBboxPatch
 
+from trackbench.document import Figure
 from trackbench.document.drawing import INK, MUTED, svg_file
-from trackbench.document.model import Figure
 
 FILE = Path(__file__).parent / "images" / "house.svg"
 SOURCE = Path(__file__).parents[1] / "src" / "trackbench"

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Polygon, Rectangle, Wedge
 
 from trackbench.base.types import DUE
+from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import GRID, INK, MUTED, svg_file
-from trackbench.document.model import Figure, LegendEntry
 from trackbench.document.palette import OBSERVER_COLOUR
 from trackbench.models.sensors import Radar
 from trackbench.sensing.scans import ideal_sensors

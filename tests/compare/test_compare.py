@@ -19,8 +19,7 @@ from scipy import stats
 
 from trackbench.base.errors import InputError
 from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, load
-from trackbench.compare.comparability import Comparability, comparability
-from trackbench.compare.metrics import compared_metrics
+from trackbench.compare.comparability import Comparability, comparability, compared_metrics
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired

@@ -13,7 +13,7 @@ import pytest
 from tests.support.places import DOCS, ROOT
 
 from trackbench.base.errors import InputError
-from trackbench.compare.metrics import stored_metric
+from trackbench.compare.comparability import stored_metric
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.results import Result
 from trackbench.runner import work

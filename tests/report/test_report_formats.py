@@ -259,7 +259,7 @@ def test_a_terminal_shows_every_cell_in_its_width(width: int) -> None:
 
 
 def codes(found: Document) -> list[Code]:
-    from trackbench.document.model import every
+    from trackbench.document import every
 
     return [Code(line) for block in every(found.blocks) if isinstance(block, Code) for line in block.text.splitlines()]
 

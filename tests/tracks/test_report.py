@@ -12,10 +12,10 @@ from rich.console import Console
 
 import trackbench as tb
 from trackbench.base.errors import InputError
+from trackbench.document import Document, Figure, Section, every
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
-from trackbench.document.model import Document, Figure, Section, every
 from trackbench.metrics.track_events import events_of
 from trackbench.report.console import print_summary
 from trackbench.report.figures.map import draw_surroundings

@@ -29,8 +29,8 @@ class ReportableComparison(comparison.Comparison):
             sum(len(items) for items in each)
             for each in zip(*((group.scenarios, group.differences) for group in self.groups), strict=True)
         )
-        found = f"{counted(scenarios, 'scenario')}, {counted(differences, 'difference')}"
-        return f"<comparison of {' and '.join(self.sets)}: {found}>"
+        content = f"{counted(scenarios, 'scenario')}, {counted(differences, 'difference')}"
+        return f"<comparison of {' and '.join(self.sets)}: {content}>"
 
     def __str__(self) -> str:
         return str(self.report())
@@ -63,15 +63,16 @@ def compare(
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
     sets = [_set(item) for item in (baseline, *others)]
     chosen = None if trackers is None else listed(trackers)
-    found = compare_sets(sets, metrics=listed(metrics), trackers=chosen, limits=allowed)
-    return ReportableComparison.model_validate(dict(found))
+    compared = compare_sets(sets, metrics=listed(metrics), trackers=chosen, limits=allowed)
+    return ReportableComparison.model_validate(dict(compared))
 
 
-def _set(given: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
+def _set(results_of: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
     """One argument; a folder is read."""
-    if isinstance(given, Path | str):
-        return find(Path(given))
-    several = isinstance(given, list | tuple) and given and all(isinstance(item, results.Result) for item in given)
-    if not several and not isinstance(given, results.Result):
-        raise InputError(f"{given!r} is nothing to compare; give a result, a list of results, or a folder")
-    return given
+    if isinstance(results_of, Path | str):
+        return find(Path(results_of))
+    if isinstance(results_of, results.Result):
+        return results_of
+    if isinstance(results_of, list | tuple) and results_of and all(isinstance(x, results.Result) for x in results_of):
+        return results_of
+    raise InputError(f"{results_of!r} is nothing to compare; give a result, a list of results, or a folder")

@@ -46,8 +46,8 @@ def load(
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
     changes = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else set
     overrides = listed(changes)
-    given = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
-    overrides += [f"{key}={_yaml(value, key)}" for key, value in given.items() if value is not None]
+    options = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
+    overrides += [f"{key}={_yaml(value, key)}" for key, value in options.items() if value is not None]
     if isinstance(scenario, Mapping):
         loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)
     elif isinstance(scenario, str) and "\n" in scenario:
@@ -71,24 +71,24 @@ def load_several(
     Returns:
         The scenarios, and a sentence on those that an option does not change.
     """
-    named, given = [*scenarios], {"runs": runs, "scenes": scenes}
-    changes: list[dict[str, int]] = [{option: n for option, n in given.items() if n is not None} for _ in named]
+    named, options = [*scenarios], {"runs": runs, "scenes": scenes}
+    changes: list[dict[str, int]] = [{option: n for option, n in options.items() if n is not None} for _ in named]
     plain = [load(item, set).config for item in named] if len(named) > 1 and any(changes) else []
-    found = []
+    notes = []
     for option, word, fixed in (
         ("runs", "run", [same_every_run(config) for config in plain]),
         ("scenes", "scene", ["seeds" not in type(config.truth).model_fields for config in plain]),
     ):
-        if given[option] is not None and any(fixed) and not all(fixed):
-            for change, one in zip(changes, fixed, strict=True):
-                if one:
+        if options[option] is not None and any(fixed) and not all(fixed):
+            for change, same in zip(changes, fixed, strict=True):
+                if same:
                     del change[option]
-            names = ", ".join(config.name for config, one in zip(plain, fixed, strict=True) if one)
-            found.append(f"one {word}, whatever --{option} says: {names}")
+            names = ", ".join(config.name for config, same in zip(plain, fixed, strict=True) if same)
+            notes.append(f"one {word}, whatever --{option} says: {names}")
     loaded = [
         load(item, set, seed=seed, trackers=trackers, **change) for item, change in zip(named, changes, strict=True)
     ]
-    return loaded, found
+    return loaded, notes
 
 
 def loaded_scenario(scenario: Scenario | Named) -> Scenario:
@@ -155,13 +155,13 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     if hidden and len(runs) != 1:
         message = "with hidden identities each run has its own number of detections; ask for one run at a time"
         raise InputError(message, key="runs", file=loaded.path)
-    found = truth_of(loaded)
-    work = work_of(loaded, [found])
+    loaded_truth = truth_of(loaded)
+    work = work_of(loaded, [loaded_truth])
     sensors = work.scenes[0].sensors
     if hidden:
         return [scan_of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
     seen = scans.sense(sensors, work.seed, work.scenario, runs).scans
-    shape = (len(found.truth.ids), len(runs))
+    shape = (len(loaded_truth.truth.ids), len(runs))
     return [
         scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))
         for scan in seen

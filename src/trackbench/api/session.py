@@ -52,18 +52,18 @@ def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listene
         TrackbenchError: the processes that do the work died, or a folder cannot be written.
     """
     batch = _Batch(prepared, plan, executor, listener)
-    found = batch.run()
-    ranked = [result.summary.headline for result in found if result.summary.truth.known]
+    finished = batch.run()
+    ranked = [result.summary.headline for result in finished if result.summary.truth.known]
     # Comparable are results whose trackers the same metric ranks.
     if plan.out is not None and len(set(ranked)) < len(ranked):
         from trackbench.compare import compare, results_in
         from trackbench.report.comparison.document import batch_files
 
-        comparison = compare([results_in(plan.out, found)])
+        comparison = compare([results_in(plan.out, finished)])
         for file, content in batch_files(comparison, plan.out, batch.colours):
             results.write_bytes(file, content)
         listener.compared(comparison, plan.out / "comparison.md")
-    return found
+    return finished
 
 
 def _checked(scenario: Scenario, plan: RunPlan) -> Scenario:
@@ -201,7 +201,7 @@ class _Batch:
 
     def run(self) -> list[Result]:
         """The results in the scenarios' order, each saved where the plan says so."""
-        found: list[Result] = []
+        finished: list[Result] = []
         begun: deque[PendingRun | None] = deque()
         unsaved: deque[_Computed] = deque()
         for number, item in enumerate(self._prepared):
@@ -209,8 +209,8 @@ class _Batch:
             begun.extend(self._begun(later) for later in self._prepared[number + len(begun) : last])
             unsaved.append(self._computed(_place(number + 1, self._prepared), item, begun.popleft()))
             while len(unsaved) > self._ahead:
-                found.append(self._ended(unsaved.popleft()))
-        return [*found, *map(self._ended, unsaved)]
+                finished.append(self._ended(unsaved.popleft()))
+        return [*finished, *map(self._ended, unsaved)]
 
     def _begun(self, item: Prepared) -> PendingRun | None:
         """Its runs; None where their number is not known yet."""

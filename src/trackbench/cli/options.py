@@ -110,8 +110,8 @@ def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete:
     """The scenarios by name, and the files of the working directory; any file where none begins like this."""
     from trackbench.scenario.shipped import PATTERN, at_hand
 
-    known = [*at_hand(), *sorted(map(str, Path().glob(PATTERN)))]
-    begun = [CompletionItem(name) for name in known if name.startswith(incomplete)]
+    names = [*at_hand(), *sorted(map(str, Path().glob(PATTERN)))]
+    begun = [CompletionItem(name) for name in names if name.startswith(incomplete)]
     return begun or [CompletionItem(incomplete, type="file")]
 
 

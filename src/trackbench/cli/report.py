@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from trackbench.report.export import ExportFormat
 
 
-#: Of the main file of a format; the other formats have none.
-_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
-
-
 _SAVED = dict(offered("documents"))
 _KINDS = "".join(f" or of {kind_of(name)}," for name in _SAVED)
 _REPORT_HELP = f"""Write the report of a saved result in any format.
@@ -99,18 +95,20 @@ def _document(run: Path) -> Document:
             return saved
     if run.suffix == ".json" and run.name != results.SUMMARY:
         return document(load(run))
-    found = find(run)
-    if len(found.entries) == 1:
-        return result_document(found.entries[0].result)
-    every = (tracker.name for entry in found.entries for tracker in entry.result.summary.trackers)
-    return document(compare([found]), tracker_colours(every), times=True)
+    runs = find(run)
+    if len(runs.entries) == 1:
+        return result_document(runs.entries[0].result)
+    every = (tracker.name for entry in runs.entries for tracker in entry.result.summary.trackers)
+    return document(compare([runs]), tracker_colours(every), times=True)
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
     """The folder of the files, and the name of the main one without its ending."""
+    from trackbench.document.files import MAIN_ENDINGS
+
     if out is None:
         return (run if run.is_dir() else run.parent), name
-    if out.suffix and out.suffix == _ENDINGS.get(format):
+    if out.suffix and out.suffix == MAIN_ENDINGS.get(format):
         return out.parent, out.stem
     if out.suffix in (".csv", ".svg", ".pdf") or out.is_file():
         raise InputError(f"{out}: name a folder, for there are several files", key="--out")
@@ -187,20 +185,20 @@ def compare_command(
         if path is not None:
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    comparison = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
     written = []
-    for file, content in comparison_files(found, out) if out is not None else ():
+    for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)
         written.append(file)
     if junit is not None:
-        results.write_text(junit, to_xml(suites_of_comparison(found)))
+        results.write_text(junit, to_xml(suites_of_comparison(comparison)))
     if as_json:
-        click.echo(json.dumps(found.json(), indent=2, allow_nan=False))
+        click.echo(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:
-        print_document(document(found, times=True), Console())
+        print_document(document(comparison, times=True), Console())
         if out is not None:
             click.echo(_files_in_words(out, written), err=True)
-    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+    raise click.exceptions.Exit(0 if comparison.passed else FAILED_EXPECTATION)
 
 
 def _files_in_words(out: Path, files: Sequence[Path]) -> str:

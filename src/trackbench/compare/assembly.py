@@ -16,7 +16,7 @@ from trackbench.compare.comparability import (
     groups_of_cells,
     require_same_metric,
 )
-from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
+from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
@@ -54,9 +54,12 @@ def compare(
     cells, left_out = cells_of(sets)
     groups, without_truth = groups_of_cells(cells)
     wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)]))
-    known = [group.metrics() for group in groups]
-    _require_metrics(wanted, limits, known)
-    _require_known(sets, trackers)
+    by_path = [group.metrics() for group in groups]
+    _require_metrics(wanted, limits, by_path)
+    names = {name for item in sets for entry in item.entries for name in entry.trackers}
+    for name in trackers or ():
+        if name not in names:
+            raise InputError(f"no tracker {name!r} in these results; {nearest(name, names)}", key="--trackers")
     compared = [cell for group in groups for cell in group.cells]
     chosen = {
         (cell.scenario, number): [name for name in entry.trackers if trackers is None or name in trackers]
@@ -65,19 +68,19 @@ def compare(
     }
     if limits:
         _require_judgeable(sets, cells, compared, chosen)
-    found, notes = [], [*left_out, *engine_notes(sets, compared)]
+    comparisons, notes = [], [*left_out, *engine_notes(sets, compared)]
     what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
-    for group, own in zip(groups, known, strict=True):
-        made = _comparison([item.label for item in sets], group, own, wanted, limits, chosen)
-        if made is not None:
-            found.append(made)
+    for group, own in zip(groups, by_path, strict=True):
+        comparison = _comparison([item.label for item in sets], group, own, wanted, limits, chosen)
+        if comparison is not None:
+            comparisons.append(comparison)
         else:
             notes.append(f"{group.scenarios} not compared: {what}")
         absent = [limit.metric for limit in limits if limit.metric not in own]
         notes += [f"no {metric} in {group.scenarios}, so its limit says nothing of it" for metric in absent]
-    if not found:
+    if not comparisons:
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
-    first, *others = found
+    first, *others = comparisons
     update = {"other_groups": others, "without_truth": without_truth, "notes": [*notes, *first.notes]}
     return first.model_copy(update=update)
 
@@ -85,15 +88,15 @@ def compare(
 def _comparison(
     sets: list[str],
     group: Group,
-    known: Mapping[str, Metric],
+    metrics: Mapping[str, Metric],
     wanted: Sequence[str],
     limits: Sequence[Limit],
     chosen: Mapping[tuple[str, int], list[str]],
 ) -> Comparison | None:
     """Of the scenarios of one group; None where no two trackers are held against each other."""
     cells, ranked_by, single = group.cells, group.ranked_by, len(sets) == 1
-    wanted = [path for path in wanted if path in known] or [ranked_by]
-    limits = [limit for limit in limits if limit.metric in known]
+    wanted = [path for path in wanted if path in metrics] or [ranked_by]
+    limits = [limit for limit in limits if limit.metric in metrics]
     for cell in cells:
         for entry in cell.entries.values():
             for path in (ranked_by, *wanted):
@@ -104,35 +107,35 @@ def _comparison(
     elif not any(match.pairs for match in matches):
         return None
     allowed = {limit.metric: limit.percent for limit in limits}
-    compared = [known[path] for path in wanted]
-    found, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
-    pairings = _pairings(found, matches, known[ranked_by]) if single else None
+    compared = [metrics[path] for path in wanted]
+    differing, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
+    pairings = None
+    if single:
+        # Which tracker is better where, whatever metrics are compared.
+        by_rank = differing
+        if ranked_by not in wanted:
+            by_rank, _ = differences(matches, [metrics[ranked_by]], over_scenarios=False)
+        pairings = Pairings(by_rank, ranked_by)
     scored = [
         score
         for cell in cells
         for number, entry in cell.entries.items()
         for score in scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
     ]
-    ranked, rank_differences = ranking(scored, pairings) if pairings else ([], [])
+    order, rank_differences = ranking(scored, pairings) if pairings else ([], [])
     return Comparison(
         sets=sets,
         ranked_by=ranked_by,
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
-        differences=found,
-        overall=overall(found) if not single and len(cells) > 1 else [],
-        ranking=ranked,
+        differences=differing,
+        overall=overall(differing) if not single and len(cells) > 1 else [],
+        ranking=order,
         rank_differences=rank_differences,
-        gates=held(limits, known, found, missing),
+        gates=held(limits, metrics, differing, missing),
         not_compared=missing,
-        notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, found, compared)],
+        notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, differing, compared)],
     )
-
-
-def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric: Metric) -> Pairings:
-    """Which tracker is better where, whatever metrics are compared."""
-    known = any(item.metric == metric.path for item in found)
-    return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0], metric.path)
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:
@@ -149,23 +152,16 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
 
 
-def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], known: Sequence[Mapping[str, Metric]]) -> None:
+def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], by_path: Sequence[Mapping[str, Metric]]) -> None:
     """Make sure that each metric that is named has a value in each run of some scenarios, and limits a direction."""
     for path in wanted:
         limited = any(limit.metric == path for limit in limits)
-        metrics = [own[path] for own in known if path in own]
+        metrics = [own[path] for own in by_path if path in own]
         if not metrics:
-            hint = nearest(path, {name for own in known for name in own})
+            hint = nearest(path, {name for own in by_path for name in own})
             raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
         for metric in metrics if limited else ():
             require_directed(metric)
-
-
-def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) -> None:
-    known = {name for item in sets for entry in item.entries for name in entry.trackers}
-    for name in trackers or ():
-        if name not in known:
-            raise InputError(f"no tracker {name!r} in these results; {nearest(name, known)}", key="--trackers")
 
 
 def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
@@ -218,11 +214,8 @@ def _require_judgeable(
 def _compared(cell: ScenarioResults, matches: Sequence[Match]) -> ComparedScenario:
     scenario = cell.entries[0].result.summary.scenario
     how = {match.number: match.how for match in matches if match.scenario == cell.scenario and match.number > 0}
-    return ComparedScenario(
-        name=cell.scenario,
-        description=scenario.description,
-        results=[_result(number, entry, how.get(number)) for number, entry in cell.entries.items()],
-    )
+    compared = [_result(number, entry, how.get(number)) for number, entry in cell.entries.items()]
+    return ComparedScenario(name=cell.scenario, description=scenario.description, results=compared)
 
 
 def _result(number: int, entry: Entry, how: Comparability | None) -> ComparedResult:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import new_class
+from typing import Any, NoReturn
 
 import numpy as np
 import pyarrow as pa
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from trackbench.base.errors import InputError, counted
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.metrics import compared_metrics
-from trackbench.metrics import Metric
+from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.results.score_summary import MetricSummary
 from trackbench.scenario.config import ScenarioConfig
 
 
@@ -64,11 +66,11 @@ class Group:
         """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         own = [metric for summary in summaries for metric in summary.score.metrics]
-        found = compared_metrics(own, built_in=summaries[0].identities == "known")
-        if self.ranked_by not in found:
+        metrics = compared_metrics(own, built_in=summaries[0].identities == "known")
+        if self.ranked_by not in metrics:
             problem = f"not the result of a run: {self.ranked_by} is none of its metrics"
             raise InputError(problem, file=self.cells[0].entries[0].label)
-        return found
+        return metrics
 
 
 def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str]]:
@@ -109,6 +111,31 @@ def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list
     return [Group(metric, members) for metric, members in ranked.items()], [cell.scenario for cell in without]
 
 
+class StoredMetric(Metric):
+    """A metric of a result whose class need not be here: the mean of its column in the table of runs."""
+
+    def finish(self, sums: Any) -> NoReturn:
+        raise NotImplementedError
+
+
+def compared_metrics(own: Sequence[MetricSummary], *, built_in: bool) -> dict[str, Metric]:
+    """The metrics that have a value in each run, by path: the results' own, and the built-in ones or none."""
+    metrics: list[Metric] = [metric for metric in BUILT_IN if metric.columns] if built_in else []
+    for item in own:
+        if not item.per_sensor:
+            of_tracks = None if built_in else TRACK_METRICS.get(item.name)
+            metrics.append(of_tracks or stored_metric(item))
+    return {metric.path: metric for metric in metrics}
+
+
+def stored_metric(summary: MetricSummary) -> StoredMetric:
+    """A metric as a result describes it."""
+    members = {name: getattr(summary, name) for name in ("name", "unit", "meaning", "better", "compared")}
+    members["__module__"] = __name__
+    metric: StoredMetric = new_class(summary.name, (StoredMetric,), {}, lambda body: body.update(members))()
+    return metric
+
+
 IntArray = NDArray[np.intp]
 
 #: What of the truth's table makes the motion of the targets.
@@ -147,12 +174,12 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
     ours, theirs = baseline.result.summary.fingerprints, later.result.summary.fingerprints
     if ours == theirs:
         return Comparability.of_all(len(ours), "the fingerprints of all measurements are equal")
-    for entry, known in ((baseline, ours), (later, theirs)):
-        if len(known) != entry.result.summary.runs:
+    for entry, fingerprints in ((baseline, ours), (later, theirs)):
+        if len(fingerprints) != entry.result.summary.runs:
             raise InputError("fingerprints: not one of each run", file=entry.label)
     places = {place: number for number, place in enumerate(_places(later))}
-    found = [(number, places[place]) for number, place in enumerate(_places(baseline)) if place in places]
-    equal = [(here, there) for here, there in found if ours[here] == theirs[there]]
+    both = [(number, places[place]) for number, place in enumerate(_places(baseline)) if place in places]
+    equal = [(here, there) for here, there in both if ours[here] == theirs[there]]
     if len(equal) < FEWEST:
         return Comparability(None, _noise(baseline, later))
     which = f"{counted(len(equal), 'run')} of {len(theirs)} here and {len(ours)} there"
@@ -195,17 +222,18 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
     ours, theirs = baseline.result.summary.truth.objects, later.result.summary.truth.objects
     if ours != theirs:
         yield f"other objects: {_few(theirs)} here and {_few(ours)} there"
-    if _same_motion_is_due(baseline, later) and not _same(
-        _motion(baseline.table("truth")), _motion(later.table("truth"))
-    ):
+    runs = [(s.seed, s.scenario.name, s.recorded_run) for s in (baseline.result.summary, later.result.summary)]
+    # In the recorded runs the targets must have moved in the same way.
+    due = not baseline.scenario.truth.random or runs[0] == runs[1]
+    if due and not _same(_motion(baseline.table("truth")), _motion(later.table("truth"))):
         versions = _changed(baseline.result.summary.versions, later.result.summary.versions)
         yield "the same scenario moved differently" + (f" ({versions})" if versions else "")
 
 
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
-    found = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
-    return {**found, "score": {"settle_s": scenario.score.settle_s, "cutoff_m": scenario.score.cutoff_m}}
+    options = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
+    return {**options, "score": {"settle_s": scenario.score.settle_s, "cutoff_m": scenario.score.cutoff_m}}
 
 
 def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:
@@ -223,14 +251,6 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
             yield from _differing(ours.get(key), theirs.get(key), f"{at}.{key}" if at else str(key))
     elif ours != theirs:
         yield at, ours, theirs
-
-
-def _same_motion_is_due(baseline: Entry, later: Entry) -> bool:
-    """Whether the targets must have moved in the same way in the recorded runs."""
-    if not baseline.scenario.truth.random:
-        return True
-    ours, theirs = ((s.seed, s.scenario.name, s.recorded_run) for s in (baseline.result.summary, later.result.summary))
-    return ours == theirs
 
 
 def _motion(table: pa.Table) -> pa.Table | None:
@@ -252,21 +272,12 @@ def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
 def _noise(baseline: Entry, later: Entry) -> str:
     """Why the measurements of comparable results are not the same."""
     a, b = baseline.result.summary, later.result.summary
-    found = [
-        f"{what} {theirs} here and {ours} there"
-        for what, ours, theirs in (
-            ("seed", a.seed, b.seed),
-            ("name", a.scenario.name, b.scenario.name),
-        )
-        if ours != theirs
-    ]
-    if baseline.result.summary.fingerprints[:1] == later.result.summary.fingerprints[:1]:
-        found.append("fewer than two runs in common")
-    return (
-        "; ".join(found)
-        or _changed(a.versions, b.versions)
-        or "the measurements differ for no reason that the results state"
-    )
+    pairs = {"seed": (a.seed, b.seed), "name": (a.scenario.name, b.scenario.name)}
+    reasons = [f"{what} {theirs} here and {ours} there" for what, (ours, theirs) in pairs.items() if ours != theirs]
+    if a.fingerprints[:1] == b.fingerprints[:1]:
+        reasons.append("fewer than two runs in common")
+    unknown = "the measurements differ for no reason that the results state"
+    return "; ".join(reasons) or _changed(a.versions, b.versions) or unknown
 
 
 def _changed(ours: Mapping[str, str], theirs: Mapping[str, str]) -> str:

@@ -77,8 +77,8 @@ class EntrantScore(ResultModel):
 
     def value(self, metric: str) -> float | None:
         """The value of a metric, None where there is none."""
-        found = self.metrics.get(metric)
-        return None if found is None else found.value
+        value = self.metrics.get(metric)
+        return None if value is None else value.value
 
 
 class PairDifference(ResultModel):
@@ -255,11 +255,11 @@ class Comparison(ResultModel):
 
     def json(self) -> dict[str, Any]:  # type: ignore[override]
         """The comparison as JSON values: four significant digits and no times, so it can be kept as a reference."""
-        found = _rounded(self.model_dump(mode="json"))
-        for group in (found, *found["other_groups"]):
+        values = _rounded(self.model_dump(mode="json"))
+        for group in (values, *values["other_groups"]):
             for score in group["scores"]:
                 score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
-        return {**found, "passed": self.passed}
+        return {**values, "passed": self.passed}
 
 
 def _rounded(value: Any) -> Any:

@@ -62,58 +62,50 @@ def differences(
         over_scenarios: whether all scenarios are corrected together.
         limits: by metric, the percentage of the reference that the margin is not more than.
     """
-    found: list[PairDifference] = []
+    compared: list[PairDifference] = []
     missing: list[NotCompared] = []
     for metric in metrics:
         limit = (limits or {}).get(metric.path)
         outcomes = [[*_compare(match, metric, limit)] for match in matches]
         missing += [item for part in outcomes for item in part if isinstance(item, NotCompared)]
-        families = [[item for item in part if isinstance(item, _Found)] for part in outcomes]
+        families = [[item for item in part if isinstance(item, tuple)] for part in outcomes]
         if over_scenarios:
             families = [[item for family in families for item in family]]
-        found += [item for family in families for item in _corrected(family, metric)]
-    return found, missing
+        compared += [item for family in families for item in _corrected(family, metric)]
+    return compared, missing
 
 
-@dataclass(frozen=True)
-class _Found:
-    """A difference whose p-value is still as it is alone."""
-
-    item: PairDifference
-    contrast: Contrast
+#: A difference whose p-value is still as it is alone.
+_Uncorrected = tuple[PairDifference, Contrast]
 
 
-def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Found | NotCompared]:
+def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Uncorrected | NotCompared]:
     """The pairs of one match."""
     shared = match.how.shared
-    known: dict[tuple[int, str], Interval | None] = {}
+    intervals: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
         for (entry, tracker), runs in zip(sides, shared[::-1] if shared else (None, None), strict=True):
-            if (id(entry), tracker) not in known:
-                known[id(entry), tracker] = entry.interval(tracker, metric, runs)
-        own, other = (known[id(entry), tracker] for entry, tracker in sides)
+            if (id(entry), tracker) not in intervals:
+                intervals[id(entry), tracker] = entry.interval(tracker, metric, runs)
+        own, other = (intervals[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
-        if own is None or other is None:
-            entry, tracker = sides[0] if own is None else sides[1]
-            yield NotCompared(
-                scenario=match.scenario,
-                metric=metric.path,
-                entrant=entrant,
-                against=against,
-                reason=f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}",
-                of_entrant=other is not None,
+        same_result = match.entry is match.against
+        if own is None or other is None or not (same_result or _same_moments(match, pair, shared)):
+            reason = (
+                f"{pair[0]} is scored at other instants than {pair[1]}: other trackers stood beside it, "
+                "which did not give all estimates; run both versions with the same trackers"
             )
-            continue
-        if match.entry is not match.against and not _same_moments(match, pair, shared):
+            if own is None or other is None:
+                entry, tracker = sides[0] if own is None else sides[1]
+                reason = f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}"
             yield NotCompared(
                 scenario=match.scenario,
                 metric=metric.path,
                 entrant=entrant,
                 against=against,
-                reason=f"{pair[0]} is scored at other instants than {pair[1]}: other trackers stood beside it, "
-                "which did not give all estimates; run both versions with the same trackers",
-                of_entrant=True,
+                reason=reason,
+                of_entrant=other is not None,
             )
             continue
         margin = margin_between(own, other, metric.unit, metric.better, match.against.result.summary.score.margin)
@@ -139,7 +131,7 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Fou
         )
         # The rest of rounding is another on each machine.
         update = {"difference": 0.0, "ci95": item.ci95 and (0.0, 0.0)} if item.identical else {}
-        yield _Found(item.model_copy(update=update), result)
+        yield item.model_copy(update=update), result
 
 
 def _same_moments(match: Match, pair: tuple[str, str], shared: tuple[IntArray, IntArray] | None) -> bool:
@@ -151,28 +143,23 @@ def _same_moments(match: Match, pair: tuple[str, str], shared: tuple[IntArray, I
     return abs(own - other) <= (SILENCE + abs(lost)) * max(own, other)
 
 
-def _corrected(family: Sequence[_Found], metric: Metric) -> list[PairDifference]:
-    corrected = holm([found.item.p_value for found in family])
-    return [
-        found.item.model_copy(update={"p_value": p, "verdict": _verdict(found, p, metric)})
-        for found, p in zip(family, corrected, strict=True)
-    ]
-
-
-def _verdict(found: _Found, p_value: float, metric: Metric) -> str:
-    word = verdict(found.contrast, p_value, metric.better)
-    return size(found.contrast.value) if withheld(word, found.item.lost_coverage) else word
+def _corrected(family: Sequence[_Uncorrected], metric: Metric) -> Iterator[PairDifference]:
+    for (item, contrast), p_value in zip(family, holm([item.p_value for item, _ in family]), strict=True):
+        word = verdict(contrast, p_value, metric.better)
+        if withheld(word, item.lost_coverage):
+            word = size(contrast.value)
+        yield item.model_copy(update={"p_value": p_value, "verdict": word})
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
     """Each entrant against the baseline, over the scenarios."""
-    found = []
+    changes = []
     for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
         own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
         ratios = [item.value / item.reference for item in own if item.reference > 0 and item.value > 0]
         mean = math.exp(sum(map(math.log, ratios)) / len(ratios)) if len(ratios) == len(own) else None
         verdicts = [item.verdict for item in own]
-        found.append(
+        changes.append(
             OverallChange(
                 metric=key[0],
                 entrant=key[1],
@@ -181,17 +168,17 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
                 mean_percent=None if mean is None else 100.0 * (mean - 1.0),
             )
         )
-    return found
+    return changes
 
 
 def coverage_notes(
-    matches: Sequence[Match], found: Sequence[PairDifference], metrics: Sequence[Metric]
+    matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
     """Pairs of which one gave fewer estimates, and whether it has better values that do not count as better."""
     directed = [metric.path for metric in metrics if metric.better is not None]
-    withheld = [
+    uncounted = [
         (item.scenario, item.entrant, item.against)
-        for item in found
+        for item in differences
         if item.metric in directed and item.verdict in ("larger", "smaller")
     ]
     for match in matches:
@@ -203,5 +190,5 @@ def coverage_notes(
                 but = "; the one that gave fewer has better values, but is not called better"
                 yield (
                     f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %: {which}"
-                    + but * ((match.scenario, *match.entrants((a, b))) in withheld)
+                    + but * ((match.scenario, *match.entrants((a, b))) in uncounted)
                 )

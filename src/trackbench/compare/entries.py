@@ -17,7 +17,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.subjects import kind_of, offered
 from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
-from trackbench.results import Result
+from trackbench.results import MetricValue, Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 
@@ -78,8 +78,8 @@ class Entry:
 
     def coverage(self, tracker: str) -> float:
         """Share of the estimates that a tracker should give that it gave; 0 where it has none."""
-        found = self.result[tracker].metrics.get("coverage")
-        return (found.value if found else None) or 0.0
+        metric = self.result[tracker].metrics.get("coverage")
+        return (metric.value if metric else None) or 0.0
 
     def estimates(self, tracker: str, runs: NDArray[np.intp]) -> float:
         """Number of estimates of some runs that are scored."""
@@ -113,23 +113,22 @@ class Entry:
             raise InputError(
                 f"runs.parquet: {metric.columns[0]} or its number of terms holds what no run leaves", file=self.label
             )
-        found = metric.of_runs(values, *others)
-        if found is None:
+        interval = metric.of_runs(values, *others)
+        if interval is None:
             return None
-        self._require_agreement(tracker, metric.path, found.value)
+        stated = self.result[tracker].metrics.get(metric.path.removesuffix(".mean"), MetricValue(unit="1")).value
+        if stated is None or not abs(stated - interval.value) <= AGREEMENT * max(abs(interval.value), 1.0):
+            ours = f"runs.parquet gives {tracker} a {metric.path} of {interval.value:.6g}"
+            problem = f"{ours}, {results.SUMMARY} one of {stated}: they are not of the same run"
+            raise InputError(problem, file=self.label)
         number = self._column(rows, "scene")
         if not np.array_equal(number, np.round(np.clip(np.nan_to_num(number), 0, len(number)))):
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
         scene = number.astype(np.intp)
         if runs is not None:
-            found = metric.of_runs(*(column[runs] for column in (values, *others)))
+            interval = metric.of_runs(*(column[runs] for column in (values, *others)))
             scene = scene[runs]
-        return None if found is None else clustered(found, scene)
-
-    def _stated(self, tracker: str, metric: str) -> float | None:
-        """The value of a metric in the summary."""
-        found = self.result[tracker].metrics.get(metric.removesuffix(".mean"))
-        return None if found is None else found.value
+        return None if interval is None else clustered(interval, scene)
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:
@@ -137,12 +136,6 @@ class Entry:
             raise InputError(message, file=self.label)
         values: Array = rows[name].to_numpy().astype(np.float64)
         return values
-
-    def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
-        stated = self._stated(tracker, metric)
-        if stated is None or not abs(stated - value) <= AGREEMENT * max(abs(value), 1.0):
-            message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {stated}"
-            raise InputError(f"{message}: they are not of the same run", file=self.label)
 
 
 @dataclass(frozen=True)
@@ -153,9 +146,9 @@ class ResultSet:
     entries: tuple[Entry, ...]
 
 
-def results_in(folder: Path, found: Sequence[Result]) -> ResultSet:
+def results_in(folder: Path, finished: Sequence[Result]) -> ResultSet:
     """Results that are at hand, each with a folder of the scenario's name in a folder."""
-    return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in found))
+    return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in finished))
 
 
 def find(path: Path) -> ResultSet:
@@ -173,10 +166,10 @@ def find(path: Path) -> ResultSet:
         if not folders:
             raise InputError(f"no {results.SUMMARY} in this folder, nor in the folders in it", file=path)
     entries = tuple(Entry(str(folder), Result.load(folder)) for folder in folders)
-    known: dict[str, str] = {}
+    labels: dict[str, str] = {}
     for entry in entries:
         name = entry.result.name
-        if name in known:
-            raise InputError(f"two results of the scenario {name!r}, here and in {known[name]}", file=entry.label)
-        known[name] = entry.label
+        if name in labels:
+            raise InputError(f"two results of the scenario {name!r}, here and in {labels[name]}", file=entry.label)
+        labels[name] = entry.label
     return ResultSet(str(path), entries)

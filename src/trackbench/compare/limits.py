@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from trackbench.base.errors import InputError
-from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
+from trackbench.compare.comparison import GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import SILENCE
 
@@ -63,24 +63,26 @@ def held(
     So chance alone does not fail a build, and a regression that the runs show does not pass because the interval still
     touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is undecided.
     """
-    return [result for limit in limits for result in _held(limit, metrics[limit.metric], differences, missing)]
+    results = []
+    for limit in limits:
+        for item in differences:
+            if item.metric == limit.metric:
+                outcome, text = _outcome(item, limit, metrics[limit.metric]), _text(item, limit)
+                results.append(_result(item, limit, outcome, text))
+        for gap in missing:
+            if gap.metric == limit.metric:
+                results.append(_result(gap, limit, "error" if gap.of_entrant else "undecided", gap.reason))
+    return results
 
 
-def _held(
-    limit: Limit, metric: Metric, differences: Sequence[PairDifference], missing: Sequence[NotCompared]
-) -> Iterator[GateResult]:
-    for item in differences:
-        if item.metric == limit.metric:
-            yield _result(limit, item.scenario, item.entrant, _outcome(item, limit, metric), _text(item, limit))
-    for gap in missing:
-        if gap.metric == limit.metric:
-            outcome: GateOutcome = "error" if gap.of_entrant else "undecided"
-            yield _result(limit, gap.scenario, gap.entrant, outcome, gap.reason)
-
-
-def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome, text: str) -> GateResult:
+def _result(item: PairDifference | NotCompared, limit: Limit, outcome: GateOutcome, text: str) -> GateResult:
     return GateResult(
-        scenario=scenario, entrant=entrant, metric=limit.metric, percent=limit.percent, outcome=outcome, text=text
+        scenario=item.scenario,
+        entrant=item.entrant,
+        metric=limit.metric,
+        percent=limit.percent,
+        outcome=outcome,
+        text=text,
     )
 
 

@@ -8,7 +8,7 @@ noise within each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -44,8 +44,8 @@ class Pairings:
 
     def rank(self, scenario: str, name: str, names: Sequence[str]) -> float:
         """One, and one for each tracker that is better, a half for each where neither is."""
-        found = [self.better(scenario, name, other) for other in names if other != name]
-        return 1.0 + sum(0.5 if better is None else float(better != name) for better in found)
+        winners = [self.better(scenario, name, other) for other in names if other != name]
+        return 1.0 + sum(0.5 if better is None else float(better != name) for better in winners)
 
 
 def scores(
@@ -55,7 +55,7 @@ def scores(
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
     contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
     shown = SHOWN[entry.result.summary.headline]
-    found = []
+    entrants = []
     for tracker in entry.result.summary.trackers:
         name = tracker.name
         if name not in trackers:
@@ -63,7 +63,7 @@ def scores(
         has_score = name in scored
         ranked = pairings if has_score else None
         metrics = {path: value for path in shown if (value := tracker.metrics.get(path)) and value.value is not None}
-        found.append(
+        entrants.append(
             EntrantScore(
                 scenario=scenario,
                 entrant=Entrant(tracker=name, set=number),
@@ -77,7 +77,7 @@ def scores(
                 failure="" if has_score else entry.result.why_unscored(tracker),
             )
         )
-    return found
+    return entrants
 
 
 def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
@@ -88,13 +88,13 @@ def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[Ra
     """
     references = {score.entrant.tracker for score in scored if score.reference}
     competing = [score for score in scored if score.entrant.tracker not in references]
-    found, differences = _ranking(competing, pairings)
+    ranked, differences = _ranking(competing, pairings)
     for reference in sorted(references):
         own = [score for score in scored if score.entrant.tracker == reference]
         beside, _ = _ranking([*competing, *own], pairings)
         (item,) = (item for item in beside if item.tracker == reference)
-        found.append(item.model_copy(update={"reference": True, "ci95": None}))
-    return found, differences
+        ranked.append(item.model_copy(update={"reference": True, "ci95": None}))
+    return ranked, differences
 
 
 def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
@@ -103,19 +103,24 @@ def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[R
         by_scenario.setdefault(score.scenario, {})[score.entrant.tracker] = score
     names = list(dict.fromkeys(score.entrant.tracker for score in scored))
     ranks = np.array([_ranks(scenario, names) for scenario in by_scenario.values()])
-    found = []
+    ranked = []
     for i, name in enumerate(names):
         own = [scenario[name] for scenario in by_scenario.values() if name in scenario]
         verdicts = [nees.verdict for score in own if (nees := score.metrics.get("nees"))]
         judged = [verdict for verdict in verdicts if verdict not in (None, "undecided")]
-        outcomes = [outcome for scenario in by_scenario.values() for outcome in _outcomes(scenario, name, pairings)]
-        known = ranks[np.isfinite(ranks[:, i]), i]
-        found.append(
+        outcomes = [
+            _outcome(scenario, name, other, pairings)
+            for scenario in by_scenario.values()
+            for other in (scenario if name in scenario else ())
+            if other != name
+        ]
+        own_ranks = ranks[np.isfinite(ranks[:, i]), i]
+        ranked.append(
             RankedTracker(
                 tracker=name,
                 scenarios=len(own),
-                mean_rank=float(known.mean()),
-                ci95=interval(known, len(names)),
+                mean_rank=float(own_ranks.mean()),
+                ci95=interval(own_ranks, len(names)),
                 won=outcomes.count("won"),
                 lost=outcomes.count("lost"),
                 tied=outcomes.count("tied"),
@@ -125,9 +130,9 @@ def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[R
                 failed_scenarios=sum(score.rank is None for score in own),
             )
         )
-    found.sort(key=lambda item: (item.mean_rank, item.tracker))
-    order = [item.tracker for item in found]
-    return found, _rank_differences(order, [*by_scenario.values()], pairings) if len(by_scenario) > 1 else []
+    ranked.sort(key=lambda item: (item.mean_rank, item.tracker))
+    order = [item.tracker for item in ranked]
+    return ranked, _rank_differences(order, [*by_scenario.values()], pairings) if len(by_scenario) > 1 else []
 
 
 def _rank_differences(
@@ -159,13 +164,6 @@ def _ranks(scenario: dict[str, EntrantScore], names: Sequence[str]) -> list[floa
         own = np.nan if score is None else last if score.rank is None else score.rank
         ranks.append(1 + scale * (own - 1))
     return ranks
-
-
-def _outcomes(scenario: dict[str, EntrantScore], name: str, pairings: Pairings) -> Iterator[str]:
-    """A tracker's pairings in a scenario that it takes part in."""
-    for other in scenario if name in scenario else ():
-        if other != name:
-            yield _outcome(scenario, name, other, pairings)
 
 
 def _outcome(scenario: dict[str, EntrantScore], name: str, against: str, pairings: Pairings) -> str:

@@ -1,39 +1,241 @@
 """A document as data: what a report says, free of any markup. Each renderer writes the same document in its format."""
 
-from trackbench.document.model import (
-    Block,
-    Cell,
-    Code,
-    Column,
-    Document,
-    Figure,
-    Item,
-    Items,
-    LegendEntry,
-    Paragraph,
-    Row,
-    Section,
-    Status,
-    Table,
-    Tone,
-    TrackerStyle,
-)
+from __future__ import annotations
 
-__all__ = [
-    "Block",
-    "Cell",
-    "Code",
-    "Column",
-    "Document",
-    "Figure",
-    "Item",
-    "Items",
-    "LegendEntry",
-    "Paragraph",
-    "Row",
-    "Section",
-    "Status",
-    "Table",
-    "Tone",
-    "TrackerStyle",
-]
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from matplotlib import figure
+
+Tone = Literal["", "good", "warn", "bad"]
+
+
+@dataclass(frozen=True)
+class TrackerStyle:
+    """How a tracker is drawn, the same in every figure."""
+
+    key: str
+    """Class and gid of all that is drawn of it."""
+    name: str
+    colour: str
+    line: Any = "solid"
+    """A matplotlib line style; where colours repeat, they do with another one."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table."""
+
+    text: str
+    details: tuple[str, ...] = ()
+    """Lines of small print under the text."""
+    tone: Tone = ""
+    reason: str = ""
+    """Why there is no value; a footnote."""
+    tracker: str = ""
+    """The tracker that the cell names, if it does."""
+    strong: bool = False
+    """Whether it stands out, as the best do."""
+    link: str = ""
+    """Where it leads: a path relative to the document."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """The heading of a column."""
+
+    heading: str
+    """With the unit of the numbers under it."""
+    explanation: str = ""
+    left: bool = False
+    """Whether its cells are flush left (names, sentences) and not flush right (numbers)."""
+    details: str = "details"
+    """What the small print in its cells is."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells. A renderer numbers the reasons of missing values as footnotes."""
+
+    name: str
+    """Of its file, where tables are files of their own (CSV, LaTeX)."""
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+    matrix: bool = False
+    """Whether all columns hold the same quantity: then a narrow screen scrolls it, and makes no card of each row."""
+
+    @classmethod
+    def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
+        """A table from its columns, each with its cells from the top."""
+        rows = zip(*(cells for _, cells in columns), strict=True)
+        return cls(name, tuple(column for column, _ in columns), tuple(rows), caption)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Every reason for a missing value, once."""
+        return list(dict.fromkeys(cell.reason for row in self.rows for cell in row if cell.reason))
+
+    def mark(self, cell: Cell) -> str:
+        """The number of the footnote of a cell, or nothing."""
+        return str(self.reasons.index(cell.reason) + 1) if cell.reason else ""
+
+
+@dataclass(frozen=True)
+class LegendEntry:
+    """A line of a figure's legend."""
+
+    label: str
+    colour: str
+    """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
+    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle"] = "line"
+    key: str = ""
+    """That of the tracker, where the entry is one."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure, drawn only when a renderer needs it."""
+
+    name: str
+    """Of its file; letters, digits and dashes."""
+    title: str
+    caption: str
+    alternative: str
+    """What it shows, for those who cannot see it."""
+    paint: Callable[[figure.Figure], None]
+    """Draws it on an empty matplotlib figure."""
+    height: float
+    """Pixels."""
+    width: float | None = None
+    """Pixels; the width of a column of text unless given."""
+    legend: tuple[LegendEntry, ...] = ()
+    tooltips: Mapping[str, str] = field(default_factory=dict)
+    """By the gid of an artist."""
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A sentence or more."""
+
+    text: str
+    strong: bool = False
+
+
+@dataclass(frozen=True)
+class Status:
+    """A few words that stand out, such as "2 of 3 expectations failed"."""
+
+    text: str
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A line of a list."""
+
+    text: str
+    label: str = ""
+    """What it is about, before the text."""
+    detail: str = ""
+    """Small print."""
+    tracker: str = ""
+    """The tracker that the label names, if it does."""
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list."""
+
+    items: tuple[Item, ...]
+    numbered: bool = False
+
+
+@dataclass(frozen=True)
+class Code:
+    """Text as it is."""
+
+    text: str
+    language: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Blocks that stand beside each other where there is room."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it; sections nest."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    folded: bool = False
+    """Whether a page that can fold shows it closed."""
+
+
+Block = Paragraph | Status | Items | Code | Table | Figure | Row | Section
+
+
+@dataclass(frozen=True)
+class Document:
+    """A whole report."""
+
+    kind: str
+    """Such as "report" or "comparison"."""
+    title: str
+    blocks: tuple[Block, ...]
+    lead: str = ""
+    """A sentence under the title."""
+    facts: tuple[str, ...] = ()
+    """A few words each."""
+    trackers: tuple[TrackerStyle, ...] = ()
+    """How each tracker that is drawn looks."""
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables, in their order."""
+        return [block for block in every(self.blocks) if isinstance(block, Table)]
+
+    @property
+    def figures(self) -> list[Figure]:
+        """All figures, in their order."""
+        return [block for block in every(self.blocks) if isinstance(block, Figure)]
+
+
+def every(blocks: Sequence[Block]) -> Iterator[Block]:
+    """All blocks, and after each row or section those that are in it."""
+    for block in blocks:
+        yield block
+        if isinstance(block, (Row, Section)):
+            yield from every(block.blocks)
+
+
+def named_apart(blocks: Sequence[Block], part: str) -> tuple[Block, ...]:
+    """The blocks of one part of a document, the names of whose tables and figures begin with that of the part."""
+    kept: list[Block] = []
+    for block in blocks:
+        if isinstance(block, (Row, Section)):
+            kept.append(replace(block, blocks=named_apart(block.blocks, part)))
+        elif isinstance(block, (Table, Figure)):
+            kept.append(replace(block, name=f"{part.replace('_', '-')}-{block.name}"))
+        else:
+            kept.append(block)
+    return tuple(kept)
+
+
+def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """The blocks for a format that shows no figure; a row or section that held nothing else is left out."""
+    kept: list[Block] = []
+    for block in blocks:
+        if isinstance(block, (Row, Section)):
+            inner = without_figures(block.blocks)
+            kept += [replace(block, blocks=inner)] if inner else []
+        elif not isinstance(block, Figure):
+            kept.append(block)
+    return tuple(kept)

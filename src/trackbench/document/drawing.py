@@ -23,8 +23,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trackbench.base.types import Array
+from trackbench.document import Figure, LegendEntry
 from trackbench.document.margins import fit_margins, shortened
-from trackbench.document.model import Figure, LegendEntry
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"

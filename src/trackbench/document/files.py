@@ -6,18 +6,22 @@ import csv
 import io
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Literal, TypeVar, get_args
 
 from rich.console import Console
 
 from trackbench.base.errors import InputError
+from trackbench.document import Document, Table
 from trackbench.document.latex import table_to_latex, to_latex
 from trackbench.document.markdown import to_markdown
-from trackbench.document.model import Document, Table
 
 Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]
 FORMATS: tuple[Format, ...] = get_args(Format)
+#: Of the main file of a format; the other formats have none.
+MAIN_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
+ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")
 #: Columns of a text for a terminal.
 TEXT_WIDTH = 80
 
@@ -36,25 +40,33 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
         format: one of ``FORMATS``.
         name: that of the main file, where there is one, without its ending.
     """
-    if format == "terminal":
-        yield f"{name}.txt", lambda: text(document).encode()
-    elif format == "html":
+    if format in MAIN_ENDINGS:
+        yield f"{name}{MAIN_ENDINGS[format]}", lambda: _main_file(document, format, _TABLES, _FIGURES)
+    if format == "latex" or format == "csv":
+        ending, render = ("tex", table_to_latex) if format == "latex" else ("csv", to_csv)
+        for table in document.tables:
+            yield f"{_TABLES}/{table.name}.{ending}", partial(_encoded, render, table)
+    if format in ("markdown", "svg", "latex", "pdf"):
+        from trackbench.document.drawing import pdf_file, svg_file
+
+        for figure in document.figures:
+            if format in ("markdown", "svg"):
+                yield f"{_FIGURES}/{figure.name}.svg", partial(_encoded, svg_file, figure)
+            else:
+                yield f"{_FIGURES}/{figure.name}.pdf", partial(pdf_file, figure)
+
+
+def _main_file(document: Document, format: Format, tables: str, figures: str) -> bytes:
+    """The main file, which reads tables and figures from these folders; Markdown without a folder has no figures."""
+    if format == "html":
         from trackbench.document.html import to_html
 
-        yield f"{name}.html", lambda: to_html(document).encode()
-    elif format == "markdown":
-        yield f"{name}.md", lambda: to_markdown(document, figures=_FIGURES).encode()
-        yield from _figures(document, "svg")
-    elif format == "latex":
-        yield f"{name}.tex", lambda: to_latex(document, tables=_TABLES, figures=_FIGURES).encode()
-        for table in document.tables:
-            yield f"{_TABLES}/{table.name}.tex", partial(_encoded, table_to_latex, table)
-        yield from _figures(document, "pdf")
-    elif format == "csv":
-        for table in document.tables:
-            yield f"{_TABLES}/{table.name}.csv", partial(_encoded, to_csv, table)
-    else:
-        yield from _figures(document, format)
+        return to_html(document).encode()
+    if format == "markdown":
+        return to_markdown(document, figures=figures).encode()
+    if format == "latex":
+        return to_latex(document, tables=tables, figures=figures).encode()
+    return text(document).encode()
 
 
 def text(document: Document, width: int = TEXT_WIDTH) -> str:
@@ -66,19 +78,8 @@ def text(document: Document, width: int = TEXT_WIDTH) -> str:
     return output.getvalue()
 
 
-def _figures(document: Document, ending: Literal["svg", "pdf"]) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    from trackbench.document.drawing import pdf_file, svg_file
-
-    for figure in document.figures:
-        draw = partial(pdf_file, figure) if ending == "pdf" else partial(_encoded, svg_file, figure)
-        yield f"{_FIGURES}/{figure.name}.{ending}", draw
-
-
 def _encoded(render: Callable[[Page], str], page: Page) -> bytes:
     return render(page).encode()
-
-
-ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")
 
 
 def require_ending(path: Path, endings: tuple[str, ...] = ENDINGS, key: str | None = None) -> None:
@@ -102,31 +103,23 @@ def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, byte
     Tables and figures that are files of their own are named after it: ``x.csv`` where there is one, else
     ``x-ranking.csv``, and in the folders ``tables/x`` and ``figures/x`` for LaTeX.
     """
-    if path.suffix == ".html":
-        from trackbench.document.html import to_html
-
-        yield path, to_html(document).encode()
-    elif path.suffix == ".md":
-        yield path, to_markdown(document).encode()
-    elif path.suffix == ".txt":
-        yield path, text(document).encode()
-    elif path.suffix == ".tex":
-        yield from _latex(document, path)
+    formats: dict[str, Format] = {ending: format for format, ending in MAIN_ENDINGS.items()}
+    formats |= {".csv": "csv", ".svg": "svg", ".pdf": "pdf"}
+    format = formats[path.suffix]
+    if format == "latex":
+        folders = {kind: f"{kind}/{path.stem}" for kind in (_TABLES, _FIGURES)}
+        yield path, _main_file(document, format, folders[_TABLES], folders[_FIGURES])
+        for name, content in files(document, format):
+            kind, _, file = name.partition("/")
+            if kind in folders:
+                yield path.parent / folders[kind] / file, content()
+    elif format in MAIN_ENDINGS:
+        yield path, _main_file(document, format, "", "")
     else:
-        formats: dict[str, Format] = {".csv": "csv", ".svg": "svg", ".pdf": "pdf"}
-        parts = list(files(document, formats[path.suffix]))
+        parts = list(files(document, format))
         for name, content in parts:
             own = "" if len(parts) == 1 else f"-{Path(name).stem}"
             yield path.with_name(f"{path.stem}{own}{path.suffix}"), content()
-
-
-def _latex(document: Document, path: Path) -> Iterator[tuple[Path, bytes]]:
-    folders = {kind: f"{kind}/{path.stem}" for kind in ("tables", "figures")}
-    yield path, to_latex(document, **folders).encode()
-    for name, content in files(document, "latex"):
-        kind, _, file = name.partition("/")
-        if kind in folders:
-            yield path.parent / folders[kind] / file, content()
 
 
 _PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " "})
@@ -137,21 +130,13 @@ def to_csv(table: Table) -> str:
     detailed = [any(row[i].details for row in table.rows) for i in range(len(table.columns))]
     text = io.StringIO()
     writer = csv.writer(text)
-    writer.writerow(list(_headings(table, detailed)))
+    headings = [
+        [column.heading, f"{column.heading}: {column.details}"] if has else [column.heading]
+        for column, has in zip(table.columns, detailed, strict=True)
+    ]
+    writer.writerow(chain.from_iterable(headings))
     for row in table.rows:
         cells = zip(row, detailed, strict=True)
-        writer.writerow(
-            [
-                text.translate(_PLAIN)
-                for cell, has in cells
-                for text in ([cell.text, "; ".join(cell.details)] if has else [cell.text])
-            ]
-        )
+        texts = ([cell.text, "; ".join(cell.details)] if has else [cell.text] for cell, has in cells)
+        writer.writerow(text.translate(_PLAIN) for text in chain.from_iterable(texts))
     return text.getvalue()
-
-
-def _headings(table: Table, detailed: list[bool]) -> Iterator[str]:
-    for column, has in zip(table.columns, detailed, strict=True):
-        yield column.heading
-        if has:
-            yield f"{column.heading}: {column.details}"

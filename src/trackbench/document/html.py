@@ -10,9 +10,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from trackbench.document import model
+from trackbench import document as model
+from trackbench.document import Block, Document, Figure, LegendEntry
 from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
-from trackbench.document.model import Block, Document, Figure, LegendEntry
 
 
 def to_html(document: Document) -> str:
@@ -62,8 +62,8 @@ def _parts(document: Document) -> tuple[tuple[Block, ...], ...]:
 
 def _shared(blocks: tuple[Block, ...]) -> list[LegendEntry]:
     """What the legend of the page says for all figures: the trackers, and what more than one figure shows."""
-    found = Counter(entry for block in model.every(blocks) if isinstance(block, Figure) for entry in block.legend)
-    return [entry for entry, figures in found.items() if entry.key or figures > 1]
+    entries = Counter(entry for block in model.every(blocks) if isinstance(block, Figure) for entry in block.legend)
+    return [entry for entry, figures in entries.items() if entry.key or figures > 1]
 
 
 def _shows_trackers(block: Block) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from trackbench.document.model import (
+from trackbench.document import (
     Block,
     Cell,
     Code,
@@ -100,7 +100,7 @@ def table_to_latex(table: Table) -> str:
 
 def escape(text: str) -> str:
     """``text`` as it is, whatever LaTeX it looks like."""
-    return _SPECIAL.sub(lambda found: _ESCAPES[found[0]], text)
+    return _SPECIAL.sub(lambda match: _ESCAPES[match[0]], text)
 
 
 def _lines(block: Block, level: int, tables: str, figures: str) -> Iterator[str]:

@@ -57,12 +57,12 @@ def text_width(text: str, size: float = SIZE) -> float:
 
 def shortened(text: str, width: float, size: float = SIZE) -> str:
     """The text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
-    found = text
+    short = text
     for kept in range(len(text) - 1, 1, -1):
-        if text_width(found, size) <= width:
+        if text_width(short, size) <= width:
             break
-        found = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
-    return found
+        short = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
+    return short
 
 
 @lru_cache(maxsize=4096)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from trackbench.document.model import (
+from trackbench.document import (
     Block,
     Cell,
     Code,
@@ -81,7 +81,7 @@ def _items(block: Items) -> Iterator[str]:
 
 def _fenced(block: Code) -> list[str]:
     """In a fence that is longer than any in it."""
-    longest = max((len(found) for found in re.findall("`+", block.text)), default=0)
+    longest = max((len(match) for match in re.findall("`+", block.text)), default=0)
     fence = "`" * max(3, longest + 1)
     return [f"{fence}{block.language}", block.text.rstrip("\n"), fence]
 

@@ -6,9 +6,13 @@ other under simulated protanopia and deuteranopia. All are readable on a dark an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from trackbench.document.model import LegendEntry, TrackerStyle
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+
+if TYPE_CHECKING:
+    from matplotlib import figure as canvas
 
 TRACKER_COLOURS: tuple[str, ...] = (
     "#E69F00",
@@ -71,14 +75,17 @@ def tracker_styles(colours: Mapping[str, str]) -> dict[str, TrackerStyle]:
     }
 
 
-def legend_of(styles: Iterable[TrackerStyle]) -> tuple[LegendEntry, ...]:
-    """Legend lines for trackers."""
-    return tuple(
-        LegendEntry(style.name, style.colour, "line" if style.line == "solid" else "dash", style.key)
-        for style in styles
-    )
-
-
-def tooltips_of(styles: Iterable[TrackerStyle]) -> dict[str, str]:
-    """The tooltip of all that is drawn of a tracker: its name."""
-    return {style.key: style.name for style in styles}
+def tracker_figure(
+    name: str,
+    title: str,
+    caption: str,
+    alternative: str,
+    paint: Callable[[canvas.Figure], None],
+    height: float,
+    styles: Sequence[TrackerStyle],
+    *others: LegendEntry,
+) -> Figure:
+    """A figure with lines of trackers: its legend names them and ``others``, and tooltips say which is which."""
+    lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
+    tooltips = {style.key: style.name for style in styles}
+    return Figure(name, title, caption, alternative, paint, height, legend=(*lines, *others), tooltips=tooltips)

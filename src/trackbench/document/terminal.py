@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-from trackbench.document.model import (
+from trackbench.document import (
     Block,
     Cell,
     Code,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Sequence
 
 from rich.console import Console
 from rich.text import Text
@@ -26,7 +24,7 @@ from trackbench.report.sentences import (
     reused_identities,
 )
 from trackbench.report.tables import TONE, metric_of, value_text
-from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
+from trackbench.results import Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = {
@@ -65,21 +63,24 @@ COLUMNS = {
 
 def track_values(result: Result) -> list[tuple[str, list[Text]]]:
     """Each column's heading and cells."""
-    kind = _kind(result)
+    kind = "known identities"
+    if result.summary.identities == "hidden":
+        kind = "hidden identities" if result.summary.truth.known else "no truth"
     cells = _estimate_cells if kind == "known identities" else _track_cells
     return [(heading, cells(result.scored, path, digits, factor)) for heading, path, digits, factor in COLUMNS[kind]]
-
-
-def _kind(result: Result) -> str:
-    if result.summary.identities == "known":
-        return "known identities"
-    return "hidden identities" if result.summary.truth.known else "no truth"
 
 
 def _track_cells(trackers: Sequence[TrackerResult], path: str, digits: int, factor: float) -> list[Text]:
     numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
     places = decimals(numbers, digits)
-    return [Text(_nees_in_four_letters(n) if path == "nees" else fixed(n, places)) for n in numbers]
+
+    def text(number: float | None) -> str:
+        if path != "nees" or number is None:
+            return fixed(number, places)
+        # In four letters at most.
+        return ">999" if number >= 999.5 else fixed(number, 1 if number < 99.95 else 0)
+
+    return [Text(text(number)) for number in numbers]
 
 
 def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _: float) -> list[Text]:
@@ -89,16 +90,23 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         runs = [tracker.health.diverged_runs or 0 for tracker in trackers]
         return [Text(str(count), style=STYLE["bad"] if count else "") for count in runs]
     if path == "nees":
-        return _nees(metrics)
+        means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
+        width = max(map(len, means))
+        styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
+        return [
+            Text.assemble((f"{mean:>{width}}", ""), (f" {m.verdict}" if m.verdict else "", style))
+            for mean, m, style in zip(means, metrics, styles, strict=True)
+        ]
     places = decimals([metric.value for metric in metrics], digits)
-    return [Text(_short(m.value, places) + (_spread(m, places) if path == "position_rmse" else "")) for m in metrics]
 
+    def short(value: float | None) -> str:
+        return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
 
-def _nees_in_four_letters(value: float | None) -> str:
-    """In four letters at most."""
-    if value is not None and value >= 999.5:
-        return ">999"
-    return fixed(value, 1 if value is None or value < 99.95 else 0)
+    halves = [half_width(metric) if path == "position_rmse" else None for metric in metrics]
+    return [
+        Text(short(metric.value) + ("" if half is None else f" ±{short(half)}"))
+        for metric, half in zip(metrics, halves, strict=True)
+    ]
 
 
 def _notes_on_tracks(result: Result) -> list[str]:
@@ -129,9 +137,9 @@ _MOST_LETTERS = 12
 
 def print_summary(result: Result, console: Console) -> None:
     """The ranked table, what it leaves out, the expectations, and the trackers that failed."""
-    console.print(_title(result), highlight=False)
+    console.print(title(result), highlight=False)
     if result.scored:
-        for row in _ranked(result, console.width):
+        for row in _table_lines(result, console.width):
             console.print(row, highlight=False, soft_wrap=True)
         for note in _notes(result):
             console.print(Text(note, style="dim"), highlight=False)
@@ -143,8 +151,7 @@ def print_summary(result: Result, console: Console) -> None:
 
 def print_outcome(result: Result, console: Console) -> None:
     """One line, and what failed."""
-    outcome = f"{result.name}: {expectations_met(result.summary.expectations)}"
-    console.print(Text(outcome), highlight=False)
+    console.print(Text(f"{result.name}: {expectations_met(result.summary.expectations)}"), highlight=False)
     _print_failed_trackers(result, console)
     _print_missed(result, console)
 
@@ -156,68 +163,53 @@ def _print_failed_trackers(result: Result, console: Console) -> None:
 
 
 def _print_missed(result: Result, console: Console) -> None:
-    for missed in (item for item in result.summary.expectations if not item.passed):
-        console.print(_missed(missed), highlight=False)
+    for item in result.summary.expectations:
+        if not item.passed:
+            text = f"{item.text}: {value_text(item.value)}"
+            console.print(Text.assemble(("  FAILED ", STYLE["bad"]), text), highlight=False)
 
 
-def _title(result: Result) -> Text:
+def title(result: Result) -> Text:
+    """The scenario's name, and what was run."""
     summary, truth = result.summary, result.summary.truth
     what = f"{runs_in_words(result)}, {truth.vehicles}, {duration(result)}"
     return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
 
 
-@dataclass(frozen=True)
-class _Column:
-    heading: str
-    cells: list[Text]
-    right: bool = True
+def _table_lines(result: Result, width: int) -> Iterator[Text]:
+    """The table; a name that its column has no room for stands on a line of its own."""
+    left = ("group", "NEES") if result.summary.identities == "known" else ("group",)
+    columns = track_values(result)
+    if groups := _groups(result):
+        columns.insert(1, ("group", list(map(Text, groups))))
+    widths = [max(len(heading), *(cell.cell_len for cell in cells)) for heading, cells in columns]
+    room = width - sum(1 + each for each in widths)
+    names = [Text(tracker.name + "*" * tracker.is_reference, style="bold") for tracker in result.scored]
+    widths.insert(0, max(len("tracker"), *(len(name) if len(name) <= room else 0 for name in names)))
+    sides = ["left", *("left" if heading in left else "right" for heading, _ in columns)]
 
-    @cached_property
-    def width(self) -> int:
-        return max(len(self.heading), *(cell.cell_len for cell in self.cells))
+    def line(cells: Iterable[Text]) -> Text:
+        aligned = [cell.copy() for cell in cells]
+        for cell, side, wide in zip(aligned, sides, widths, strict=True):
+            cell.align("left" if side == "left" else "right", wide)
+        joined = Text(" ").join(aligned)
+        joined.rstrip()
+        return joined
 
-    def shown(self, text: Text) -> Text:
-        filled = text.copy()
-        filled.align("right" if self.right else "left", self.width)
-        return filled
-
-
-def _ranked(result: Result, width: int) -> list[Text]:
-    """The table, line by line; a name that its column has no room for stands on a line of its own."""
-    trackers, groups = result.scored, _groups(result)
-    left_nees = result.summary.identities == "known"
-    columns = [
-        _Column(heading, cells, right=not (left_nees and heading == "NEES")) for heading, cells in track_values(result)
-    ]
-    if groups:
-        columns.insert(1, _Column("group", list(map(Text, groups)), right=False))
-    return _rows(trackers, columns, width)
-
-
-def _rows(trackers: Sequence[TrackerResult], columns: Sequence[_Column], width: int) -> list[Text]:
-    room = width - sum(1 + column.width for column in columns)
-    names = [Text(tracker.name + "*" * tracker.is_reference, style="bold") for tracker in trackers]
-    first = _Column("tracker", [name for name in names if len(name) <= room] or [Text()], right=False)
-    rows = [_row([first, *columns], [Text(column.heading, style="dim") for column in (first, *columns)])]
+    yield line(Text(heading, style="dim") for heading in ("tracker", *(heading for heading, _ in columns)))
     for i, name in enumerate(names):
         fits = len(name) <= room
-        rows += [] if fits else [name]
-        rows.append(_row([first, *columns], [name if fits else Text(), *(column.cells[i] for column in columns)]))
-    return rows
-
-
-def _row(columns: Sequence[_Column], cells: Sequence[Text]) -> Text:
-    row = Text(" ").join(column.shown(cell) for column, cell in zip(columns, cells, strict=True))
-    row.rstrip()
-    return row
+        if not fits:
+            yield name
+        yield line([name if fits else Text(), *(cells[i] for _, cells in columns)])
 
 
 def _groups(result: Result) -> list[str]:
     """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
     if not result.summary.truth.known:
         return []
-    found = letters(result)
-    return found if max(map(len, found)) <= _MOST_LETTERS else []
+    groups = letters(result)
+    return groups if max(map(len, groups)) <= _MOST_LETTERS else []
 
 
 def _note_on_groups(result: Result) -> list[str]:
@@ -235,24 +227,6 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 1 - SILENCE]
     rest = "; of the others 99 % or more" if len(part) < len(trackers) else ""
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
-
-
-def _short(value: float | None, places: int) -> str:
-    return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
-
-
-def _spread(metric: MetricValue, places: int) -> str:
-    width = half_width(metric)
-    return "" if width is None else f" ±{_short(width, places)}"
-
-
-def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
-    means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
-    width = max(map(len, means))
-    return [
-        Text.assemble((f"{mean:>{width}}", ""), (f" {m.verdict}" if m.verdict else "", STYLE[TONE[m.verdict or ""]]))
-        for mean, m in zip(means, metrics, strict=True)
-    ]
 
 
 def _notes(result: Result) -> list[str]:
@@ -273,10 +247,9 @@ def _notes(result: Result) -> list[str]:
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
-    mixed = [(name, found) for name, found in nees if found.verdict == "mixed"]
-    if mixed:
+    if mixed := [(name, metric) for name, metric in nees if metric.verdict == "mixed"]:
         notes.append("mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):")
-        notes += [f"  {name}: {conditions_off(found, 3)}" for name, found in mixed]
+        notes += [f"  {name}: {conditions_off(metric, 3)}" for name, metric in mixed]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):
@@ -284,7 +257,3 @@ def _notes(result: Result) -> list[str]:
         reasons = {metric.reason or "not given" for metric in metrics if metric.value is None}
         notes += [f"{path.replace('_', ' ')} n/a: {reason}" for reason in sorted(reasons)]
     return notes
-
-
-def _missed(item: ExpectationResult) -> Text:
-    return Text.assemble(("  FAILED ", STYLE["bad"]), f"{item.text}: {value_text(item.value)}")

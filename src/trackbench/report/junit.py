@@ -50,8 +50,8 @@ def suite_of_run(result: Result) -> Suite:
         name, message = f"{tracker.name} runs to the end", str(tracker.failed or "")
         cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message))
     for item in result.summary.expectations:
-        found = "n/a" if item.value is None else item.value
-        outcome, message = ("passed", "") if item.passed else ("failed", f"{item.text}: found {found}")
+        value = "n/a" if item.value is None else item.value
+        outcome, message = ("passed", "") if item.passed else ("failed", f"{item.text}: found {value}")
         cases.append(Case(item.text, f"{result.name}.{item.tracker}", outcome, message))
     return Suite(result.name, cases)
 
@@ -114,8 +114,8 @@ def _add(suite: ET.Element, case: Case) -> None:
     if case.outcome == "passed":
         return
     kind = {} if case.outcome == "undecided" else {"type": case.outcome}
-    found = ET.SubElement(element, _ELEMENTS[case.outcome], {"message": _plain(case.message), **kind})
-    found.text = _plain(case.message)
+    problem = ET.SubElement(element, _ELEMENTS[case.outcome], {"message": _plain(case.message), **kind})
+    problem.text = _plain(case.message)
 
 
 def _plain(text: str) -> str:

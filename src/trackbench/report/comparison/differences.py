@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.compare.comparison import ComparedResult, OverallChange
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
@@ -18,12 +18,12 @@ _GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided":
 
 def lead(comparison: Comparison) -> str:
     """How many differences there are, and of which kind."""
-    return " ".join(f"{metric}: {_counts(items)}." for metric, items in comparison.by_metric())
-
-
-def _counts(items: Sequence[PairDifference]) -> str:
-    found = [item.verdict for item in items]
-    return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in found)
+    sentences = []
+    for metric, items in comparison.by_metric():
+        words = [item.verdict for item in items]
+        counts = ", ".join(f"{words.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in words)
+        sentences.append(f"{metric}: {counts}.")
+    return " ".join(sentences)
 
 
 def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str]) -> Iterator[Block]:
@@ -32,7 +32,16 @@ def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[
     if several:
         yield Items(tuple(Item(label, label=letter(i)) for i, label in enumerate(comparison.sets)))
     else:
-        yield Items(tuple(_result(comparison, result) for result in comparison.scenarios[0].results))
+        yield Items(
+            tuple(
+                Item(
+                    f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
+                    label=letter(result.set) if len(comparison.sets) > 1 else "",
+                    detail=_how(result),
+                )
+                for result in comparison.scenarios[0].results
+            )
+        )
     for metric, items in comparison.by_metric():
         yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, colours, metric, items)))
     if comparison.gates:
@@ -57,12 +66,6 @@ def _section(
         yield from (table, explained, *figures)
 
 
-def _result(comparison: Comparison, result: ComparedResult) -> Item:
-    """What is compared, and how."""
-    text = f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}"
-    return Item(text, label=letter(result.set) if len(comparison.sets) > 1 else "", detail=_how(result))
-
-
 def _how(result: ComparedResult) -> str:
     if not result.reason:
         return ""
@@ -70,9 +73,15 @@ def _how(result: ComparedResult) -> str:
 
 
 def _explanation(items: Sequence[PairDifference]) -> str:
-    paired = sorted({(item.paired_runs, item.scenes) for item in items if item.paired_runs is not None})
-    ways = [f"paired over {' or '.join(_runs(*found) for found in paired)}"] if paired else []
-    ways += ["unpaired (Welch's test)"] if any(item.paired_runs is None for item in items) else []
+    ways = []
+    if paired := sorted({(item.paired_runs, item.scenes) for item in items if item.paired_runs is not None}):
+        over = [
+            f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
+            for runs, scenes in paired
+        ]
+        ways.append(f"paired over {' or '.join(over)}")
+    if any(item.paired_runs is None for item in items):
+        ways.append("unpaired (Welch's test)")
     corrected = ", corrected for their number (Holm)" if len(items) > 1 else ""
     return (
         "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
@@ -81,121 +90,108 @@ def _explanation(items: Sequence[PairDifference]) -> str:
     )
 
 
-def _runs(runs: int, scenes: int) -> str:
-    return f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
-
-
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
-    """Every difference of a metric."""
-    places = _places(items)
-    several = len(comparison.scenarios) > 1
-    columns = (
-        Column("scenario" if several else "tracker", left=True),
-        Column("tracker" if several else "against", left=True),
-        Column("value"),
-        Column("difference"),
-        Column("%", "of the value that it is held against"),
-        Column("margin", "up to which a difference does not matter"),
-        Column("verdict", left=True),
-    )
-    rows = []
-    for item in items:
-        tracker = Cell(name(comparison, item.entrant), tracker=item.entrant.tracker)
-        against = name(comparison, item.against, item.entrant)
-        rows.append(
-            (
-                *((Cell(item.scenario), tracker) if several else (tracker, Cell(against))),
-                Cell(fixed(item.value, places)),
-                Cell("0 in every run" if item.identical else _with_reach(item, places)),
-                Cell(_percent(item.percent)),
-                Cell(fixed(item.margin, places)),
-                Cell(item.verdict, tone=TONES.get(item.verdict, "")),
-            )
-        )
-    return Table(f"differences-{metric.replace('.', '-')}", columns, tuple(rows))
+    """Every difference of a metric: decimals show the values to three digits and the smallest uncertainty to one."""
+    widths = [(d.ci95[1] - d.ci95[0]) / 2 for d in items if d.ci95 is not None and not d.identical]
+    places = max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
+
+    def with_reach(item: PairDifference) -> str:
+        reach = "" if item.ci95 is None else f" ±{fixed((item.ci95[1] - item.ci95[0]) / 2, places)}"
+        return "0 in every run" if item.identical else fixed(item.difference, places) + reach
+
+    tracker = (Column("tracker", left=True), [_name_cell(comparison, item) for item in items])
+    if len(comparison.scenarios) > 1:
+        first = [(Column("scenario", left=True), [Cell(item.scenario) for item in items]), tracker]
+    else:
+        first = [tracker, (Column("against", left=True), [_against_cell(comparison, item) for item in items])]
+    columns = [
+        *first,
+        (Column("value"), [Cell(fixed(item.value, places)) for item in items]),
+        (Column("difference"), [Cell(with_reach(item)) for item in items]),
+        (Column("%", "of the value that it is held against"), [Cell(_percent(item.percent)) for item in items]),
+        (
+            Column("margin", "up to which a difference does not matter"),
+            [Cell(fixed(item.margin, places)) for item in items],
+        ),
+        (Column("verdict", left=True), [Cell(item.verdict, tone=TONES.get(item.verdict, "")) for item in items]),
+    ]
+    return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
+
+
+def _name_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+    return Cell(name(comparison, item.entrant), tracker=item.entrant.tracker)
+
+
+def _against_cell(comparison: Comparison, item: PairDifference | OverallChange) -> Cell:
+    return Cell(name(comparison, item.against, item.entrant))
 
 
 def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     """Each entrant over all scenarios: in how many it is better, and the mean change."""
-    verdicts = [verdict for verdict in VERDICTS if any(verdict in item.verdicts for item in items)]
-    rows = [
-        (
-            Cell(name(comparison, item.entrant), tracker=item.entrant.tracker),
-            Cell(name(comparison, item.against, item.entrant)),
-            *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),
-            Cell(_percent(item.mean_percent)),
-        )
-        for item in items
+    mean = "geometric mean over the scenarios of the value over that which it is held against, less one"
+    columns = [
+        (Column("tracker", left=True), [_name_cell(comparison, item) for item in items]),
+        (Column("against", left=True), [_against_cell(comparison, item) for item in items]),
+        *(
+            (Column(verdict, "scenarios"), [Cell(str(item.verdicts.get(verdict, 0))) for item in items])
+            for verdict in VERDICTS
+            if any(verdict in item.verdicts for item in items)
+        ),
+        (Column("mean %", mean), [Cell(_percent(item.mean_percent)) for item in items]),
     ]
-    columns = (
-        Column("tracker", left=True),
-        Column("against", left=True),
-        *(Column(verdict, "scenarios") for verdict in verdicts),
-        Column("mean %", "geometric mean over the scenarios of the value over that which it is held against, less one"),
-    )
     caption = "Number of scenarios by verdict, and the mean change"
-    return Table(f"overall-{items[0].metric.replace('.', '-')}", columns, tuple(rows), caption)
+    return Table.of_columns(f"overall-{items[0].metric.replace('.', '-')}", columns, caption)
 
 
 def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
     """The change in percent, scenarios down and entrants across."""
-    pairs = list(dict.fromkeys((item.entrant, item.against) for item in items))
-    found = {(item.scenario, item.entrant): item for item in items}
-    rows = []
-    for scenario in dict.fromkeys(item.scenario for item in items):
-        cells = (found.get((scenario, entrant)) for entrant, _ in pairs)
-        rows.append((Cell(scenario), *(Cell("") if item is None else _change(item) for item in cells)))
-    columns = (Column("scenario", left=True), *(Column(name(comparison, entrant)) for entrant, _ in pairs))
+    entrants = list(dict.fromkeys(item.entrant for item in items))
+    by_entrant = {(item.scenario, item.entrant): item for item in items}
+
+    def cell(scenario: str, entrant: Entrant) -> Cell:
+        item = by_entrant.get((scenario, entrant))
+        if item is None:
+            return Cell("")
+        text, strong = "0" if item.identical else _percent(item.percent), item.verdict not in (EQUIVALENT, UNDECIDED)
+        return Cell(text, tone=TONES.get(item.verdict, ""), strong=strong)
+
+    scenarios = dict.fromkeys(item.scenario for item in items)
+    rows = tuple((Cell(scenario), *(cell(scenario, entrant) for entrant in entrants)) for scenario in scenarios)
+    columns = (Column("scenario", left=True), *(Column(name(comparison, entrant)) for entrant in entrants))
     caption = "Change in percent; coloured where it is shown to be more than the margin"
-    return Table(f"changes-{metric.replace('.', '-')}", columns, tuple(rows), caption, matrix=True)
-
-
-def _change(item: PairDifference) -> Cell:
-    text = "0" if item.identical else _percent(item.percent)
-    return Cell(text, tone=TONES.get(item.verdict, ""), strong=item.verdict not in (EQUIVALENT, UNDECIDED))
+    return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption, matrix=True)
 
 
 def _scenarios(comparison: Comparison, reports: Mapping[str, str]) -> Table:
     """The results of each scenario, and how they are compared."""
-
-    def row(scenario: ComparedScenario, result: ComparedResult) -> tuple[Cell, ...]:
-        return (
-            Cell(scenario.name, link=reports.get(result.label, "")),
-            Cell(letter(result.set)),
-            Cell(str(result.runs)),
-            Cell(str(result.seed)),
-            Cell(_how(result)),
-        )
-
-    rows = tuple(row(scenario, result) for scenario in comparison.scenarios for result in scenario.results)
-    left = ("scenario", "", "compared")
-    columns = tuple(Column(text, left=text in left) for text in ("scenario", "", "runs", "seed", "compared"))
-    return Table("scenarios", columns, rows)
+    rows = [(scenario.name, result) for scenario in comparison.scenarios for result in scenario.results]
+    columns = [
+        (Column("scenario", left=True), [Cell(title, link=reports.get(result.label, "")) for title, result in rows]),
+        (Column("", left=True), [Cell(letter(result.set)) for _, result in rows]),
+        (Column("runs"), [Cell(str(result.runs)) for _, result in rows]),
+        (Column("seed"), [Cell(str(result.seed)) for _, result in rows]),
+        (Column("compared", left=True), [Cell(_how(result)) for _, result in rows]),
+    ]
+    return Table.of_columns("scenarios", columns)
 
 
 def _gates(comparison: Comparison) -> Iterator[Block]:
-    kept = sum(item.outcome == "passed" for item in comparison.gates)
-    items = tuple(_gate(comparison, item) for item in comparison.gates if item.outcome != "passed")
-    if items:
-        yield Items(items)
-    yield Status(f"{kept} of {counted(len(comparison.gates), 'limit')} kept", "good" if comparison.passed else "bad")
-
-
-def _gate(comparison: Comparison, item: GateResult) -> Item:
-    where = f"{item.scenario}, " if len(comparison.scenarios) > 1 else ""
-    what = f"{where}{name(comparison, item.entrant)}, {item.metric}: {item.text}"
-    return Item(what, label=item.outcome.upper(), tone=_GATE_TONES[item.outcome])
-
-
-def _places(items: Sequence[PairDifference]) -> int:
-    """Decimals that show the values to three digits and the smallest uncertainty to one."""
-    widths = [(d.ci95[1] - d.ci95[0]) / 2 for d in items if d.ci95 is not None and not d.identical]
-    return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
-
-
-def _with_reach(item: PairDifference, places: int) -> str:
-    reach = "" if item.ci95 is None else f" ±{fixed((item.ci95[1] - item.ci95[0]) / 2, places)}"
-    return fixed(item.difference, places) + reach
+    missed = [item for item in comparison.gates if item.outcome != "passed"]
+    several = len(comparison.scenarios) > 1
+    if missed:
+        yield Items(
+            tuple(
+                Item(
+                    f"{f'{item.scenario}, ' if several else ''}{name(comparison, item.entrant)}, "
+                    f"{item.metric}: {item.text}",
+                    label=item.outcome.upper(),
+                    tone=_GATE_TONES[item.outcome],
+                )
+                for item in missed
+            )
+        )
+    kept, total = len(comparison.gates) - len(missed), counted(len(comparison.gates), "limit")
+    yield Status(f"{kept} of {total} kept", "good" if comparison.passed else "bad")
 
 
 def _percent(value: float | None) -> str:

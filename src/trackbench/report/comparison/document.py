@@ -5,18 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 from trackbench.compare import Comparison
-from trackbench.document import Block, Document, Item, Items, Paragraph, Section
+from trackbench.document import Block, Document, Item, Items, Paragraph, Section, named_apart
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
-from trackbench.document.model import named_apart
 from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.report.comparison import differences, ranking
 from trackbench.results import to_json
-
-_APART = "Scenarios that different metrics rank are compared apart: their trackers do not answer the same question."
 
 
 def document(
@@ -35,11 +31,14 @@ def document(
         times: whether times of computing are in it, which are others on each machine.
     """
     colours = colours or tracker_colours(comparison.trackers)
-    parts = [_group(group, colours, reports or {}, times=times) for group in comparison.groups]
+    parts = [_part(group, colours, reports or {}, times=times) for group in comparison.groups]
     title, lead, blocks = parts[0]
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
-        lead, blocks = _APART, tuple(map(_section, comparison.groups, parts))
+        lead = (
+            "Scenarios that different metrics rank are compared apart: their trackers do not answer the same question."
+        )
+        blocks = tuple(map(_section, comparison.groups, parts))
     return Document(
         kind="comparison",
         title=title,
@@ -49,22 +48,16 @@ def document(
     )
 
 
-class _GroupText(NamedTuple):
-    """What the document says of scenarios that the same metric ranks."""
-
-    title: str
-    lead: str
-    blocks: tuple[Block, ...]
+#: Of scenarios that the same metric ranks: title, lead and blocks.
+_Part = tuple[str, str, tuple[Block, ...]]
 
 
-def _group(
-    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
-) -> _GroupText:
+def _part(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool) -> _Part:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.blocks(comparison, colours, reports, times=times)
-        return _GroupText("Comparison of trackers", ranking.lead(comparison), tuple(blocks))
+        return "Comparison of trackers", ranking.lead(comparison), tuple(blocks)
     blocks = differences.blocks(comparison, colours, reports)
-    return _GroupText(f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks))
+    return f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks)
 
 
 def _over(comparison: Comparison) -> str:
@@ -72,20 +65,21 @@ def _over(comparison: Comparison) -> str:
     return f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
 
 
-def _section(comparison: Comparison, part: _GroupText) -> Section:
+def _section(comparison: Comparison, part: _Part) -> Section:
     """One part of several; its tables and figures are named after what ranks."""
-    blocks = named_apart(part.blocks, comparison.ranked_by)
-    return Section(f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}", (Paragraph(part.lead), *blocks))
+    _, lead, blocks = part
+    title = f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}"
+    return Section(title, (Paragraph(lead), *named_apart(blocks, comparison.ranked_by)))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
     """What a reader must know beside the numbers, and what could not be compared."""
-    notes = [note for group in comparison.groups for note in group.notes]
-    found = [Item(note) for note in (*without_truth(comparison), *notes)]
+    notes = [*without_truth(comparison), *(note for group in comparison.groups for note in group.notes)]
     missing = dict.fromkeys((item.metric, item.reason) for group in comparison.groups for item in group.not_compared)
-    found += [Item(reason, label=f"{metric} not compared", tone="warn") for metric, reason in missing]
-    if found:
-        yield Section("Notes", (Items(tuple(found)),))
+    items = [Item(note) for note in notes]
+    items += [Item(reason, label=f"{metric} not compared", tone="warn") for metric, reason in missing]
+    if items:
+        yield Section("Notes", (Items(tuple(items)),))
 
 
 def without_truth(comparison: Comparison) -> Iterator[str]:
@@ -123,10 +117,10 @@ def comparison_files(
 
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
     """Where each result's report is, relative to a folder; those that have none are left out."""
-    found = {}
     scenarios = [scenario for group in comparison.groups for scenario in group.scenarios]
+    pages = {}
     for label in {result.label for scenario in scenarios for result in scenario.results}:
-        run = Path(label).parent if label.endswith(".json") else Path(label)
-        if (run / "report.html").is_file():
-            found[label] = Path(os.path.relpath(run / "report.html", folder)).as_posix()
-    return found
+        page = (Path(label).parent if label.endswith(".json") else Path(label)) / "report.html"
+        if page.is_file():
+            pages[label] = Path(os.path.relpath(page, folder)).as_posix()
+    return pages

@@ -34,13 +34,13 @@ def reference_figure(comparison: Comparison) -> Figure:
     names = [item.tracker for item in comparison.ranking]
     scenarios = [scenario.name for scenario in comparison.scenarios]
     scores = {(score.scenario, score.entrant.tracker): score for score in comparison.scores}
-    found = [[scores.get((scenario, name)) for name in names] for scenario in scenarios]
+    cells = [[scores.get((scenario, name)) for name in names] for scenario in scenarios]
     values = np.array(
-        [[np.nan if s is None else s.value("position_over_reference") for s in row] for row in found], dtype=float
+        [[np.nan if s is None else s.value("position_over_reference") for s in row] for row in cells], dtype=float
     )
-    known = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     # One tracker that is many times worse must not make all others look alike.
-    darkest = max(_LEAST, _SATURATED * float(np.median(known))) if known.size else _LEAST
+    darkest = max(_LEAST, _SATURATED * float(np.median(finite))) if finite.size else _LEAST
 
     widest = max(map(text_width, names))
     upright = widest > (_WIDTH - max(map(text_width, scenarios))) / len(names) - 8
@@ -53,7 +53,7 @@ def reference_figure(comparison: Comparison) -> Figure:
                 axes.add_patch(Rectangle((col - 0.48, row - 0.46), 0.96, 0.92, color=_MAP(shade)))
                 text = fixed(float(value), 2)
             else:
-                text = "" if found[row][col] is None else "n/a"
+                text = "" if cells[row][col] is None else "n/a"
             # A filled cell is light on a dark page too.
             ink = _ON_LIGHT if np.isfinite(value) else MUTED
             axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)

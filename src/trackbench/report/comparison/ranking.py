@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
@@ -11,7 +12,7 @@ from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import conditions_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval
 from trackbench.report.tables import TONE
 
 _RANKED = (
@@ -51,35 +52,21 @@ def lead(comparison: Comparison) -> str:
             f"{compared}{', '.join(ahead[:-1])} and {ahead[-1]} share the best mean rank, {fixed(first.mean_rank, 2)}."
         )
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
-    return f"{compared}{first.tracker} has the best mean rank, {ranks}. {_certainty(comparison)}"
-
-
-def _certainty(comparison: Comparison) -> str:
-    """Whether the lead is shown."""
-    ranking, scenarios = competitors(comparison), len(comparison.scenarios)
     wanted = fewest_scenarios(len(ranking))
-    if scenarios < wanted:
-        trackers = counted(len(ranking), "tracker")
-        return f"Too few scenarios for a claim: with {trackers} it takes {wanted}."
-    rivals = [item for item in comparison.rank_differences if ranking[0].tracker in (item.a, item.b)]
-    p_value = f"p = {fixed(max(item.p_value for item in rivals), 3)}"
-    return (
-        f"That lead is shown ({p_value})." if all(i.shown for i in rivals) else f"That lead is not shown ({p_value})."
-    )
+    certainty = f"Too few scenarios for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
+    if scenarios >= wanted:
+        rivals = [item for item in comparison.rank_differences if first.tracker in (item.a, item.b)]
+        shown = "shown" if all(item.shown for item in rivals) else "not shown"
+        certainty = f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
+    return f"{compared}{first.tracker} has the best mean rank, {ranks}. {certainty}"
 
 
 def blocks(
     comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
 ) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
-    yield Section(
-        "Overall",
-        (
-            _overall(comparison),
-            Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by])),
-            rank_figure(comparison, colours),
-        ),
-    )
+    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
+    yield Section("Overall", (_overall(comparison), method, rank_figure(comparison, colours)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:
@@ -127,46 +114,39 @@ _METHOD = (
 
 def _overall(comparison: Comparison) -> Table:
     """Every tracker over all scenarios, best first."""
-    known = comparison.ranked_by == "position_rmse"
-    headings = ["mean rank", "95 % interval", "won", "lost", "tied"]
-    headings += ["consistent", "diverged runs"] if known else []
-    columns = [Column("", left=True), Column("tracker", left=True), *(Column(text) for text in headings)]
-    columns.append(Column("scenarios"))
-    rows = [
-        (
-            Cell("" if item.reference else str(i)),
-            Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker),
-            Cell(fixed(item.mean_rank, 2)),
-            Cell(interval(item.ci95, 2) or NOT_AVAILABLE),
-            Cell(str(item.won)),
-            Cell(str(item.lost)),
-            Cell(str(item.tied)),
-            *(
-                (Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"), Cell(str(item.diverged_runs)))
-                if known
-                else ()
-            ),
-            Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),
-        )
-        for i, item in enumerate(comparison.ranking, 1)
+    items = comparison.ranking
+    ranks = ["" if item.reference else str(i) for i, item in enumerate(items, 1)]
+    names = [Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker) for item in items]
+    texts = {
+        "mean rank": [fixed(item.mean_rank, 2) for item in items],
+        "95 % interval": [interval(item.ci95, 2) or NOT_AVAILABLE for item in items],
+        "won": [str(item.won) for item in items],
+        "lost": [str(item.lost) for item in items],
+        "tied": [str(item.tied) for item in items],
+    }
+    if comparison.ranked_by == "position_rmse":
+        texts["consistent"] = [f"{item.consistent_scenarios} of {item.judged_scenarios}" for item in items]
+        texts["diverged runs"] = [str(item.diverged_runs) for item in items]
+    failed = [(f"{item.failed_scenarios} without a score",) if item.failed_scenarios else () for item in items]
+    columns = [
+        (Column("", left=True), list(map(Cell, ranks))),
+        (Column("tracker", left=True), names),
+        *((Column(heading), list(map(Cell, column))) for heading, column in texts.items()),
+        (Column("scenarios"), [Cell(str(item.scenarios), note) for item, note in zip(items, failed, strict=True)]),
     ]
-    return Table("ranking", tuple(columns), tuple(rows))
+    return Table.of_columns("ranking", columns)
 
 
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
     """One metric, scenarios down and trackers across in the order of the ranking."""
-    names = [item.tracker for item in comparison.ranking]
     rows = []
     for scenario in comparison.scenarios:
         scores = {score.entrant.tracker: score for score in comparison.scores if score.scenario == scenario.name}
         places = decimals([score.value(metric) for score in scores.values()])
-        cells = (scores.get(tracker) for tracker in names)
-        link = Cell(scenario.name, link=links[scenario.name])
-        rows.append((link, *(Cell("") if score is None else cell(score, places) for score in cells)))
-    columns = (
-        Column("scenario", left=True),
-        *(Column(label(item)) for item in comparison.ranking),
-    )
+        own = [scores.get(item.tracker) for item in comparison.ranking]
+        cells = (Cell("") if score is None else cell(score, places) for score in own)
+        rows.append((Cell(scenario.name, link=links[scenario.name]), *cells))
+    columns = (Column("scenario", left=True), *(Column(label(item)) for item in comparison.ranking))
     return Table(name, columns, tuple(rows), matrix=True)
 
 
@@ -174,44 +154,45 @@ def _plain(metric: str) -> _ToCell:
     """A value with half of its interval."""
 
     def cell(score: EntrantScore, places: int) -> Cell:
-        found = score.metrics.get(metric)
-        if found is None:
+        value = score.metrics.get(metric)
+        if value is None:
             return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
-        reach = () if found.ci95 is None else (f"±{fixed((found.ci95[1] - found.ci95[0]) / 2, places)}",)
-        return Cell(fixed(found.value, places), reach)
+        half = half_width(value)
+        return Cell(fixed(value.value, places), () if half is None else (f"±{fixed(half, places)}",))
 
     return cell
 
 
 def _ranked(metric: str) -> _ToCell:
     """The metric that ranks, with the runs that diverged; the best stand out."""
-    plain = _plain(metric)
 
     def cell(score: EntrantScore, places: int) -> Cell:
-        found = plain(score, places)
+        plain = _plain(metric)(score, places)
         diverged = (f"{counted(score.diverged_runs, 'run')} diverged",) if score.diverged_runs else ()
-        return Cell(found.text, (*found.details, *diverged), found.tone, strong=score.leading)
+        return replace(plain, details=(*plain.details, *diverged), strong=score.leading)
 
     return cell
 
 
 def _nees(score: EntrantScore, _: int) -> Cell:
-    found = score.metrics.get("nees")
-    if found is None or found.verdict is None:
+    nees = score.metrics.get("nees")
+    if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
-    named = conditions_off(found, 2) if found.verdict == "mixed" else ""
-    details = tuple(text for text in (found.verdict, named) if text)
-    return Cell(fixed(found.value, 1), details, TONE.get(found.verdict, ""))
+    conditions = conditions_off(nees, 2) if nees.verdict == "mixed" else ""
+    details = tuple(text for text in (nees.verdict, conditions) if text)
+    return Cell(fixed(nees.value, 1), details, TONE.get(nees.verdict, ""))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
     """What each scenario is, and whether its expectations were met."""
-    rows = []
-    for scenario in comparison.scenarios:
-        result = scenario.results[0]
-        met = f"{result.expectations_met} of {result.expectations} met" if result.expectations else "none stated"
-        cells = scenario.description, str(result.runs), str(result.seed), met
-        rows.append((Cell(scenario.name, link=links[scenario.name]), *(Cell(text) for text in cells)))
-    left = ("scenario", "what it shows")
-    headings = ("scenario", "what it shows", "runs", "seed", "expectations")
-    return Table("scenarios", tuple(Column(text, left=text in left) for text in headings), tuple(rows))
+    scenarios = comparison.scenarios
+    first = [scenario.results[0] for scenario in scenarios]
+    met = [f"{r.expectations_met} of {r.expectations} met" if r.expectations else "none stated" for r in first]
+    columns = [
+        (Column("scenario", left=True), [Cell(item.name, link=links[item.name]) for item in scenarios]),
+        (Column("what it shows", left=True), [Cell(item.description) for item in scenarios]),
+        (Column("runs"), [Cell(str(result.runs)) for result in first]),
+        (Column("seed"), [Cell(str(result.seed)) for result in first]),
+        (Column("expectations"), list(map(Cell, met))),
+    ]
+    return Table.of_columns("scenarios", columns)

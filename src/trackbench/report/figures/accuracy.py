@@ -18,17 +18,24 @@ from trackbench.document.drawing import (
     LOG_ABOVE,
     MUTED,
     TIME_LABEL,
-    WIDTH,
     fit_value_axis,
     logarithmic,
-    panel_title,
     time_axis,
 )
 from trackbench.document.margins import fit_margins, shortened, text_width
-from trackbench.document.palette import legend_of, tooltips_of
+from trackbench.document.palette import tracker_figure
 from trackbench.report.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
-from trackbench.report.figures.over_time import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
+from trackbench.report.figures.over_time import (
+    Line,
+    draw_lines,
+    end_of,
+    last_values,
+    panel_grid,
+    smooth_lines,
+    styles_of,
+)
 from trackbench.report.numbers import joined
+from trackbench.report.tables import metric_of
 from trackbench.results import MetricValue, TrackerResult
 from trackbench.results.scenario_summary import ReferenceSummary
 
@@ -62,15 +69,15 @@ def error_over_time(
         caption += f" Dashed: the {reference.label}. {reference.meaning}"
     shown = styles_of(drawn)
     keys = [LegendEntry(_label(reference, group, len(references)), colour(group), "dash") for group in references]
-    return Figure(
+    return tracker_figure(
         f"{quantity}-error",
         f"{quantity.capitalize()} error over time",
         caption,
         f"RMSE of {quantity} over time, {counted(len(drawn), 'tracker')}. {last_values(drawn, unit)}",
         paint,
         _HEIGHT,
-        legend=(*legend_of(shown), *keys),
-        tooltips=tooltips_of(shown),
+        shown,
+        *keys,
     )
 
 
@@ -83,25 +90,20 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
     # One object in one run has no spread.
     if not drawn or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
         return None
-    columns = 2 if len(drawn) > 1 else 1
-    rows = -(-len(drawn) // columns)
+    rows = -(-len(drawn) // 2)
+
+    def draw(axes: Axes, number: int) -> None:
+        line, key = drawn[number], drawn[number].style.key
+        if key in low and key in high:
+            axes.fill_between(line.time, low[key], high[key], color=line.style.colour, alpha=0.3)
+        axes.plot(line.time, line.value, color=line.style.colour)
+        if key in references:
+            axes.plot(references[key].time, references[key].value, color=INK, linestyle=DASHED, linewidth=1.2)
 
     def paint(canvas: Canvas) -> None:
-        panels = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for number, (axes, line) in enumerate(zip(panels, drawn, strict=False)):
-            key = line.style.key
-            if key in low and key in high:
-                axes.fill_between(line.time, low[key], high[key], color=line.style.colour, alpha=0.3)
-            axes.plot(line.time, line.value, color=line.style.colour)
-            if key in references:
-                axes.plot(references[key].time, references[key].value, color=INK, linestyle=DASHED, linewidth=1.2)
-            panel_title(axes, line.style.name, WIDTH / columns)
-            axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
-            axes.set_ylabel("error, m" if number % columns == 0 else "")
-        for axes in panels[len(drawn) :]:
-            axes.set_visible(False)
-        time_axis(panels[0], end_of(steps))
-        fit_value_axis(panels[0], [*high.values(), *low.values(), *(line.value for line in drawn)])
+        axes = panel_grid(canvas, [line.style.name for line in drawn], "error, m", draw)
+        time_axis(axes, end_of(steps))
+        fit_value_axis(axes, [*high.values(), *low.values(), *(line.value for line in drawn)])
 
     shown = counted(len(drawn), "tracker")
     return Figure(
@@ -157,7 +159,7 @@ def errors_by_class(
     names = classes(trackers, by)
     if len(names) < 2:
         return None
-    found = [
+    errors = [
         (styles[tracker.name], [rmse(conditions(tracker, by).get(name), quantity) for name in names])
         for tracker in trackers
     ]
@@ -165,10 +167,10 @@ def errors_by_class(
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(ylabel=f"{quantity} RMSE, {unit}")
-        for i, (style, metrics) in enumerate(found):
-            shift = _CLASS_WIDTH * ((i + 0.5) / len(found) - 0.5)
+        for i, (style, metrics) in enumerate(errors):
+            shift = _CLASS_WIDTH * ((i + 0.5) / len(errors) - 0.5)
             _dots(axes, shift, metrics, style)
-        values = np.array([m.value for _, metrics in found for m in metrics if m is not None and m.value is not None])
+        values = np.array([m.value for _, metrics in errors for m in metrics if m is not None and m.value is not None])
         if values.size and values.min() > 0 and values.max() > LOG_ABOVE / 2 * values.min():
             logarithmic(axes, "y")
             axes.set_ylabel(f"{quantity} RMSE, {unit}, log.")
@@ -183,30 +185,29 @@ def errors_by_class(
         axes.tick_params(axis="x", length=0)
 
     what = TITLE[by]
-    shown = [style for style, _ in found]
-    said = " ".join(_errors_in_words(style, names, metrics, unit) for style, metrics in found)
-    return Figure(
+    shown = [style for style, _ in errors]
+    words = " ".join(_errors_in_words(style, names, metrics, unit) for style, metrics in errors)
+    return tracker_figure(
         f"{quantity}-by-{by}",
         f"{quantity.capitalize()} error by {what}",
         f"RMSE of the {quantity} in each {what}, over all runs and objects; the bars are 95 % intervals.",
-        f"RMSE of {quantity} by {what}. {said}",
+        f"RMSE of {quantity} by {what}. {words}",
         paint,
         _CLASS_HEIGHT,
-        legend=legend_of(shown),
-        tooltips=tooltips_of(shown),
+        shown,
     )
 
 
 def _dots(axes: Axes, shift: float, metrics: _Errors, style: TrackerStyle) -> None:
-    known = [(x + shift, m.value, m.ci95) for x, m in enumerate(metrics) if m is not None and m.value is not None]
+    places = [(x + shift, m.value, m.ci95) for x, m in enumerate(metrics) if m is not None and m.value is not None]
     # An interval that reaches zero has no place on a logarithmic axis.
-    bars = [(x, (max(ci95[0], 0.2 * value), ci95[1])) for x, value, ci95 in known if ci95 is not None]
+    bars = [(x, (max(ci95[0], 0.2 * value), ci95[1])) for x, value, ci95 in places if ci95 is not None]
     if bars:
         across = [place for x, _ in bars for place in (x, x, np.nan)]
         upwards = [end for _, ends in bars for end in (*ends, np.nan)]
         axes.plot(across, upwards, color=style.colour, linewidth=1.4, gid=style.key)
-    if known:
-        x, value, _ = zip(*known, strict=True)
+    if places:
+        x, value, _ = zip(*places, strict=True)
         axes.plot(x, value, marker="o", markersize=6, color=style.colour, linestyle="none", gid=style.key)
 
 
@@ -234,7 +235,8 @@ def cost_against_accuracy(
     points = [
         (styles[tracker.name], cost, error)
         for tracker in trackers
-        if (cost := _value(tracker, "step_time")) is not None and (error := _value(tracker, metric)) is not None
+        if (cost := metric_of(tracker, "step_time").value) is not None
+        and (error := metric_of(tracker, metric).value) is not None
     ]
     if not points:
         return None
@@ -253,23 +255,17 @@ def cost_against_accuracy(
         fit_margins(canvas)
         _label_points(axes, shown, np.stack([x, y], axis=1))
 
-    said = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
-    return Figure(
+    words = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
+    return tracker_figure(
         "cost",
         "Accuracy against computing time",
         "Each point is a tracker: further down is more accurate, further left is faster. A tracker with another one "
         "both below and to the left of it is slower and less accurate. Times are those of this machine.",
-        f"{_METRICS[metric]} against time per step: {said}",
+        f"{_METRICS[metric]} against time per step: {words}",
         paint,
         250,
-        legend=legend_of(shown),
-        tooltips=tooltips_of(shown),
+        shown,
     )
-
-
-def _value(tracker: TrackerResult, metric: str) -> float | None:
-    found = tracker.metrics.get(metric)
-    return None if found is None else found.value
 
 
 def _label_points(axes: Axes, styles: Sequence[TrackerStyle], points: Array) -> None:

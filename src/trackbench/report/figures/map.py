@@ -237,8 +237,8 @@ def _coloured(axes: Axes, tracks: Sequence[_PathWithErrors], limits: Array) -> N
     x, y, error = (
         np.concatenate([np.append(getattr(track, name), np.nan) for track in tracks]) for name in ("x", "y", "error")
     )
-    known = np.isfinite(error[1:]) & np.isfinite(error[:-1])
-    level = np.where(known, np.digitize(np.fmax(error[1:], error[:-1]), limits), -1)
+    finite = np.isfinite(error[1:]) & np.isfinite(error[:-1])
+    level = np.where(finite, np.digitize(np.fmax(error[1:], error[:-1]), limits), -1)
     for i, colour in enumerate(ERROR_COLOURS[: len(limits) + 1]):
         own = np.flatnonzero(level == i)
         if own.size:
@@ -264,9 +264,9 @@ def _limits(errors: Sequence[Array]) -> Array:
 
 
 def _legend(limits: Array) -> tuple[LegendEntry, ...]:
-    said = [f"{limit:g}" for limit in limits]
+    words = [f"{limit:g}" for limit in limits]
     labels = (
-        [f"under {said[0]} m", *(f"{a} to {b} m" for a, b in pairwise(said)), f"above {said[-1]} m"] if said else []
+        [f"under {words[0]} m", *(f"{a} to {b} m" for a, b in pairwise(words)), f"above {words[-1]} m"] if words else []
     )
     return (
         *(LegendEntry(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)),
@@ -275,16 +275,16 @@ def _legend(limits: Array) -> tuple[LegendEntry, ...]:
 
 
 def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_PathWithErrors]:
-    found = []
+    paths = []
     for name in objects:
         own, path = where(rows, object=name), where(truth, object=name)
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
         if len(place) and place.max() >= len(path):
             raise InputError(f"the estimates of {name} go on after its truth: not the tables of one run")
-        found.append(
+        paths.append(
             _PathWithErrors(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m"))
         )
-    return found
+    return paths
 
 
 def _place(truth: pa.Table, moment: EstimateMoment) -> tuple[float, float]:

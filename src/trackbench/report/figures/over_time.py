@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
-from trackbench.document.palette import legend_of, mode_colours, tooltips_of
+from trackbench.document.palette import mode_colours, tracker_figure
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.numbers import joined
@@ -59,13 +59,13 @@ class Line(NamedTuple):
 
 def lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
     """The column ``name`` of each tracker that has values in it."""
-    found = []
+    drawn = []
     for style in styles:
         rows = where(table, tracker=style.name)
         value = column(rows, name)
         if np.isfinite(value).any():
-            found.append(Line(style, column(rows, "time_s"), value))
-    return found
+            drawn.append(Line(style, column(rows, "time_s"), value))
+    return drawn
 
 
 def smooth_lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
@@ -78,6 +78,21 @@ def draw_lines(axes: Axes, drawn: Sequence[Line], end: float) -> None:
     for style, time, value in reversed(drawn):
         axes.plot(time, value, color=style.colour, linestyle=style.line, gid=style.key)
     time_axis(axes, end)
+
+
+def panel_grid(canvas: Canvas, titles: Sequence[str], ylabel: str, draw: Callable[[Axes, int], None]) -> Axes:
+    """Panels two in a row on the same axes, each drawn by its number and then named; the first of them."""
+    columns = 2 if len(titles) > 1 else 1
+    rows = -(-len(titles) // columns)
+    panels: list[Axes] = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+    for number, (axes, title) in enumerate(zip(panels, titles, strict=False)):
+        draw(axes, number)
+        panel_title(axes, title, WIDTH / columns)
+        axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
+        axes.set_ylabel(ylabel if number % columns == 0 else "")
+    for axes in panels[len(titles) :]:
+        axes.set_visible(False)
+    return panels[0]
 
 
 def end_of(table: pa.Table) -> float:
@@ -99,9 +114,9 @@ def last_values(drawn: Sequence[Line], unit: str) -> str:
 def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
     size = max(1, round(len(time) / _POINTS))
     starts = np.arange(0, len(time) - size + 1, size)
-    known = np.isfinite(value)
-    count = np.add.reduceat(known.astype(float), starts)
-    square = np.add.reduceat(np.where(known, value, 0.0) ** 2, starts)
+    finite = np.isfinite(value)
+    count = np.add.reduceat(finite.astype(float), starts)
+    square = np.add.reduceat(np.where(finite, value, 0.0) ** 2, starts)
     steps = np.add.reduceat(np.ones(len(time)), starts)
     return np.add.reduceat(time, starts) / steps, np.sqrt(square / np.where(count > 0, count, np.nan))
 
@@ -145,7 +160,7 @@ def _single_nis(table: pa.Table, sensor: str, drawn: Sequence[Line], number: int
 
     title = f"NIS of {sensor} over time"
     shown = styles_of(drawn)
-    return Figure(
+    return tracker_figure(
         f"nis-{number}",
         title,
         f"Squared innovation of {sensor} (measurement minus prediction) divided by its predicted covariance, each one "
@@ -155,8 +170,8 @@ def _single_nis(table: pa.Table, sensor: str, drawn: Sequence[Line], number: int
         f"{last_values(drawn, '')}",
         paint,
         _HEIGHT,
-        legend=(*legend_of(shown), LegendEntry("95 % of single innovations", INK, "dash")),
-        tooltips=tooltips_of(shown),
+        shown,
+        LegendEntry("95 % of single innovations", INK, "dash"),
     )
 
 
@@ -180,15 +195,15 @@ def _with_band(
             axes.set_ylabel(f"{label}, logarithmic")
 
     key = [LegendEntry("95 % bounds of a consistent tracker", MUTED, "band")] if band else []
-    return Figure(
+    return tracker_figure(
         name,
         title,
         caption,
         f"{title}, {counted(len(drawn), 'tracker')}. {last_values(drawn, '')}",
         paint,
         _HEIGHT,
-        legend=(*legend_of(shown), *key),
-        tooltips=tooltips_of(shown),
+        shown,
+        *key,
     )
 
 
@@ -217,7 +232,7 @@ def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle]
     title = f"Autocorrelation of the innovations of {sensor}"
     largest = ", ".join(f"{style.name} {value[np.argmax(abs(value))]:.2f}" for style, _, value, _ in lines)
     shown = [style for style, *_ in lines]
-    return Figure(
+    return tracker_figure(
         f"autocorrelation-{number}",
         title,
         f"Correlation between innovations of {sensor} that are so many measurements apart. If the filter's models "
@@ -226,8 +241,8 @@ def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle]
         f"{title} at lags of 1 to {int(lines[0][1].max())} measurements. Largest: {largest}.",
         paint,
         220,
-        legend=(*legend_of(shown), LegendEntry("95 % bounds of white innovations", MUTED, "band")),
-        tooltips=tooltips_of(shown),
+        shown,
+        LegendEntry("95 % bounds of white innovations", MUTED, "band"),
     )
 
 
@@ -249,7 +264,7 @@ def modes_over_time(result: Result) -> Figure | None:
     modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
     objects = names(recorded, "object")
     panels = []
-    for tracker in (found.name for found in result.drawn if found.name in names(modes, "tracker")):
+    for tracker in (each.name for each in result.drawn if each.name in names(modes, "tracker")):
         if summary.runs > 1:
             panels.append(_mode_panel(where(modes, tracker=tracker), f"{tracker}, {counted(summary.runs, 'run')}"))
         for name in objects[:_MOST_OBJECTS]:
@@ -266,25 +281,21 @@ def _mode_panel(rows: pa.Table, title: str) -> _ModePanel:
 
 def _modes_figure(panels: Sequence[_ModePanel]) -> Figure:
     colours = mode_colours(mode for panel in panels for mode in panel.probability)
-    columns = 2 if len(panels) > 1 else 1
-    rows = -(-len(panels) // columns)
+    rows = -(-len(panels) // 2)
+
+    def draw(axes: Axes, number: int) -> None:
+        panel = panels[number]
+        finite = np.isfinite(next(iter(panel.probability.values())))
+        below = np.zeros(len(panel.time))
+        for mode, probability in panel.probability.items():
+            above = below + probability
+            axes.fill_between(panel.time, below, above, where=finite, color=colours[mode], linewidth=0, alpha=0.85)
+            below = above
 
     def paint(canvas: Canvas) -> None:
-        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for number, (axes, panel) in enumerate(zip(every, panels, strict=False)):
-            known = np.isfinite(next(iter(panel.probability.values())))
-            below = np.zeros(len(panel.time))
-            for mode, probability in panel.probability.items():
-                above = below + probability
-                axes.fill_between(panel.time, below, above, where=known, color=colours[mode], linewidth=0, alpha=0.85)
-                below = above
-            panel_title(axes, panel.title, WIDTH / columns)
-            axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
-            axes.set_ylabel("probability" if number % columns == 0 else "")
-        for axes in every[len(panels) :]:
-            axes.set_visible(False)
-        time_axis(every[0], max(float(panel.time.max()) for panel in panels))
-        every[0].set_ylim(0, 1)
+        axes = panel_grid(canvas, [panel.title for panel in panels], "probability", draw)
+        time_axis(axes, max(float(panel.time.max()) for panel in panels))
+        axes.set_ylim(0, 1)
 
     return Figure(
         "modes",

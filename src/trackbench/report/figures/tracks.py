@@ -13,7 +13,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import DASHED, GRID, INK, TIME_LABEL, WIDTH, panel_title, time_axis
 from trackbench.document.margins import shortened
-from trackbench.document.palette import ERROR_COLOURS, legend_of, tooltips_of
+from trackbench.document.palette import ERROR_COLOURS, tracker_figure
 from trackbench.report.figures.over_time import (
     column,
     draw_lines,
@@ -54,7 +54,7 @@ def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure |
             panel_title(axes, PARTS[name], WIDTH)
         panels[-1].set_xlabel(TIME_LABEL)
 
-    return Figure(
+    return tracker_figure(
         "gospa",
         "GOSPA over time",
         "Root mean square over all runs. The squares of the parts add up to that of GOSPA: localisation is the "
@@ -63,8 +63,7 @@ def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure |
         f"GOSPA and its parts over time, {counted(len(shown), 'tracker')}. {last_values(parts['gospa_m'], 'm')}",
         paint,
         40 + _PANEL * len(parts),
-        legend=legend_of(shown),
-        tooltips=tooltips_of(shown),
+        shown,
     )
 
 
@@ -87,18 +86,18 @@ def existence_calibration(existence: pa.Table, styles: Sequence[TrackerStyle]) -
             axes.plot(stated, real, color=style.colour, linestyle=style.line, marker="o", markersize=5, gid=style.key)
         axes.set(xlim=(0, 1.03), ylim=(0, 1.05))
 
-    said = [f"{style.name} states {stated[-1]:.2f}, {real[-1]:.2f} are real" for style, stated, real in drawn]
-    return Figure(
+    words = [f"{style.name} states {stated[-1]:.2f}, {real[-1]:.2f} are real" for style, stated, real in drawn]
+    return tracker_figure(
         "existence",
         "Existence probability",
         "Of the confirmed tracks that state a probability, in ten equal bins, the share that is on an object; on the "
         f"dashed line all is as stated. Bins with fewer than {FEWEST} tracks and instants are left out. Optional "
         "objects and their tracks do not count.",
-        f"Stated existence probability against the share of real tracks. In the last bin: {joined(said)}.",
+        f"Stated existence probability against the share of real tracks. In the last bin: {joined(words)}.",
         paint,
         240,
-        legend=(*legend_of(shown), LegendEntry("as stated", INK, "dash")),
-        tooltips=tooltips_of(shown),
+        shown,
+        LegendEntry("as stated", INK, "dash"),
     )
 
 
@@ -138,14 +137,14 @@ def strip_chart(objects: pa.Table, styles: Sequence[TrackerStyle], run: int) -> 
 
     left_out = len(vehicles) - len(drawn)
     height = len(shown) * (ROW * len(drawn) + AROUND) + 24
-    said = [f"{style.name} {_tracked_share(rows[style.key])}" for style in shown]
+    words = [f"{style.name} {_tracked_share(rows[style.key])}" for style in shown]
     return Figure(
         "objects",
         "What happened to each object",
         f"Run {run}, {_which(shown, len(styles))}: a row for each object that was due. No colour: it was not due. An "
         "upright line marks a switch to another track."
         + (f" {counted(left_out, 'object')} that were due for a shorter time are left out." if left_out else ""),
-        f"Strips of {counted(len(drawn), 'object')} over time. Share of the due time that is tracked: {joined(said)}.",
+        f"Strips of {counted(len(drawn), 'object')} over time. Share of the due time that is tracked: {joined(words)}.",
         paint,
         height,
         legend=(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from trackbench.document import Cell, Column, Table
-from trackbench.document.model import Tone
+from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.numbers import decimals, fixed, interval, signed
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
