@@ -97,20 +97,11 @@ def _require_stdout() -> None:
         raise InputError(f"{problem}; set PYTHONIOENCODING=utf-8") from None
 
 
-def _flush_stdout() -> None:
-    """Write what is still held back.
-
-    Raises:
-        OSError: standard output takes no more.
-    """
-    if sys.stdout is not None:
-        sys.stdout.flush()
-
-
-def _say(text: str) -> None:
-    """A message on stderr, if that can be written."""
+def _failed(text: str, status: int) -> int:
+    """The status, after a message on stderr if that can be written."""
     with suppress(OSError, ValueError):
         print(text, file=sys.stderr, flush=True)
+    return status
 
 
 def _abandon_streams() -> None:
@@ -202,9 +193,13 @@ def main() -> None:
     try:
         with _kept_running():
             status = _run()
-        _flush_stdout()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        status = UNREAD
     except OSError as error:
-        status = UNREAD if isinstance(error, BrokenPipeError) else _said(_os_error(error), CANNOT_WRITE)
+        where = "standard output" if error.filename is None else error.filename
+        status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
     except KeyboardInterrupt:
         status = _interrupted()
     _abandon_streams()
@@ -220,23 +215,28 @@ def _run() -> int:
     try:
         _require_stdout()
         _require_place()
-        _require_text(sys.argv[1:])
+        for argument in sys.argv[1:]:
+            # Such a name cannot stand in a report.
+            if not is_utf8(argument):
+                raise InputError(f"{argument!a} is not UTF-8; rename the file")
         status = cli.main(prog_name="trackbench", standalone_mode=False)
     except click.exceptions.Exit as stop:
         status = stop.exit_code
     except click.ClickException as error:
-        return _said(_usage(error), BAD_INPUT)
+        shown = io.StringIO()
+        error.show(shown)
+        return _failed(shown.getvalue().rstrip(), BAD_INPUT)
     except InputError as error:
-        return _said(str(error), BAD_INPUT)
+        return _failed(str(error), BAD_INPUT)
     except OutputError as error:
-        return _said(f"trackbench: {error}", CANNOT_WRITE)
+        return _failed(f"trackbench: {error}", CANNOT_WRITE)
     except TrackbenchError as error:
-        return _said(f"trackbench: {error}", BAD_INPUT)
+        return _failed(f"trackbench: {error}", BAD_INPUT)
     except UnicodeEncodeError as error:
         problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
-        return _said(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
+        return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
     except MemoryError:
-        return _said("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
+        return _failed("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
     except click.Abort:
         return _interrupted()
     except SystemExit as end:
@@ -250,7 +250,7 @@ def _run() -> int:
         if place_of(error, installed=False) is not None:
             return _plugin_failed(error)
         # Not 1, which says that an expectation failed.
-        return _said(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
+        return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
     return status if isinstance(status, int) else 0
 
 
@@ -269,28 +269,11 @@ def _kept_running() -> Iterator[None]:
         os._exit = leave
 
 
-def _said(text: str, status: int) -> int:
-    _say(text)
-    return status
-
-
 def _plugin_failed(error: BaseException) -> int:
     # Imported here: NumPy comes with it, for which --help need not wait.
     from trackbench.driving.faults import fault_of
 
-    return _said(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
-
-
-def _usage(error: click.ClickException) -> str:
-    """As Click shows it."""
-    shown = io.StringIO()
-    error.show(shown)
-    return shown.getvalue().rstrip()
-
-
-def _os_error(error: OSError) -> str:
-    where = "standard output" if error.filename is None else error.filename
-    return f"trackbench: cannot write {where}: {error.strerror or error}"
+    return _failed(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
 
 
 def _require_place() -> None:
@@ -300,14 +283,7 @@ def _require_place() -> None:
         raise InputError("the working directory is not there any more; change to one that is") from None
 
 
-def _require_text(arguments: Sequence[str]) -> None:
-    """Names that are no UTF-8 cannot stand in a report."""
-    for argument in arguments:
-        if not is_utf8(argument):
-            raise InputError(f"{argument!a} is not UTF-8; rename the file")
-
-
 def _interrupted() -> int:
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    return _said(f"{start}interrupted: the unfinished run was not kept", INTERRUPTED)
+    return _failed(f"{start}interrupted: the unfinished run was not kept", INTERRUPTED)

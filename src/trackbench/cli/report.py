@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,7 +54,9 @@ Examples:
 def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -> None:
     """Write the report of a saved result in any format."""
     if format == "mot" or format == "events":
-        _write(dict(_exported(run, format)), run if out is None else out)
+        from trackbench.report.export import exported
+
+        _write(dict(exported(results.Result.load(run), format)), run if out is None else out)
         return
     from trackbench.document.files import files
     from trackbench.document.terminal import print_document
@@ -70,18 +72,14 @@ def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -
     _write(content_of, folder)
 
 
-def _exported(run: Path, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    from trackbench.report.export import exported
-
-    return exported(results.Result.load(run), format)
-
-
 def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
     results.require_writable(folder)
     for path, content in content_of.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(folder / path, content())
-    click.echo(f"{folder}/: {_summary(list(content_of))}")
+    top = [Path(*Path(path).parts[:2]) for path in content_of]
+    parts = _files_in_words(Path(), top, lambda name: name.removesuffix("s") if name.endswith("s") else "file")
+    click.echo(f"{folder}/: {parts}")
 
 
 def _document(run: Path) -> Document:
@@ -113,17 +111,6 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
     if out.suffix in (".csv", ".svg", ".pdf") or out.is_file():
         raise InputError(f"{out}: name a folder, for there are several files", key="--out")
     return out, name
-
-
-def _summary(written: list[str]) -> str:
-    folders = [path.partition("/")[0] for path in written if "/" in path]
-    counts = [f"{counted(folders.count(name), _kind(name))} in {name}/" for name in dict.fromkeys(folders)]
-    return ", ".join([*(path for path in written if "/" not in path), *counts])
-
-
-def _kind(folder: str) -> str:
-    """What is in a folder of a report."""
-    return folder.removesuffix("s") if folder.endswith("s") else "file"
 
 
 @click.command("compare")
@@ -197,12 +184,18 @@ def compare_command(
     else:
         print_document(document(comparison, times=True), Console())
         if out is not None:
-            click.echo(_files_in_words(out, written), err=True)
+            click.echo(_files_in_words(out.parent, written), err=True)
     raise click.exceptions.Exit(0 if comparison.passed else FAILED_EXPECTATION)
 
 
-def _files_in_words(out: Path, files: Sequence[Path]) -> str:
-    """The files, those in folders of their own counted: a LaTeX file reads its tables and figures from there."""
-    beside = [str(file) for file in files if file.parent == out.parent]
-    folders = Counter(file.parent for file in files if file.parent != out.parent)
-    return ", ".join([*beside, *(f"{counted(number, 'file')} in {folder}/" for folder, number in folders.items())])
+def _files_in_words(place: Path, files: Sequence[Path], kind: Callable[[str], str] = lambda _: "file") -> str:
+    """The files, those in folders of their own counted: a LaTeX file reads its tables and figures from there.
+
+    Args:
+        place: the folder of those that are named.
+        files: their paths.
+        kind: what a file in a folder of this name is.
+    """
+    named = [str(file) for file in files if file.parent == place]
+    folders = Counter(file.parent for file in files if file.parent != place)
+    return ", ".join([*named, *(f"{counted(n, kind(folder.name))} in {folder}/" for folder, n in folders.items())])
