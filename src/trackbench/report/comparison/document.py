@@ -31,7 +31,7 @@ def document(
         times: whether times of computing are in it, which are others on each machine.
     """
     colours = colours or tracker_colours(comparison.trackers)
-    parts = [_part(group, colours, reports or {}, times=times) for group in comparison.groups]
+    parts = [_group_text(group, colours, reports or {}, times=times) for group in comparison.groups]
     title, lead, blocks = parts[0]
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
@@ -49,10 +49,12 @@ def document(
 
 
 #: Of scenarios that the same metric ranks: title, lead and blocks.
-_Part = tuple[str, str, tuple[Block, ...]]
+_GroupText = tuple[str, str, tuple[Block, ...]]
 
 
-def _part(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool) -> _Part:
+def _group_text(
+    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
+) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.blocks(comparison, colours, reports, times=times)
         return "Comparison of trackers", ranking.lead(comparison), tuple(blocks)
@@ -65,7 +67,7 @@ def _over(comparison: Comparison) -> str:
     return f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
 
 
-def _section(comparison: Comparison, part: _Part) -> Section:
+def _section(comparison: Comparison, part: _GroupText) -> Section:
     """One part of several; its tables and figures are named after what ranks."""
     _, lead, blocks = part
     title = f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}"
