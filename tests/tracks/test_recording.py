@@ -18,7 +18,7 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
-from trackbench.subjects.recording.contents import contents_of, track_ranking
+from trackbench.subjects.recording.contents import contents_of, ranking
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
 from trackbench.subjects.recording.layout import track_blueprint
@@ -141,7 +141,7 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
 
 
 def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
-    text = track_ranking(traffic_result)
+    text = ranking(traffic_result)
     assert "±" not in text
     ends = traffic_result["pmb"].metrics["gospa"].ci95
     assert ends is not None
