@@ -22,7 +22,7 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 
 #: What a comparison does not read of a scenario, and may be code that is not here.
-LEFT_OUT = ("score.metrics=[]", "expect=[]")
+LEFT_OUT = ("score.metrics=[]", "expect=[]", "recording.scene=0")
 #: Trackers that any scenario may have, by whether identities are known.
 ANY = {
     "known": "trackers={raw: {use: raw}}",

@@ -34,7 +34,11 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
     """Every table of a run with known identities, by name."""
     scene = work.scenes[work.recorded_scene]
     truth, instants = scene.truth, scene.instants()
-    times = {sensor.name: sensor.time for sensor in work.longest_scene.sensors}
+    # Recorded scenes differ in how many measurements each sensor took.
+    times = {
+        each[0].name: max((sensor.time for sensor in each), key=len)
+        for each in zip(*(other.sensors for other in work.scenes), strict=True)
+    }
     evaluations, scores = evaluated.evaluations, evaluated.scores
     own_paths = list(dict.fromkeys(path for item in evaluations.values() for path in item.own))
     block = next(block for block in blocks if block.recorded_scans is not None)

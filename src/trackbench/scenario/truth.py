@@ -85,7 +85,8 @@ class PendingTruths:
             result = scene.result()
         except InputError as error:
             if len(self._scenes) > 1:
-                error = InputError(f"scene {number} of {len(self._scenes)}: {error.message}", key=error.key)
+                message = f"scene {number} of {len(self._scenes)}: {error.message}"
+                error = InputError(message, key=error.key, file=error.file, line=error.line)
             raise self._loaded.locate(error) from None
         steps = len(result.truth.time)
         self._advance(steps, steps)

@@ -45,15 +45,17 @@ class ScriptedTruth(ScriptedOptions):
 
 
 class RecordingTruth(RecordingOptions):
-    """Motion from a file, and measurements where it has them."""
+    """Motion from files, and measurements where they have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
-        recording = recorded.load(self, sensors or {}, folder)
-        return LoadedTruth(recording.truth, notes=recording.notes, measurements=recording.measurements)
+        recording = recorded.load(self.scenes()[0], sensors or {}, folder)
+        notes = tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in recording.notes)
+        return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
 
     @property
     def quick(self) -> bool:
         return True
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        recorded.load(self, sensors or {}, folder or Path())
+        for log in self.scenes():
+            recorded.load(log, sensors or {}, folder or Path())

@@ -269,6 +269,9 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     try:
         if truth.without_truth:
             raise InputError("missing: an audit holds the measurements against a truth", key="truth.path")
+        if len(truth.scenes()) > 1:
+            message = f"an audit looks at one log, and these are {len(truth.scenes())}; name one file"
+            raise InputError(message, key="truth.path")
         drive = read(truth, kinds, loaded.path.resolve().parent)
         if not drive.logs:
             message = "no sensor's measurements are recorded, so there is nothing to audit"

@@ -252,10 +252,14 @@ def _replaced(node: Any, seen: Callable[[str], str]) -> Any:
     """The truth with other paths, where it is a recording: of its own file, the observer's and each sensor's."""
     if not isinstance(node, dict):
         return node
-    return {
-        key: seen(value) if key == "path" and isinstance(value, str) else _replaced(value, seen)
-        for key, value in node.items()
-    }
+    return {key: _seen(value, seen) if key == "path" else _replaced(value, seen) for key, value in node.items()}
+
+
+def _seen(path: Any, seen: Callable[[str], str]) -> Any:
+    """One path, or each of a list."""
+    if isinstance(path, list):
+        return [_seen(each, seen) for each in path]
+    return seen(path) if isinstance(path, str) else path
 
 
 def _changed(
@@ -296,8 +300,8 @@ def _path_nodes(node: Any) -> Iterator[Any]:
     """The nodes of all paths of a recording."""
     if isinstance(node, yaml.MappingNode):
         for key, value in node.value:
-            if key.value == "path" and isinstance(value, yaml.ScalarNode):
-                yield value
+            if key.value == "path":
+                yield from value.value if isinstance(value, yaml.SequenceNode) else [value]
             else:
                 yield from _path_nodes(value)
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Literal
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
 
-from trackbench.base.config import Angle, Config, Name, Positive, Problem
-from trackbench.base.errors import nearest
-from trackbench.truth.base import TruthSource
+from trackbench.base.config import Angle, Config, KeyPath, Name, Positive, Problem
+from trackbench.base.errors import counted, nearest
+from trackbench.truth.base import MAX_SCENES, TruthSource
+from trackbench.truth.config.logs import Paths, files_of, log_names
 from trackbench.truth.jumps import Position, Velocity
 
 #: The units that columns may have, in SI units and radians.
@@ -98,7 +100,7 @@ class ObserverColumns(MotionColumns):
     columns of the velocity it is that of the displacement.
     """
 
-    path: str | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
+    path: Paths | None = Field(None, description="The file, of the same format; the truth's rows unless given.")
     time: str | None = Field(None, description="Time; named as in truth.columns unless given.")
     yaw: str = Field(description="Heading, counter-clockwise from x.")
     yaw_rate: str | None = Field(None, description="Rate of change of the heading; from the heading unless given.")
@@ -143,7 +145,7 @@ class MeasurementColumns(Config):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
-    path: str | None = Field(None, description="The file, of the same format; that of the truth unless given.")
+    path: Paths | None = Field(None, description="The file, of the same format; that of the truth unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(None, description="Name of the object; named as in truth.columns unless given.")
     slot: str | None = Field(
@@ -219,10 +221,11 @@ class RecordingOptions(TruthSource):
         "lines that of type radar. csv (with a line of column names) and parquet: tables, one row for each time and "
         "object."
     )
-    path: str | None = Field(
+    path: Paths | None = Field(
         None,
-        min_length=1,
-        description="The file. A relative path starts in the scenario's folder, or in the working directory; "
+        description="The file; of several logs a list of files, or a folder whose files of the format are taken in the "
+        "order of their names. Each log is a scene; other files are then lists or folders too, one file for each log "
+        "in the same order. A relative path starts in the scenario's folder, or in the working directory; "
         "environment variables such as $TRACKBENCH_DATA are filled in. csv and parquet: may be left out where the "
         "identities are hidden; then there is no truth, and every sensor's measurements have a file of their own.",
     )
@@ -239,8 +242,80 @@ class RecordingOptions(TruthSource):
         "its own; otherwise observer. Beside a truth it is columns.observer.",
     )
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
+    _log_name: str = PrivateAttr("")
     length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
     width_m: Positive = Field(1.8, description="Width of every object, m, to draw it.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _folders(cls, data: Any, info: ValidationInfo) -> Any:
+        """A folder stands for the files in it."""
+        folder, form = (
+            (info.context or {}).get("folder", Path()),
+            data.get("format") if isinstance(data, dict) else None,
+        )
+
+        def opened(node: Any) -> Any:
+            if not isinstance(node, dict):
+                return node
+            return {
+                key: files_of(value, folder, form) if key == "path" else opened(value) for key, value in node.items()
+            }
+
+        return opened(data)
+
+    @property
+    def scene_name(self) -> str:
+        return self._log_name
+
+    def scenes(self) -> Sequence[Self]:
+        paths = [path for path in self._paths().values() if isinstance(path, list)]
+        return tuple(self._log(number, name) for number, name in enumerate(log_names(paths[0]))) if paths else (self,)
+
+    def _paths(self) -> dict[KeyPath, str | list[str]]:
+        """All that are given, by key; that of the truth comes first."""
+        observer = None if self.columns is None else self.columns.observer
+        entries: dict[KeyPath, ObserverColumns | MeasurementColumns | RecordingOptions | None] = {
+            (): self,
+            ("columns", "observer"): observer,
+            **{("readings", name): entry for name, entry in self.measurements.items()},
+            ("ego",): self.ego,
+        }
+        return {(*key, "path"): entry.path for key, entry in entries.items() if entry is not None and entry.path}
+
+    def _log(self, number: int, name: str) -> Self:
+        """A log by itself."""
+
+        def of_log(entry: Any) -> Any:
+            several = entry is not None and isinstance(entry.path, list)
+            return entry.model_copy(update={"path": entry.path[number]}) if several else entry
+
+        columns = self.columns
+        update = {
+            "columns": columns and columns.model_copy(update={"observer": of_log(columns.observer)}),
+            "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
+            "ego": of_log(self.ego),
+        }
+        log: Self = of_log(self).model_copy(update=update)
+        log._log_name = name
+        return log
+
+    def _problems_of_logs(self) -> Iterator[Problem]:
+        """What is wrong between the files of several logs."""
+        paths = self._paths()
+        if not any(isinstance(path, list) for path in paths.values()):
+            return
+        first, expected = next((key, len(path)) for key, path in paths.items() if isinstance(path, list))
+        if expected > MAX_SCENES:
+            yield Problem(first, f"{expected} logs are too many; at most {MAX_SCENES}")
+        for key, path in paths.items():
+            files = path if isinstance(path, list) else [path]
+            if len(files) != expected:
+                each = f"one for each of the {expected} of truth.{'.'.join(map(str, first))}, in the same order"
+                yield Problem(key, f"{counted(len(files), 'file')}, where there must be {each}")
+            for index, file in enumerate(files):
+                if file in files[:index]:
+                    yield Problem((*key, index), f"{file} is there already; each log is another file")
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements are recorded."""
@@ -254,6 +329,7 @@ class RecordingOptions(TruthSource):
         return self.path is None
 
     def problems(self) -> Iterator[Problem]:
+        yield from self._problems_of_logs()
         if self.without_truth:
             yield from self._problems_without_truth()
             return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
@@ -19,6 +18,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.logs import Paths, place_of
 from trackbench.truth.config.recording import (
     MOTION_QUANTITIES,
     MeasurementColumns,
@@ -32,18 +32,19 @@ from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_or
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
-def find(path: str, folder: Path, key: str) -> Path:
+def find(path: Paths, folder: Path, key: str) -> Path:
     """The file that a scenario names.
 
     Args:
-        path: as the scenario gives it; environment variables are filled in.
+        path: of one log, as the scenario gives it; environment variables are filled in.
         folder: the scenario's, where a relative path starts; then the working directory.
         key: the scenario's key, for error messages.
 
     Raises:
         InputError: a variable is not set, or there is no such file.
     """
-    expanded = Path(os.path.expandvars(path)).expanduser()
+    assert isinstance(path, str)
+    expanded = place_of(path)
     unset = _VARIABLE.search(str(expanded))
     if unset is not None:
         name = unset.group(1).strip("{}")
@@ -57,7 +58,7 @@ def find(path: str, folder: Path, key: str) -> Path:
             return place
     place = folder / expanded
     if place.is_dir():
-        raise InputError(f"{expanded} is a folder; name a file in it", key=key)
+        raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
     names = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
     hint = f"; {nearest(place.name, names)}" if names else ""
     raise InputError(f"there is no file {expanded}{hint}", key=key)

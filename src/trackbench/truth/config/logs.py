@@ -1,0 +1,67 @@
+"""The files of a recording: of one log, or of several, each of which is a scene."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from itertools import takewhile
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Field, Tag
+
+from trackbench.base.config import LIST, PROBLEM, WORD
+
+#: The ending of the files of each format.
+ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet"}
+
+
+def _text_or_list(value: Any) -> str | None:
+    """The tag of a union of a text and a list."""
+    return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None
+
+
+FileName = Annotated[str, Field(min_length=1)]
+Paths = Annotated[
+    Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
+    Discriminator(
+        _text_or_list,
+        custom_error_type=PROBLEM,
+        custom_error_message="write a file, a folder of files, or a list of files, such as [monday.csv, tuesday.csv]",
+    ),
+]
+
+
+def place_of(path: str) -> Path:
+    """The path with environment variables and the home folder filled in."""
+    return Path(os.path.expandvars(path)).expanduser()
+
+
+def files_of(path: Any, folder: Path, form: Any) -> Any:
+    """The files of the format in a folder, in the order of their names; of anything else what it is.
+
+    Args:
+        path: as a scenario gives it.
+        folder: the scenario's, where a relative path starts; then the working directory.
+        form: a key of ``ENDINGS``.
+    """
+    if not isinstance(path, str):
+        return path
+    for place in (folder / place_of(path), place_of(path)):
+        if place.is_dir():
+            names = sorted(file.name for file in place.iterdir() if file.suffix == ENDINGS.get(form))
+            return [str(Path(path, name)) for name in names] or path
+    return path
+
+
+def log_names(paths: Sequence[str]) -> list[str]:
+    """What tells the files of several logs apart: the part of their paths in which they differ, without the ending."""
+    parts = [Path(path).with_suffix("").parts for path in paths]
+    first, last = _alike(parts), _alike([part[::-1] for part in parts])
+    names = ["/".join(part[first : len(part) - last]) for part in parts]
+    return names if len({*names}) == len(paths) and all(names) else [*paths]
+
+
+def _alike(parts: Sequence[tuple[str, ...]]) -> int:
+    """How many parts all begin with."""
+    return sum(1 for _ in takewhile(lambda each: len({*each}) == 1, zip(*parts, strict=False)))
