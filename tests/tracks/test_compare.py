@@ -17,18 +17,18 @@ from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
 
-def test_trackers_are_compared_by_gospa(traffic_result: Result) -> None:
+def test_trackers_are_compared_by_tgospa(traffic_result: Result) -> None:
     found = compare([traffic_result])
-    assert found.ranked_by == "gospa"
+    assert found.ranked_by == "tgospa"
     for item in found.differences:
-        assert item.metric == "gospa"
-        ours = traffic_result[item.entrant.tracker].metrics["gospa"].value
-        theirs = traffic_result[item.against.tracker].metrics["gospa"].value
+        assert item.metric == "tgospa"
+        ours = traffic_result[item.entrant.tracker].metrics["tgospa"].value
+        theirs = traffic_result[item.against.tracker].metrics["tgospa"].value
         assert ours is not None
         assert theirs is not None
         assert item.difference == pytest.approx(ours - theirs)
     (stored,) = (
-        d for d in traffic_result.summary.differences if (d.metric, d.a, d.b) == ("gospa", *_pair(traffic_result))
+        d for d in traffic_result.summary.differences if (d.metric, d.a, d.b) == ("tgospa", *_pair(traffic_result))
     )
     (item,) = (d for d in found.differences if (d.entrant.tracker, d.against.tracker) == _pair(traffic_result))
     assert item.ci95 == pytest.approx(stored.ci95)
@@ -59,10 +59,10 @@ def test_more_runs_of_the_same_change_nothing(traffic_result: Result, traffic_te
         assert item.identical
 
 
-def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: Result) -> None:
+def test_over_scenarios_trackers_are_ranked_by_tgospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = text(document(compare([[traffic_result, other]]), times=True))
-    assert "Rank by GOSPA within each scenario" in page
+    assert "Rank by T-GOSPA within each scenario" in page
     assert "Missed part of GOSPA, m" in page
     assert "consistent" not in page
 
@@ -113,7 +113,7 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
     both = [traffic_result, renamed(traffic_result, "again"), tiny_result, no_truth(traffic_result, "recorded")]
     found = compare([both])
     assert [(group.ranked_by, [scenario.name for scenario in group.scenarios]) for group in found.groups] == [
-        ("gospa", ["three_cars", "again"]),
+        ("tgospa", ["three_cars", "again"]),
         ("position_rmse", ["tiny"]),
     ]
     alone = compare([both[:2]]), compare([tiny_result])
@@ -128,7 +128,7 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
     for items in (page.tables, page.figures):
         assert len({item.name for item in items}) == len(items) > 1
     shown = text(page)
-    assert "By GOSPA over 2 scenarios" in shown
+    assert "By T-GOSPA over 2 scenarios" in shown
     assert "By position RMSE: tiny" in shown
     assert "recorded not compared: no truth" in shown
     for file, content in comparison_files(found, tmp_path / "comparison.json"):
@@ -185,4 +185,4 @@ def test_a_batch_of_both_is_run_and_each_kind_compared(
     assert done.out.splitlines()[-1] == "Comparison of 3 scenarios: results/comparison.md"
     page = (tmp_path / "results" / "comparison.md").read_text(encoding="utf-8")
     assert "## By position RMSE: tiny" in page
-    assert "## By GOSPA over 2 scenarios" in page
+    assert "## By T-GOSPA over 2 scenarios" in page

@@ -53,7 +53,7 @@ def compare(
     Args:
         baseline: a result; a list of results of several scenarios; or the folder of either.
         others: the same, each held against the baseline.
-        metrics: what to compare by; unless given ``position_rmse``, or ``gospa`` where identities are hidden.
+        metrics: what to compare by; unless given ``position_rmse``, or ``tgospa`` where identities are hidden.
         trackers: names of those to compare; all unless given.
         limits: by metric, by how many percent the later trackers may be worse; ``passed`` says whether none is.
 

@@ -43,7 +43,7 @@ def compare(
     Args:
         results: the sets; the first is the baseline.
         metrics: what to compare by where the scenarios have it, beside those of the limits; else, and unless given,
-            ``position_rmse``, or ``gospa`` where identities are hidden.
+            ``position_rmse``, or ``tgospa`` where identities are hidden.
         trackers: names of those to compare; all unless given.
         limits: how much worse the trackers of the later sets may be.
 

@@ -233,7 +233,8 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
     options = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
-    return {**options, "score": {"settle_s": scenario.score.settle_s, "cutoff_m": scenario.score.cutoff_m}}
+    score = {key: getattr(scenario.score, key) for key in ("settle_s", "cutoff_m", "switch_costs_s")}
+    return {**options, "score": score}
 
 
 def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:

@@ -212,7 +212,7 @@ class Comparison(ResultModel):
     sets: list[str]
     """Their labels."""
     ranked_by: str = "position_rmse"
-    """The metric that trackers are ranked by; ``gospa`` where identities are hidden."""
+    """The metric that trackers are ranked by; ``tgospa`` where identities are hidden."""
     scenarios: list[ComparedScenario]
     scores: list[EntrantScore]
     differences: list[PairDifference]

@@ -23,8 +23,11 @@ from trackbench.metrics.intervals import holm
 #: The metrics that a score keeps, by the one that trackers are ranked by.
 SHOWN = {
     "position_rmse": ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time"),
-    "gospa": ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "id_switches", "step_time"),
-}
+    "tgospa": (
+        "tgospa", "gospa_switch", "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "id_switches",
+        "step_time",
+    ),
+}  # fmt: skip
 
 
 class Pairings:

@@ -37,11 +37,11 @@ COLUMNS = {
         ("µs/step", "step_time", 2, 1.0),
     ),
     "hidden identities": (
-        ("GOSPA m", "gospa", 3, 1.0),
+        ("T-GOSPA m", "tgospa", 3, 1.0),
+        ("GOSPA", "gospa", 3, 1.0),
         ("missed", "gospa_missed", 3, 1.0),
         ("false", "gospa_false", 3, 1.0),
         ("HOTA", "hota", 3, 1.0),
-        ("IDF1", "idf1", 3, 1.0),
         ("sw/min", "id_switches", 2, 1.0),
         ("pos. m", "position_rmse", 3, 1.0),
         ("NEES", "nees", 2, 1.0),

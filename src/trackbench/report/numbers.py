@@ -19,6 +19,11 @@ def decimals(values: Iterable[float | None], significant: int = 3) -> int:
     return min(4, max(0, significant - 1 - math.floor(math.log10(min(sizes)))))
 
 
+def meaningful(value: float | None, half: float | None) -> int:
+    """Decimals of a value that half of its interval leaves a meaning; three digits where it has no width."""
+    return decimals([half], 1) if half else decimals([value])
+
+
 def fixed(value: float | None, places: int) -> str:
     """``value`` with so many decimals, with a true minus sign; "n/a" for None."""
     if value is None:

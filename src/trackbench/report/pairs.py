@@ -33,7 +33,7 @@ _LETTERS = ascii_lowercase + ascii_uppercase
 
 @dataclass(frozen=True)
 class Pair:
-    """The metric that ranks, of one tracker minus that of another, m."""
+    """A metric of one tracker minus that of another, in the metric's unit."""
 
     value: float
     ci95: tuple[float, float] | None
@@ -41,14 +41,21 @@ class Pair:
     """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``; ``larger`` or ``smaller`` where the
     difference is shown and neither is called better."""
     margin: float
-    """m, up to which a difference does not matter."""
+    """Up to which a difference does not matter."""
+
+    @property
+    def half_width(self) -> float | None:
+        """Of the interval."""
+        return (self.ci95[1] - self.ci95[0]) / 2 if self.ci95 else None
 
 
 class Pairs:
     """All pairs of a result, looked up in either order."""
 
-    def __init__(self, summary: Summary) -> None:
-        self._items = {(item.a, item.b): item for item in summary.differences if item.metric == summary.headline}
+    def __init__(self, summary: Summary, metric: str | None = None) -> None:
+        """``metric``: the one that ranks, unless given."""
+        path = metric or summary.headline
+        self._items = {(item.a, item.b): item for item in summary.differences if item.metric == path}
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
@@ -90,7 +97,13 @@ def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(sets) if name in g) for name in names}
 
 
-def letters(result: Result) -> list[str]:
-    """The groups of each scored tracker; a reference or a smoother is no competitor and is in none."""
-    by_name = groups([tracker.name for tracker in result.contenders], Pairs(result.summary))
+def letters(result: Result, metric: str | None = None) -> list[str]:
+    """The groups of each scored tracker by the metric that ranks, or another one.
+
+    A reference or a smoother is no competitor and is in none.
+    """
+    names = [tracker.name for tracker in result.contenders]
+    if metric is not None:
+        names.sort(key=lambda name: result[name].metrics[metric].value or 0.0)
+    by_name = groups(names, Pairs(result.summary, metric))
     return [by_name.get(tracker.name, "") for tracker in result.scored]

@@ -45,6 +45,7 @@ from trackbench.report.moments import events_section, moments_section, worst_mom
 from trackbench.report.numbers import joined, margin_words, percent
 from trackbench.report.scenes import basis_of_intervals, scenes
 from trackbench.report.sentences import (
+    SWITCH_COSTS,
     association_against_filtering,
     censored,
     common,
@@ -53,6 +54,7 @@ from trackbench.report.sentences import (
     failure,
     headline,
     not_called_better,
+    other_switch_costs,
     reused_identities,
     verdict,
     verdict_on_tracks,
@@ -106,6 +108,7 @@ def _standings(result: Result) -> Iterator[Block]:
     """The ranked trackers with a sentence and a description each, then the references."""
     labelled = result.summary.identities == "known"
     if not labelled:
+        yield Paragraph(other_switch_costs(result))
         yield from map(Paragraph, association_against_filtering(result))
 
     def item(tracker: TrackerResult) -> Item:
@@ -196,8 +199,14 @@ def _ranking(result: Result, others: Table | None) -> Section:
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
     shown = "was shown between trackers that share a letter under “group”"
     if summary.identities == "hidden":
-        note = f"{basis} No difference of GOSPA over {margin} {shown}." + (_ORACLES if references else "")
-        return Section("Ranking", (Paragraph(note), tables.ranking(result)))
+        metric, costs = summary.headline_name, summary.score.switch_costs_s or 0.0
+        note = f"{basis} No difference of {metric} over {margin} {shown}." + (_ORACLES if references else "")
+        headings = {path: f"{factor * costs:g} s" for path, factor in SWITCH_COSTS.items()}
+        table = tables.by_switch_costs(result, headings)
+        other_costs = Section(
+            "At half and at twice the cost of a switch", (Paragraph(other_switch_costs(result)), table)
+        )
+        return Section("Ranking", (Paragraph(note), tables.ranking(result), other_costs))
     uncounted = "".join(f", {line}" for line in not_called_better(result))
     note = (
         f"By position RMSE. No difference over {margin} {shown}{uncounted}. {basis}{common(result)}"

@@ -8,15 +8,22 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdicts import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, percent
+from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, meaningful, percent
 from trackbench.report.pairs import Pair, Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, PrecisionReached, Result, TrackerResult
+from trackbench.results.summary import Summary
 from trackbench.results.tracker_result import ORACLE
-from trackbench.trackers.associate import COUNTING
 
-#: The parts of GOSPA, in words.
-PARTS = {"gospa_localisation": "localisation", "gospa_missed": "missed objects", "gospa_false": "false tracks"}
+#: The parts of T-GOSPA, in words.
+PARTS = {
+    "gospa_localisation": "localisation",
+    "gospa_missed": "missed objects",
+    "gospa_false": "false tracks",
+    "gospa_switch": "switches",
+}
+#: T-GOSPA at other costs of a switch, by the factor.
+SWITCH_COSTS = {"tgospa_half": 0.5, "tgospa_twice": 2.0}
 #: A part with more than this share of the square is what the error mostly is.
 MOST = 0.5
 
@@ -77,18 +84,16 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
 def verdict_on_tracks(tracker: TrackerResult) -> str:
     """One sentence on the errors of a tracker of several objects, without its name.
 
-    For example "GOSPA 3.72 m, mostly localisation (62 % of its square; missed objects 29 %, false tracks 9 %); tracks
-    94.8 % of what is due; 1.5 switches a minute of an object; NEES of matched tracks 4.9 (4 when consistent,
-    95 % interval 4.2 to 5.7), 93.1 % within the 95 % bound".
+    For example "T-GOSPA 3.72 m, mostly localisation (62 % of its square; missed objects 29 %, false tracks 7 %,
+    switches 2 %); tracks 94.8 % of what is due; 1.5 switches a minute of an object; NEES of matched tracks 4.9 (4 when
+    consistent, 95 % interval 4.2 to 5.7), 93.1 % within the 95 % bound".
     """
-    gospa = _value(tracker, "gospa") or 0.0
-    parts = [f"GOSPA {fixed(gospa, decimals([gospa]))} m{_parts_of_gospa(tracker)}"]
+    tgospa = _value(tracker, "tgospa") or 0.0
+    parts = [f"T-GOSPA {fixed(tgospa, decimals([tgospa]))} m{_parts_of_tgospa(tracker)}"]
     if (share := _value(tracker, "matched_share")) is not None:
         parts.append(f"tracks {percent(share, 1)} of what is due")
     if (rate := _value(tracker, "id_switches")) is not None:
-        largest = max(_value(tracker, path) or 0.0 for path in PARTS)
-        costly = ", which cost more than all else" if (_value(tracker, "gospa_switch") or 0.0) > largest else ""
-        parts.append(f"{_rate(rate)} switches a minute of an object{costly}")
+        parts.append(f"{_rate(rate)} switches a minute of an object")
     if rate := _value(tracker, "false_tracks"):
         parts.append(f"{_rate(rate)} tracks a minute that never are on an object")
     if (nees := _value(tracker, "nees")) is not None:
@@ -101,7 +106,7 @@ def verdict_on_tracks(tracker: TrackerResult) -> str:
     return "; ".join(parts)
 
 
-def _parts_of_gospa(tracker: TrackerResult) -> str:
+def _parts_of_tgospa(tracker: TrackerResult) -> str:
     squares = {words: (_value(tracker, path) or 0.0) ** 2 for path, words in PARTS.items()}
     total = sum(squares.values())
     if not total:
@@ -140,22 +145,24 @@ def reused_identities(result: Result) -> str:
 def association_against_filtering(result: Result) -> Iterator[str]:
     """What the oracles say: how much of the error is left when it is known which detection is whose.
 
-    An oracle confirms and deletes tracks by counting, and is held against methods alone that do so too.
+    Each is held against the best of the trackers that share its filter.
     """
     pairs, scored = Pairs(result.summary), result.scored
     for oracle in (tracker for tracker in scored if tracker.association == ORACLE):
         others = [
             other.name
             for other in scored
-            if other.association in COUNTING and other.association != ORACLE and other.describe == oracle.describe
+            if other.association not in (None, ORACLE) and other.describe == oracle.describe
         ]
         pair = pairs.get(others[0], oracle.name) if others else None
         if pair is not None:
-            yield _against_oracle(oracle, others[0], pair, margin_words(result.summary.score.margin, "m"))
+            yield _against_oracle(result.summary, oracle, others[0], pair)
 
 
-def _against_oracle(oracle: TrackerResult, best: str, pair: Pair, margin: str) -> str:
-    places = decimals([_half(pair)], 1)
+def _against_oracle(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) -> str:
+    places, metric = meaningful(pair.value, pair.half_width), oracle.metrics[summary.headline]
+    own = fixed(metric.value, max(places, decimals([metric.value])))
+    margin = margin_words(summary.score.margin, "m")
     bounds = f" (95 % interval of the difference {interval(pair.ci95, places)} m)" if pair.ci95 else ""
     # Where the interval alone would say that there is a difference.
     least = 0.0 if pair.ci95 is None else max(pair.ci95[0], -pair.ci95[1])
@@ -165,19 +172,31 @@ def _against_oracle(oracle: TrackerResult, best: str, pair: Pair, margin: str) -
             ": the interval is of this pair alone, and Holm's correction for the number of pairs does not let it count"
         )
     what = {
-        "worse": f"Association costs {best} {fixed(pair.value, places)} m more{bounds}",
+        "worse": f"Association and confirmation cost {best} {fixed(pair.value, places)} m more{bounds}",
         "better": f"{best} is {fixed(-pair.value, places)} m below it{bounds}: association is not what limits it",
         "equivalent": f"{best} is equivalent to it{bounds}: association is not what limits it",
     }.get(pair.verdict, f"Whether {best} differs from it is undecided{bounds}{why}")
     return (
-        f"{oracle.name} knows which detection is whose: its GOSPA of {fixed(oracle.metrics['gospa'].value, places)} m "
-        f"is left by filtering and by how tracks begin and end. {what}."
+        f"{oracle.name} knows which detection is whose: its {summary.headline_name} of {own} m is left by filtering "
+        f"and by how tracks begin and end. {what}."
     )
 
 
-def _half(pair: Pair) -> float:
-    """What the digits of a difference follow from: half of its interval, or its value."""
-    return (pair.ci95[1] - pair.ci95[0]) / 2 if pair.ci95 else pair.value
+def other_switch_costs(result: Result) -> str:
+    """Whether the trackers rank alike where a switch costs half or twice as much."""
+    costs = result.summary.score.switch_costs_s or 0.0
+    ranked = [tracker.name for tracker in result.contenders]
+    stated = f"A switch costs as much as missing the object for {costs:g} s."
+    if len(ranked) < 2:
+        return stated
+    others = []
+    for path, factor in SWITCH_COSTS.items():
+        by_cost = sorted(ranked, key=lambda name: (_value(result[name], path) or 0.0, ranked.index(name)))
+        if by_cost != ranked:
+            order = f": {', '.join(by_cost)}" if len(ranked) <= MOST_DRAWN else ""
+            others.append(f"With {factor * costs:g} s the order is another{order}.")
+    low, high = (f"{factor * costs:g} s" for factor in SWITCH_COSTS.values())
+    return " ".join([stated, *(others or [f"With {low} and with {high} the order is the same."])])
 
 
 def common(result: Result) -> str:
@@ -231,11 +250,11 @@ def headline(result: Result) -> str:
         reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]
-    places = decimals([metric.value, half_width(metric)], 1)
+    places = meaningful(metric.value, half_width(metric))
     bounds = f" (95 % interval {interval(metric.ci95, places)} m)" if metric.ci95 else ""
     value = fixed(metric.value, places)
-    lead = f"is the most accurate in position: {value} m RMSE" if labelled else f"has the smallest GOSPA: {value} m"
-    text = f"{names[0]} {lead}{bounds}"
+    lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
+    text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
     pairs = Pairs(summary)
     verdicts = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
     equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
@@ -249,9 +268,9 @@ def headline(result: Result) -> str:
     second = pairs.get(names[1], names[0]) if len(names) > 1 else None
     if equivalent or undecided or fewer or second is None:
         return text + "."
-    gap = decimals([_half(second)], 1)
+    gap = meaningful(second.value, second.half_width)
     bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
-    of_next = f"The {'RMSE' if labelled else 'GOSPA'} of the next, {names[1]},"
+    of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
     return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
 
 

@@ -89,9 +89,11 @@ def text_table(
 
 
 #: Of runs with hidden identities: title, and the metrics that are the columns.
-RANKING_OF_TRACKS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota")
+RANKING_OF_TRACKS = (
+    "tgospa", "gospa", "gospa_localisation", "gospa_missed", "gospa_false", "gospa_switch", "hota", "idf1", "mota",
+)  # fmt: skip
 TRACK_GROUPS: dict[str, tuple[str, ...]] = {
-    "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
+    "Identity": ("gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
     "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
     "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
     "Association": (
@@ -160,6 +162,17 @@ def ranking(result: Result) -> Table:
         (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
     ]
     return Table.of_columns("ranking", columns)
+
+
+def by_switch_costs(result: Result, costs: Mapping[str, str]) -> Table:
+    """T-GOSPA where a switch costs half and twice as much. ``costs``: heading by path."""
+    columns: list[TableColumn] = []
+    for path, heading in costs.items():
+        columns += [
+            (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), values(result.scored, path)),
+            (Column("group", left=True), [Cell(group) for group in letters(result, path)]),
+        ]
+    return tracker_table("switch-costs", result.scored, columns)
 
 
 def _fault_count(number: int | None) -> Cell:
@@ -286,7 +299,7 @@ def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
 def _places(pairs: Iterable[Pair | None]) -> int:
     """Decimals that the uncertainty of the differences leaves a meaning."""
     compared = [pair for pair in pairs if pair]
-    widths = [(pair.ci95[1] - pair.ci95[0]) / 2 for pair in compared if pair.ci95]
+    widths = [width for pair in compared if (width := pair.half_width)]
     return decimals(widths, 1) if widths else decimals([pair.value for pair in compared], 2)
 
 

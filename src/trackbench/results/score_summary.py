@@ -57,4 +57,6 @@ class ScoreSummary(ResultModel):
     margin: MarginSummary
     cutoff_m: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object."""
+    switch_costs_s: float | None = None
+    """Where identities are hidden, how long an object may be missed for the cost of a switch."""
     metrics: list[MetricSummary] = Field(default_factory=list)

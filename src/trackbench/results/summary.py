@@ -137,12 +137,12 @@ class Summary(ResultModel):
         """The metric that trackers are ranked by; without a truth, by nothing, and this one stands first."""
         if not self.truth.known:
             return "track_count"
-        return "position_rmse" if self.identities == "known" else "gospa"
+        return "position_rmse" if self.identities == "known" else "tgospa"
 
     @property
     def headline_name(self) -> str:
         """In words."""
-        return "position RMSE" if self.identities == "known" else "GOSPA"
+        return "position RMSE" if self.identities == "known" else "T-GOSPA"
 
     @property
     def fingerprint(self) -> str:

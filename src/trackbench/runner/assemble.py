@@ -95,6 +95,7 @@ def assemble(
             min_coverage=min_coverage,
             common_share=scores.common_share,
             cutoff_m=work.cutoff,
+            switch_costs_s=work.switch_costs if hidden else None,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
             margin=margin,

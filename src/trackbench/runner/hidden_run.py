@@ -142,7 +142,7 @@ class HiddenRun(TrackerRun[Tracks]):
         outcome = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
         summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
-        options = TrafficScoreOptions(cutoff=self._work.cutoff or 5.0)
+        options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         scope = TrackScope(self.name, len(runs), options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(len(runs)):

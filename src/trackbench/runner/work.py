@@ -95,6 +95,8 @@ class Work:
     isolation: Isolation = ISOLATED
     cutoff: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object, m."""
+    switch_costs: float = 0.5
+    """Where identities are hidden, how long an object may be missed for the cost of a switch, s."""
     engine: Engine = "numpy"
     """What computes, wherever it can be had."""
 
@@ -231,5 +233,6 @@ def work_of(
         metrics=(*built_in_metrics(hidden, all(truth.known for truth in every)), *scenario.score.metrics),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
+        switch_costs=scenario.score.switch_costs_s,
     )
     return replace(work, engine=chosen(engine, work.steps))

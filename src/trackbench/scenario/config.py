@@ -124,6 +124,11 @@ class Score(Config):
         5,
         description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object.",
     )
+    switch_costs_s: Positive = Field(
+        0.5,
+        description="With hidden identities: a switch of tracks costs as much in T-GOSPA as missing the object for "
+        "so long, s.",
+    )
     min_coverage: float = Field(
         0.95,
         ge=0,

@@ -133,7 +133,7 @@ def test_a_switch() -> None:
     assert found["id_switches"] == pytest.approx(1 / (12 * STEP / 60))
     assert found["mota"] == pytest.approx(11 / 12)
     assert found["idf1"] == pytest.approx(0.5)
-    assert found["gospa_switch"] == pytest.approx((4 / 12) ** 0.5)
+    assert found["gospa_switch"] == pytest.approx((0.5 / STEP * 12.5 / 12) ** 0.5)
     assert found["track_purity"] == 1.0
     (event,) = [event for event in scores.events if event.kind == "switched"]
     assert (event.instant, event.time, event.track, event.other_track) == (6, 3.0, 9, 7)

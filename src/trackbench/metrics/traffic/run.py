@@ -29,7 +29,7 @@ from trackbench.metrics.traffic.mot_metrics import (
     track_of_each,
 )
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
-from trackbench.metrics.traffic.tgospa import tgospa
+from trackbench.metrics.traffic.tgospa import tgospa_by_cost
 from trackbench.metrics.traffic.track_quality import (
     ExistenceBins,
     RunSums,
@@ -47,6 +47,8 @@ from trackbench.metrics.traffic.track_quality import (
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5
+#: Of what a switch costs, for ``tgospa_half``, ``tgospa`` and ``tgospa_twice``.
+SWITCH_FACTORS = (0.5, 1.0, 2.0)
 
 
 class TrafficScoreOptions(NamedTuple):
@@ -54,10 +56,14 @@ class TrafficScoreOptions(NamedTuple):
 
     cutoff: float = 5.0
     """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
-    switch: float = 2.0
-    """m that a switch of tracks costs in T-GOSPA."""
+    switch_costs: float = 0.5
+    """s: a switch costs as much in T-GOSPA as missing the object for so long."""
     window: float = 5.0
     """s of OSPA(2)."""
+
+    def switch(self, spacing: float, factor: float = 1.0) -> float:
+        """m that a switch costs where the instants are ``spacing`` s apart, for ``factor`` times ``switch_costs``."""
+        return self.cutoff * float(np.sqrt(factor * self.switch_costs / spacing / 2)) if spacing else 0.0
 
 
 class RunScores(NamedTuple):
@@ -115,9 +121,10 @@ def score_run(
     changes = switches(track_of)
     duration = durations(truth.time)
     parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
-    trajectory = tgospa(of_gospa, options.switch)
-    steps = float(len(truth.time))
-    window = max(1, round(options.window / duration.mean())) if duration.any() else 1
+    spacing, steps = float(duration.mean()), float(len(truth.time))
+    switch, squared_gospa = options.switch(spacing), float(parts.total.sum())
+    half, trajectory, twice = tgospa_by_cost(of_gospa, [options.switch(spacing, factor) for factor in SWITCH_FACTORS])
+    window = max(1, round(options.window / spacing)) if spacing else 1
     squared_ospa2 = ospa2(of_gospa, window)
     objects, present = counted.object_counts, counted.track_counts
     due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
@@ -128,12 +135,14 @@ def score_run(
     any_there = float(objects.sum() + present.sum() > 0)
     identified, unidentified, wrong = identity(counted.pairs.where(alike >= LEAST_SIMILARITY), objects, present)
     values: RunSums = {
-        "gospa": (float(parts.total.sum()), steps),
+        "tgospa": (trajectory.total, steps),
+        "tgospa_half": (half.total, steps),
+        "tgospa_twice": (twice.total, steps),
+        "gospa": (squared_gospa, steps),
         "gospa_localisation": (float(parts.localisation.sum()), steps),
         "gospa_missed": (float(parts.missed.sum()), steps),
         "gospa_false": (float(parts.false.sum()), steps),
-        "gospa_switch": (trajectory.switch, steps),
-        "tgospa": (trajectory.total, steps),
+        "gospa_switch": (max(trajectory.total - squared_gospa, 0.0), steps),
         "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         "hota": (float(higher_order.hota.mean()), any_there),
@@ -160,7 +169,7 @@ def score_run(
         gospa=parts,
         latencies=waited,
         existence=bins,
-        events=events(truth, tracks, counted, of_gospa, track_of, changes, options.switch),
+        events=events(truth, tracks, counted, of_gospa, track_of, changes, switch),
         strips=strips(track_of, counted.due, changes),
         tgospa_exact=trajectory.exact,
     )

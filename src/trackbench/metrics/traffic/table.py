@@ -106,12 +106,14 @@ NOT_SAID = {"missing": "the tracker does not say which detections it used"}
 NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
 #: Those of runs with a truth.
 TRACK_METRICS = by_name(
-    root_of("gospa", "m", "error in position, missed objects and false tracks in one number", ranks=True),
+    root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True),
+    root_of("tgospa_half", "m", "T-GOSPA where a switch costs half as much"),
+    root_of("tgospa_twice", "m", "T-GOSPA where a switch costs twice as much"),
+    root_of("gospa", "m", "error in position, missed objects and false tracks in one number"),
     root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks"),
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object"),
-    root_of("gospa_switch", "m", "part of T-GOSPA from switches of tracks"),
-    root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too"),
+    root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),
     root_of("ospa", "m", "error per object in position and number"),
     root_of("ospa2", "m", "error per trajectory in position, number and identity"),
     share("hota", "detection and association in one number", "larger", combine="mean"),

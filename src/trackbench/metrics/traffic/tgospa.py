@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -319,6 +320,17 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
         switch=half * sum(item.changes() for item in solved.values()),
         exact=all(item.exact for item in solved.values()),
     )
+
+
+def tgospa_by_cost(counted: Counted, switches: Sequence[float]) -> list[TgospaParts]:
+    """The metric for each of several ascending costs of a switch, m.
+
+    An optimum without a change is one for every larger cost too.
+    """
+    results: list[TgospaParts] = []
+    for switch in switches:
+        results.append(results[-1] if results and not results[-1].switch else tgospa(counted, switch))
+    return results
 
 
 def _conflicts(solved: dict[frozenset[int], Weights]) -> list[frozenset[int]]:

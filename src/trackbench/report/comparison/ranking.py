@@ -27,10 +27,12 @@ _TIME = "Of one predict and update of one run, on this machine."
 
 _ToCell = Callable[[EntrantScore, int], Cell]
 #: The metrics that rank, in words.
-NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
 _Matrix = Callable[[str, str, _ToCell], Table]
-#: Where identities are hidden, what is shown beside GOSPA: title, metric.
+#: Where identities are hidden, what is shown beside T-GOSPA: title, metric.
 _OF_TRACKS = {
+    "Part of T-GOSPA from switches, m": "gospa_switch",
+    "GOSPA, m": "gospa",
     "Localisation part of GOSPA, m": "gospa_localisation",
     "Missed part of GOSPA, m": "gospa_missed",
     "False part of GOSPA, m": "gospa_false",
@@ -72,7 +74,7 @@ def blocks(
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:
         return _matrix(comparison, links, name, metric, cell)
 
-    hidden = comparison.ranked_by == "gospa"
+    hidden = comparison.ranked_by == "tgospa"
     yield from _tracks(matrix) if hidden else _estimates(comparison, matrix)
     if times:
         yield Section("Time of a step, µs", (Paragraph(_TIME), matrix("time", "step_time", _plain("step_time"))))
@@ -95,7 +97,7 @@ def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
 
 
 def _tracks(matrix: _Matrix) -> Iterator[Block]:
-    yield Section("GOSPA, m", (Paragraph(_RANKED), matrix("gospa", "gospa", _ranked("gospa"))))
+    yield Section("T-GOSPA, m", (Paragraph(_RANKED), matrix("tgospa", "tgospa", _ranked("tgospa"))))
     for title, metric in _OF_TRACKS.items():
         yield Section(title, (matrix(metric.replace("_", "-"), metric, _plain(metric)),))
 

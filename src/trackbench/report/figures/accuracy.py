@@ -225,7 +225,7 @@ _NAME = 150.0
 
 
 #: In words.
-_METRICS = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+_METRICS = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
 
 
 def cost_against_accuracy(

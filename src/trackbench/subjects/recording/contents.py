@@ -216,15 +216,15 @@ IN_THE_SCENE_OF_TRACKS = (
     "the right also has the gates of the built-in trackers' tracks, and a line from each track to the detection that "
     "it took, where the tracker says so."
 )
-METRICS = {"gospa": "GOSPA m", "gospa_missed": "missed", "gospa_false": "false", "hota": "HOTA"}
-INTERVALS = {"gospa": "GOSPA m", "hota": "HOTA"}
+METRICS = {"tgospa": "T-GOSPA m", "gospa": "GOSPA m", "gospa_missed": "missed", "gospa_false": "false", "hota": "HOTA"}
+INTERVALS = {"tgospa": "T-GOSPA m", "gospa": "GOSPA m", "hota": "HOTA"}
 
 
 def ranking(result: Result) -> str:
-    """The trackers by position RMSE or GOSPA, and whether the scenario's expectations were met."""
+    """The trackers by position RMSE or T-GOSPA, and whether the scenario's expectations were met."""
     summary = result.summary
     if summary.identities == "hidden":
-        lines = [f"## {result.name}", f"{all_runs(str(summary.runs))}, ranked by GOSPA", ""]
+        lines = [f"## {result.name}", f"{all_runs(str(summary.runs))}, ranked by T-GOSPA", ""]
         lines += _table(result.scored, METRICS, lambda metric: number(metric.value))
         if any(metric.ci95 for tracker in result.scored for metric in tracker.metrics.values()):
             lines += ["", "### 95 % intervals", "", *_table(result.scored, INTERVALS, _interval)]
