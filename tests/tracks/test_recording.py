@@ -6,6 +6,7 @@ import json
 import shutil
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.results import Result
+from trackbench.results import Result, Tables
 from trackbench.subjects.recording.contents import contents_of, ranking
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
@@ -197,11 +198,20 @@ def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
         focus_of([traffic_result], Opening(worst=1, tracker="naiv"))
 
 
+def test_a_late_start_comes_after_what_else_costs(traffic_result: Result) -> None:
+    rows = [row for row in traffic_result.tables.events.to_pylist() if row["run"] == 0][:4]
+    for row, kind, cost in zip(rows, ("confirmed", "switched", "born", "lost"), (50.0, 1.0, 0.0, 2.0), strict=True):
+        row |= {"kind": kind, "cost_m2": cost}
+    result = replace(traffic_result, tables=Tables({"events": pa.Table.from_pylist(rows)}))
+    assert [event.kind for event in events_of(result)] == ["lost", "switched", "confirmed", "born"]
+
+
 def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
     done = cli("inspect", traffic_folder, "--worst", "2", "--json")
     assert done.status == 0
     found = json.loads(done.out)["worst"]
-    expected = events_of(traffic_result, run=0)[:2]
+    # The oracle is no competitor.
+    expected = [event for event in events_of(traffic_result, run=0) if event.tracker != "oracle"][:2]
     assert [(event["tracker"], event["kind"], event["time_s"]) for event in found] == [
         (event.tracker, event.kind, event.time_s) for event in expected
     ]

@@ -61,6 +61,8 @@ class EstimateMoment:
     position_error_m: float | None
     velocity_error_mps: float | None
     nees: float | None
+    starting: bool
+    """Whether the track starts: the object is known for less than a second."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,8 @@ def worst(
 ) -> list[EstimateMoment]:
     """The scored moments of the largest position error, the largest first; of one peak only its top.
 
+    Those at which the track starts come after all others: every track starts with a large error.
+
     Args:
         recorded: the run.
         trackers: whose errors are looked at; at each moment the largest of them counts.
@@ -141,18 +145,21 @@ def worst(
     due = np.array([recorded.tracks[name].due for name in trackers]).reshape(errors.shape)
     counted = due & np.array([vehicle in (None, name) for name in recorded.objects])
     errors = np.where(counted, errors, np.nan)
+    starting = np.array([recorded.tracks[name].starting for name in trackers]).reshape(errors.shape)
     moments: list[EstimateMoment] = []
     while len(moments) < count and np.isfinite(errors).any():
-        tracker, instant, i = (int(index) for index in np.unravel_index(np.nanargmax(errors), errors.shape))
+        settled = np.where(starting, np.nan, errors)
+        first = settled if np.isfinite(settled).any() else errors
+        tracker, instant, i = (int(index) for index in np.unravel_index(np.nanargmax(first), errors.shape))
         moments.append(_estimate(recorded, trackers[tracker], instant, i))
         errors[:, np.abs(time - time[instant]) <= APART, i] = np.nan
     return moments
 
 
 def distinct(moments: Iterable[EstimateMoment]) -> list[EstimateMoment]:
-    """The largest position error first; of one vehicle's moments that are not told apart only the first."""
+    """In the order of :func:`worst`; of one vehicle's moments that are not told apart only the first."""
     kept: list[EstimateMoment] = []
-    for moment in sorted(moments, key=lambda each: -(each.position_error_m or 0.0)):
+    for moment in sorted(moments, key=lambda each: (each.starting, -(each.position_error_m or 0.0))):
         if not any(moment.object == other.object and abs(moment.time_s - other.time_s) <= APART for other in kept):
             kept.append(moment)
     return kept
@@ -181,6 +188,7 @@ def _estimate(recorded: RecordedRun, tracker: str, instant: int, i: int) -> Esti
         position_error_m=_known(track.position_error[instant, i]),
         velocity_error_mps=_known(track.velocity_error[instant, i]),
         nees=_known(track.nees[instant, i]),
+        starting=bool(track.starting[instant, i]),
     )
 
 

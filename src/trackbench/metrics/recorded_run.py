@@ -8,6 +8,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.metrics import Target
+from trackbench.metrics.conditions import FIRST
+from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import Result
 from trackbench.results.columns import Columns, columns, split
 
@@ -30,6 +32,8 @@ class RecordedTrack:
     """``(instants, objects)``"""
     due: Mask
     """``(instants, objects)`` where an estimate counts."""
+    starting: Mask
+    """``(instants, objects)`` where the track starts: the first second after the object is known."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +70,14 @@ def recorded_run(result: Result) -> RecordedRun:
     tracks: dict[str, dict[str, Columns]] = {}
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
-    by_tracker = {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()}
+    start = max(0.0, FIRST - score.settle_s)
+    by_tracker = {tracker: _track(rows, objects, time, start) for tracker, rows in tracks.items()}
     return RecordedRun(objects, time, state, alive, score.divergence_m, by_tracker)
 
 
-def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> RecordedTrack:
+def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array, start: float) -> RecordedTrack:
+    """``start``: how long a track starts after its estimates begin to count, s."""
+
     def column(name: str) -> Array:
         values = np.full((len(time), len(objects)), np.nan)
         for i, key in enumerate(objects):
@@ -78,6 +85,9 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> R
                 values[np.searchsorted(time, rows[key]["time_s"]), i] = rows[key][name]
         return values
 
+    due = column("due") > 0
+    begins = due & ~np.vstack([np.zeros_like(due[:1]), due[:-1]])
+    since = np.maximum.accumulate(np.where(begins, time[:, None], -np.inf), axis=0)
     covariance = [[column(f"p_{min(a, b)}{max(a, b)}") for b in range(4)] for a in range(4)]
     return RecordedTrack(
         mean=np.stack([column(name) for name in STATE]),
@@ -85,5 +95,6 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> R
         position_error=column("position_error_m"),
         velocity_error=column("velocity_error_mps"),
         nees=column("nees"),
-        due=column("due") > 0,
+        due=due,
+        starting=due & (time[:, None] - since < start * (1 - ROUNDING)),
     )

@@ -48,7 +48,8 @@ class TrackEvent(NamedTuple):
 def events_of(
     result: Result, tracker: str | None = None, run: int | None = None, vehicle: str | None = None
 ) -> list[TrackEvent]:
-    """The events of a result, the costliest first.
+    """The events of a result, the costliest first; those in which a track starts come after the others
+    that cost anything.
 
     Args:
         result: one whose identities are hidden.
@@ -77,7 +78,11 @@ def events_of(
     ]
     if vehicle is not None:
         events = [event for event in events if vehicle in (event.object, event.other_object)]
-    return sorted(events, key=lambda event: (-event.cost_m2, event.time_s))
+
+    def order(event: TrackEvent) -> tuple[bool, bool, float, float]:
+        return not event.cost_m2, event.kind == "confirmed", -event.cost_m2, event.time_s
+
+    return sorted(events, key=order)
 
 
 def instants(tables: Tables) -> Array:

@@ -66,6 +66,11 @@ class Result:
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
 
     @property
+    def filtering(self) -> list[TrackerResult]:
+        """Of the contenders those that filter, whose worst moments are looked for; all where none does."""
+        return [tracker for tracker in self.contenders if not tracker.baseline] or self.contenders
+
+    @property
     def drawn(self) -> list[TrackerResult]:
         """Those of them that figures and recordings show: of more than ``MOST_DRAWN`` the best."""
         return self.scored[:MOST_DRAWN]

@@ -87,6 +87,8 @@ class TrackerResult(ResultModel):
     describe: str
     association: str | None = None
     """How a built-in tracker of several objects associates; None of any other."""
+    baseline: bool = False
+    """Whether it filters nothing, which is what any tracker has to beat."""
     smoother: str | None = None
     """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     engine: ComputedBy | None = None

@@ -40,6 +40,7 @@ from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import scan_rate
 from trackbench.trackers.answers import NOT_FINITE
+from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
@@ -120,6 +121,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "name": name,
         "describe": describe(config, work.late_sensors),
         "association": None if associate is None else associate.method,
+        "baseline": getattr(config, "use", None) == BASELINE,
         "smoother": getattr(config, "smoother", None),
         "engine": None if engine is None else engine.engine,
         "failed": failure,

@@ -10,6 +10,9 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.models.sensors import SENSOR_MODELS
 
+#: The published name of the tracker.
+BASELINE = "raw"
+
 
 class PositionFix(NamedTuple):
     """The position that a measurement states."""

@@ -140,10 +140,11 @@ def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
     recorded = recorded_run(read(folder).result)
     for tracker in recorded.tracks:
         moments = worst(recorded, [tracker], 3)
-        error = np.where(recorded.tracks[tracker].due, recorded.tracks[tracker].position_error, np.nan)
+        track = recorded.tracks[tracker]
+        error = np.where(track.due & ~track.starting, track.position_error, np.nan)
         assert moments[0].position_error_m == np.nanmax(error)
         assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
-        sizes = [moment.position_error_m for moment in moments]
+        sizes = [(not moment.starting, moment.position_error_m) for moment in moments]
         assert sizes == sorted(sizes, reverse=True)
         for i, a in enumerate(moments):
             assert all(b.object != a.object or abs(b.time_s - a.time_s) > 1.0 for b in moments[:i])

@@ -24,7 +24,8 @@ class Opening:
     """At the moment of the largest position error, the second largest, and so on."""
     vehicle: str | None = None
     tracker: str | None = None
-    """Whose error is the worst; unless stated, any tracker's. With hidden identities also whose tracks are shown."""
+    """Whose error is the worst; unless stated, that of any contender that filters. With hidden identities also whose
+    tracks are shown."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,13 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
     if opening.worst is not None:
         runs = [recorded_run(result) for result in results]
         names = list(dict.fromkeys(name for run in runs for name in run.tracks))
-        trackers = names if opening.tracker is None else [require_name(opening.tracker, names, "tracker")]
+        trackers = [tracker.name for result in results for tracker in result.filtering] or names
+        if opening.tracker is not None:
+            trackers = [require_name(opening.tracker, names, "tracker")]
         moments = distinct(
             moment
             for run in runs
-            for moment in worst(run, [name for name in trackers if name in run.tracks], opening.worst, opening.vehicle)
+            for moment in worst(run, [name for name in run.tracks if name in trackers], opening.worst, opening.vehicle)
         )
         if len(moments) < opening.worst:
             raise InputError(f"only {len(moments)} such moments: no other estimate counts", key="--worst")
@@ -102,9 +105,11 @@ def require_worst(result: Result, worst: int | None, tracker: str | None) -> Non
 
 
 def costly_events(result: Result, tracker: str | None, vehicle: str | None) -> list[TrackEvent]:
-    """The events of the recorded run that cost something, the costliest first."""
+    """The events of the recorded run that cost something, in the order of :func:`events_of`; unless a tracker is named,
+    those of the contenders."""
     events = events_of(result, tracker, result.summary.recorded_run, vehicle)
-    return [event for event in events if event.cost_m2 > 0]
+    names = [item.name for item in result.filtering] if tracker is None else [tracker]
+    return [event for event in events if event.cost_m2 > 0 and event.tracker in names]
 
 
 def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:

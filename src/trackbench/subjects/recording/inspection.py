@@ -90,7 +90,7 @@ class Inspection:
     """None where there is nothing to compare with."""
     at: SceneMoment | TracksMoment | None = None
     worst: dict[str, list[EstimateMoment]] | list[TrackEvent] | None = None
-    """By tracker, the largest error first; of hidden identities the costliest event first."""
+    """By tracker, those that filter first, the largest error first; of hidden identities the costliest event first."""
     modes: Modes = field(default_factory=dict)
     """The probability of each mode at the time that was asked for, or its mean over the run."""
 
@@ -180,7 +180,10 @@ def inspect(
         return Inspection(recorded, list(result.scored), at=moment, worst=events)
     run = recorded_run(result)
     scored = rescored(result, run)
-    trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
+    first = [item.name for item in result.filtering if item.name in run.tracks]
+    trackers = [*dict.fromkeys([*first, *run.tracks])]
+    if tracker is not None:
+        trackers = [require_name(tracker, run.tracks, "tracker")]
     if vehicle is not None:
         require_name(vehicle, run.objects, "vehicle")
     return Inspection(
