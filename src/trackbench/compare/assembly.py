@@ -67,7 +67,8 @@ def compare(
         for number, entry in cell.entries.items()
     }
     if limits:
-        _require_judgeable(sets, cells, compared, chosen)
+        limited = [own[limit.metric] for own in by_path for limit in limits if limit.metric in own]
+        _require_judgeable(sets, cells, compared, chosen, limited)
     comparisons, notes = [], [*left_out, *engine_notes(sets, compared)]
     what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
     for group, own in zip(groups, by_path, strict=True):
@@ -180,6 +181,7 @@ def _require_judgeable(
     cells: Sequence[ScenarioResults],
     compared: Sequence[ScenarioResults],
     chosen: Mapping[tuple[str, int], list[str]],
+    limited: Sequence[Metric],
 ) -> None:
     """Make sure that no regression could pass unseen.
 
@@ -198,11 +200,9 @@ def _require_judgeable(
                 raise InputError(message, file=later.label, key=OPTION)
     for cell in compared:
         for number, entry in cell.entries.items():
-            if entry.result.summary.runs == 1:
-                message = (
-                    "a single run gives no interval, so no regression can be shown; "
-                    "state expectations with below: instead"
-                )
+            lacking = [why for metric in limited if (why := entry.without_interval(metric))]
+            if lacking:
+                message = f"no regression can be shown: {lacking[0]}, or state expectations with below: instead"
                 raise InputError(message, file=entry.label, key=OPTION)
             ours, theirs = chosen[cell.scenario, 0], chosen[cell.scenario, number]
             lost = [name for name in ours if name not in theirs]
@@ -239,7 +239,7 @@ def _notes(
     single: bool,
 ) -> Iterator[str]:
     """What a reader must know beside the differences."""
-    if any(entry.result.summary.runs == 1 for cell in cells for entry in cell.entries.values()):
+    if any(entry.result.summary.runs == 1 and entry.stretches < 2 for cell in cells for entry in cell.entries.values()):
         yield "one run is compared by nothing but its values"
     compared = {
         (match.scenario, entrant) for match in matches for pair in match.pairs for entrant in match.entrants(pair)

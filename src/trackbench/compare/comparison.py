@@ -104,6 +104,8 @@ class PairDifference(ResultModel):
     """Number of runs over which it is paired; None for two independent samples."""
     lost_coverage: float = 0.0
     """By how much the entrant's share of estimates is smaller than the other's."""
+    stretches: int | None = None
+    """Number of stretches of time of a single run, where these are what is independent."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     verdict: str

@@ -83,11 +83,12 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
     """The pairs of one match."""
     shared = match.how.shared
     intervals: dict[tuple[int, str], Interval | None] = {}
+    over_stretches = match.entry.over_stretches(metric) and match.against.over_stretches(metric)
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
         for (entry, tracker), runs in zip(sides, shared[::-1] if shared else (None, None), strict=True):
             if (id(entry), tracker) not in intervals:
-                intervals[id(entry), tracker] = entry.interval(tracker, metric, runs)
+                intervals[id(entry), tracker] = entry.interval(tracker, metric, runs, over_stretches=over_stretches)
         own, other = (intervals[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
         same_result = match.entry is match.against
@@ -126,6 +127,7 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
             p_value=result.p_value,
             lost_coverage=match.against.coverage(pair[1]) - match.entry.coverage(pair[0]),
             paired_runs=None if shared is None else len(shared[0]),
+            stretches=len(own.influence) if over_stretches else None,
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
             verdict=UNDECIDED,
         )

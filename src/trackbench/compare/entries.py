@@ -17,6 +17,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.subjects import kind_of, offered
 from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
+from trackbench.metrics.sums import SHORTEST
 from trackbench.results import MetricValue, Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
@@ -86,7 +87,34 @@ class Entry:
         table = self.table("runs")
         return float(self._column(table.filter(pc.equal(table["tracker"], tracker)), "count")[runs].sum())
 
-    def interval(self, tracker: str, metric: Metric, runs: NDArray[np.intp] | None = None) -> Interval | None:
+    @cached_property
+    def stretches(self) -> int:
+        """Number of stretches of time on which intervals rest; 0 where they rest on runs or scenes."""
+        table = self.result.tables.if_there("stretches")
+        return len(pc.unique(table["stretch"])) if len(table) else 0
+
+    def over_stretches(self, metric: Metric) -> bool:
+        """Whether the interval of a metric rests on stretches of time."""
+        return {*metric.columns} <= {*self.result.tables.if_there("stretches").column_names}
+
+    def without_interval(self, metric: Metric) -> str:
+        """Why a metric has no interval here, and what would give one; empty where it may have one."""
+        summary = self.result.summary
+        if summary.runs > 1 or (self.stretches > 1 and self.over_stretches(metric)):
+            return ""
+        if self.stretches > 1:
+            return f"a single run gives no interval of {metric.path}, which has one value in a run: pool several logs"
+        if self.stretches == 1:
+            seconds = summary.score.to_s - summary.score.from_s
+            needed = f"at least {2 * SHORTEST:g} s, for two stretches of time, or several logs"
+            return f"{seconds:.2g} s of a single run give no interval: record {needed}"
+        if summary.identities == "hidden":
+            return "a single run with hidden identities gives no interval: pool several logs, or take more runs"
+        return "a single run of another version gives no interval: run it again"
+
+    def interval(
+        self, tracker: str, metric: Metric, runs: NDArray[np.intp] | None = None, *, over_stretches: bool = False
+    ) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
         With runs of several scenes it is what each scene adds.
@@ -95,44 +123,47 @@ class Entry:
             tracker: its name.
             metric: what to read.
             runs: the numbers of the runs to take; all unless given.
+            over_stretches: whether it is what each stretch of time adds instead.
 
         Raises:
             InputError: the table does not hold the metric, or is not that of this run.
         """
-        table = self.table("runs")
+        name, number = ("stretches", "stretch") if over_stretches else ("runs", "run")
+        table = self.table(name)
         if self.failure(tracker) or len(table) == 0:
             return None
         rows = table.filter(pc.equal(table["tracker"], tracker))
-        expected = self.result.summary.runs
-        if not np.array_equal(self._column(rows, "run"), np.arange(expected)):
-            message = f"runs.parquet does not hold the {expected} runs of {tracker}, each once and in order"
+        expected = self.stretches if over_stretches else self.result.summary.runs
+        if not np.array_equal(self._column(rows, number), np.arange(expected)):
+            message = f"{name}.parquet does not hold the {expected} {name} of {tracker}, each once and in order"
             raise InputError(message, file=self.label)
         values, *others = (self._column(rows, name) for name in metric.columns)
         count = others[0] if others else np.ones(len(values))
         if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(values)):
             raise InputError(
-                f"runs.parquet: {metric.columns[0]} or its number of terms holds what no run leaves", file=self.label
+                f"{name}.parquet: {metric.columns[0]} or its number of terms holds what no run leaves", file=self.label
             )
         interval = metric.of_runs(values, *others)
         if interval is None:
             return None
         stated = self.result[tracker].metrics.get(metric.path.removesuffix(".mean"), MetricValue(unit="1")).value
         if stated is None or not abs(stated - interval.value) <= AGREEMENT * max(abs(interval.value), 1.0):
-            ours = f"runs.parquet gives {tracker} a {metric.path} of {interval.value:.6g}"
+            ours = f"{name}.parquet gives {tracker} a {metric.path} of {interval.value:.6g}"
             problem = f"{ours}, {results.SUMMARY} one of {stated}: they are not of the same run"
             raise InputError(problem, file=self.label)
-        number = self._column(rows, "scene")
-        if not np.array_equal(number, np.round(np.clip(np.nan_to_num(number), 0, len(number)))):
-            raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
-        scene = number.astype(np.intp)
         if runs is not None:
-            interval = metric.of_runs(*(column[runs] for column in (values, *others)))
-            scene = scene[runs]
-        return None if interval is None else clustered(interval, scene)
+            rows = rows.filter(pa.array(np.isin(self._column(rows, "run"), runs)))
+            interval = metric.of_runs(*(self._column(rows, column) for column in metric.columns))
+        if interval is None or over_stretches:
+            return interval
+        scene = self._column(rows, "scene")
+        if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
+            raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
+        return clustered(interval, scene.astype(np.intp))
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:
-            message = f"runs.parquet has no column {name}: made by another version; run it again"
+            message = f"its tables have no column {name}: made by another version; run it again"
             raise InputError(message, file=self.label)
         values: Array = rows[name].to_numpy().astype(np.float64)
         return values

@@ -156,6 +156,11 @@ LABELLED = {
             *_numbers(*REFERENCES, "diverged", "repaired"),
         ],
     ),
+    "stretches": _table(
+        "of a single run: errors of each tracker in each stretch of time, which stand for independent runs",
+        ["tracker"],
+        _numbers("run", "stretch", "count", "course_count", *ERRORS, _number("nees_mean", _mean("nees")), *REFERENCES),
+    ),
     "breakdown": _table(
         "errors of each tracker by manoeuvre and range band",
         ["tracker", "manoeuvre"],

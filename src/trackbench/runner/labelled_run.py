@@ -81,7 +81,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
             tracker=name,
             first=piece.scene == piece.runs.start == 0,
-            single=work.runs == len(work.scenes) == 1,
+            single=work.over_stretches,
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
         )

@@ -65,6 +65,8 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         "roads": road_records(truth),
         **_mode_records(work, blocks, list(evaluations)),
     }
+    if work.over_stretches:
+        records["stretches"] = [_stretch_record(name, item) for name, item in evaluations.items()]
     more = {"runs": [run_column(path) for path in own_paths]}
     return {name: LABELLED[name].written(parts, more.get(name, ())) for name, parts in records.items()}
 
@@ -172,6 +174,13 @@ def _run_record(name: str, evaluation: Evaluation, scores: BlockScores, work: Wo
         "repaired": scores.repaired,
         **{run_column(path): evaluation.per_run(path, runs) for path in own_paths},
     }
+
+
+def _stretch_record(name: str, evaluation: Evaluation) -> Record:
+    """Errors in each stretch of time of a single run."""
+    sums = evaluation.scores.per_part
+    stretch = np.arange(sums.shape[1], dtype=float)
+    return {"tracker": name, "run": np.zeros_like(stretch), "stretch": stretch, **dict(zip(ERROR, sums, strict=True))}
 
 
 def run_keys(name: str, work: Work) -> Record:

@@ -162,6 +162,11 @@ class Work:
         return all(scene.truth.known for scene in self.scenes)
 
     @property
+    def over_stretches(self) -> bool:
+        """Whether intervals rest on stretches of time: there is a single run."""
+        return self.runs == len(self.scenes) == 1
+
+    @property
     def longest_scene(self) -> Scene:
         """The one with the most instants."""
         return max(self.scenes, key=lambda scene: len(scene.instants()))

@@ -74,12 +74,8 @@ def _how(result: ComparedResult) -> str:
 
 def _explanation(items: Sequence[PairDifference]) -> str:
     ways = []
-    if paired := sorted({(item.paired_runs, item.scenes) for item in items if item.paired_runs is not None}):
-        over = [
-            f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
-            for runs, scenes in paired
-        ]
-        ways.append(f"paired over {' or '.join(over)}")
+    if paired := sorted({(item.paired_runs, item.scenes, item.stretches or 0) for item in items if item.paired_runs}):
+        ways.append(f"paired over {' or '.join(_parts(*each) for each in paired)}")
     if any(item.paired_runs is None for item in items):
         ways.append("unpaired (Welch's test)")
     corrected = ", corrected for their number (Holm)" if len(items) > 1 else ""
@@ -88,6 +84,12 @@ def _explanation(items: Sequence[PairDifference]) -> str:
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
         f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
     )
+
+
+def _parts(runs: int, scenes: int, stretches: int) -> str:
+    """What differences are paired over."""
+    of = f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
+    return f"{stretches} stretch{'es' * (stretches > 1)} of time of {of}" if stretches else of
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:

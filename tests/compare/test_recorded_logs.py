@@ -1,0 +1,122 @@
+"""Versions of a tracker on recorded logs: over stretches of time, with a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.udacity import synthetic_lines
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.compare.assembly import compare
+from trackbench.compare.entries import Entry, find
+from trackbench.compare.limits import Limit
+from trackbench.results import Result
+
+SCENARIO = """
+name: NAME
+truth: {source: recording, format: udacity, path: PATH}
+sensors:
+  lidar: {type: lidar, position_sigma_m: 0.15}
+  radar: {type: radar, range_sigma_m: 0.3, azimuth_sigma_deg: 1.718873, range_rate_sigma_mps: 0.3}
+trackers:
+  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: Q}
+  raw: {use: raw}
+monte_carlo: {runs: 1}
+"""
+Run = Callable[..., list[Result]]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """The results of the scenarios of logs of so many lines, 50 ms apart."""
+
+    def run(q: float = 3, lines: int = 400, logs: tuple[str, ...] = ("log",), seed: int = 1) -> list[Result]:
+        results = []
+        for number, name in enumerate(logs):
+            (tmp_path / f"{name}.txt").write_text("\n".join(synthetic_lines(lines, seed + number)))
+            text = SCENARIO.replace("NAME", name).replace("PATH", f"{name}.txt").replace("Q", str(q))
+            (tmp_path / f"{name}.yaml").write_text(text)
+            results.append(tb.run(tmp_path / f"{name}.yaml"))
+        return results
+
+    return run
+
+
+def outcomes(
+    sets: list[list[Result]], percent: float = 10, metric: str = "velocity_rmse"
+) -> dict[tuple[str, str], str]:
+    comparison = compare(sets, limits=[Limit(metric, percent)])
+    return {(item.scenario, item.entrant.tracker): item.outcome for item in comparison.gates}
+
+
+def test_a_worse_tracker_fails_the_limit_and_an_equal_one_keeps_it(run: Run) -> None:
+    before, same, worse = run(), run(), run(q=60)
+    assert outcomes([before, worse]) == {("log", "ekf"): "failed", ("log", "raw"): "passed"}
+    assert outcomes([before, same]) == {("log", "ekf"): "passed", ("log", "raw"): "passed"}
+    comparison = compare([before, worse], metrics=["velocity_rmse"], trackers=["ekf"])
+    (item,) = comparison.differences
+    assert (item.verdict, item.paired_runs, item.stretches) == ("worse", 1, 4)
+    assert not comparison.notes
+
+
+def test_each_log_of_a_folder_is_compared(run: Run) -> None:
+    logs = ("monday", "tuesday")
+    before, worse = run(logs=logs), run(q=60, logs=logs)
+    found = outcomes([before, worse])
+    assert {name: found[name, "ekf"] for name in logs} == dict.fromkeys(logs, "failed")
+    assert outcomes([before, before]) == {(name, tracker): "passed" for name in logs for tracker in ("ekf", "raw")}
+
+
+def test_a_log_that_is_too_short_says_what_is_missing(run: Run) -> None:
+    short = run(lines=120)
+    with pytest.raises(InputError, match=r"6 s of a single run give no interval: record at least 8 s"):
+        outcomes([short, short])
+    (item, *_) = compare([short]).differences
+    assert item.ci95 is None
+
+
+def test_a_metric_with_one_value_in_a_run_has_no_limit_on_a_log(run: Run, tmp_path: Path) -> None:
+    before = run()
+    with pytest.raises(InputError, match=r"a single run gives no interval of position_p95"):
+        outcomes([before, before], metric="position_p95")
+
+
+def test_the_interval_is_that_of_the_run(run: Run) -> None:
+    """What a comparison reads of the stretches is what the run has made its own interval of."""
+    entry = Entry("log", run()[0])
+    for path in ("position_rmse", "velocity_rmse", "course_rmse", "position_over_reference", "velocity_over_reference"):
+        metric = next(item for item in tb.metrics.BUILT_IN if item.path == path)
+        interval = entry.interval("ekf", metric, over_stretches=True)
+        assert interval is not None
+        assert interval.ci95 == pytest.approx(entry.result["ekf"].metrics[path].ci95, rel=1e-9)
+
+
+def test_logs_with_other_noise_are_compared_unpaired(run: Run) -> None:
+    comparison = compare([run(), run(seed=9)], trackers=["ekf"])
+    (item,) = comparison.differences
+    assert (item.paired_runs, item.verdict) == (None, "equivalent") or item.verdict == "undecided"
+    assert item.ci95 is not None
+
+
+def test_a_damaged_table_of_stretches_is_refused(run: Run, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    run()[0].save(tmp_path / "before" / "log")
+    file = tmp_path / "before" / "log" / "stretches.parquet"
+    table = pq.read_table(file)
+    assert np.array_equal(table["stretch"].to_numpy(), np.tile(np.arange(4.0), 2))
+    pq.write_table(table.slice(1), file)
+    with pytest.raises(InputError, match=r"stretches\.parquet does not hold the 4 stretches of ekf"):
+        compare([find(tmp_path / "before")])
+
+
+def test_the_command_line_says_what_a_difference_rests_on(run: Run, tmp_path: Path, cli) -> None:
+    for folder, q in (("before", 3), ("worse", 60)):
+        run(q)[0].save(tmp_path / folder / "log")
+    outcome = cli("compare", "before/log", "worse/log", "--fail-on-regression", "velocity_rmse:10")
+    assert outcome.status == 1
+    assert "paired over 4 stretches of time of 1 run" in " ".join(outcome.out.split())
