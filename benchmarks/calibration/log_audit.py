@@ -5,9 +5,10 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from tests.support.recorded_log import Errors, write_log
+from tests.support.recorded_log import OBJECTS, WALKERS, Errors, write_log
 
 from trackbench.scenario import load_scenario
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log
@@ -55,6 +56,7 @@ def claims() -> Iterator[Claim]:
     yield rate("all six errors of a radar are found", found, 0.95, 1)
     after = np.array([a.sensors["radar"].square_after for a in wrong])
     before = np.array([a.sensors["radar"].square_before for a in wrong])
+    yield from noisy_reference()
     yield from correlated()
     yield Claim(
         "mean square of the errors over the stated sigmas: with the findings put in",
@@ -83,6 +85,61 @@ def _coverage(
     yield rate(f"{name}: a sigma within its 95 % interval", noises, 0.93, 0.97)
 
 
+#: Logs with a reference that is noisy, from this seed on: others served for the design.
+NOISY, FROM = 200, 5000
+#: What is wrong with the radar of half of them: 30 ms, 1 degree, and every sigma by a half.
+SMALL = Errors(
+    time_offset_s=0.03,
+    mount={"yaw_deg": 1.0},
+    truly={"range_sigma_m": 0.45, "azimuth_sigma_deg": 0.75, "range_rate_sigma_mps": 0.15},
+)
+
+
+def noisy_reference() -> Iterator[Claim]:
+    """Logs with up to 10 cm of noise in the reference, whose rows are at the radar's stamps or between them."""
+    clean = [_noisy(seed, radar=Errors(), lidar=Errors()) for seed in range(FROM, FROM + NOISY)]
+    wrong = [_noisy(seed, radar=SMALL) for seed in range(FROM, FROM + NOISY)]
+    within = "reference with 0 to 10 cm of noise"
+    yield rate(
+        f"{within}: a log without errors has any finding (radar, lidar)", [bool(a.findings) for a in clean], 0, 0.05
+    )
+    for kind, what in (("time_offset", "30 ms"), ("mount_yaw", "1 degree")):
+        yield rate(f"{within}: a {kind} of {what} is found", [_finds(a, kind) for a in wrong], 0.95, 1)
+    for name in ("range", "azimuth", "range_rate"):
+        hits = [_finds(a, "sigma", name) for a in wrong]
+        yield rate(f"{within}: 1.5 times the stated sigma of {name} is found", hits, 0.95, 1)
+    covers = [
+        _covers(estimate.interval.bounds(), 0.0)
+        for a in clean
+        for item in a.sensors.values()
+        if item.fit is not None
+        for estimate in item.fit.estimates.values()
+    ]
+    yield rate(f"{within}: an error of time, mount or bias within its 95 % interval", covers, 0.93, 0.97)
+
+
+def _noisy(seed: int, **errors: Errors) -> LogAudit:
+    """Every other log with stamps between those of the radar; two with fast objects, two with slow ones."""
+    objects, moving = ((OBJECTS, True), (WALKERS, False))[seed // 2 % 2]
+    sigma = float(np.random.default_rng(seed).uniform(0, 0.1))
+    hz = (20, 10)[seed // 4 % 2]
+    settings = {
+        "objects": objects,
+        "moving": moving,
+        "truth_hz": hz,
+        "truth_sigma_m": sigma,
+        "truth_from": 2 * (seed % 2),
+    }
+    return _audit(seed, **errors, **settings)
+
+
+def _finds(audit: LogAudit, kind: str, component: str | None = None) -> bool:
+    return any(
+        finding.sensor == "radar" and finding.kind == kind and component in (None, finding.component)
+        for finding in audit.findings
+    )
+
+
 def correlated() -> Iterator[Claim]:
     """The mean of errors that stay alike for a second, of logs of 30 s with few and with many objects."""
     random, rho, rows = np.random.default_rng(7), 0.9, 600
@@ -105,6 +162,6 @@ def _covers(bounds: tuple[float, float], value: float) -> bool:
     return bounds[0] <= value <= bounds[1]
 
 
-def _audit(seed: int, **errors: Errors) -> LogAudit:
+def _audit(seed: int, **settings: Any) -> LogAudit:
     with tempfile.TemporaryDirectory() as folder:
-        return audit_log(load_scenario(write_log(Path(folder), seed=seed, **errors)))
+        return audit_log(load_scenario(write_log(Path(folder), seed=seed, **settings)))

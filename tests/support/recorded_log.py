@@ -46,6 +46,18 @@ OBJECTS: dict[str, Any] = {
 }
 #: An object that a sensor at rest cannot tell its clock from its place by.
 STRAIGHT = {"car": {"start": {"x": 20, "y": 4, "speed_mps": 10, "course_deg": 0}, "pieces": [{"for_s": 30}]}}
+#: Slow objects about a sensor at rest: in the time between two rows of the truth they go no further than its noise.
+WALKERS = {
+    name: {
+        "start": {"x": x, "y": y, "speed_mps": 1.2, "course_deg": course},
+        "pieces": [
+            {"for_s": 10, "turn_rate_degps": turn},
+            {"for_s": 10, "turn_rate_degps": -turn, "acceleration_mps2": 0.05},
+            {"for_s": 10, "turn_rate_degps": 2 * turn},
+        ],
+    }
+    for name, x, y, course, turn in (("a", 15, -5, 60, 12), ("b", 20, 6, -100, -15), ("c", 25, 0, 180, 10))
+}
 RADAR = {"range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
 LIDAR = {"position_sigma_m": 0.15}
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3}
@@ -77,13 +89,21 @@ def write_log(
     moving: bool = True,
     form: str = "csv",
     mount: Mapping[str, float] = {"x_m": 2.0},
+    truth_sigma_m: float = 0.0,
+    truth_from: int = 0,
 ) -> Path:
-    """Write a log, and a scenario that knows nothing of the errors; returns the scenario's file."""
+    """Write a log, and a scenario that knows nothing of the errors; returns the scenario's file.
+
+    ``truth_sigma_m`` is the noise of the truth's positions, white from row to row; ``truth_from`` the instant of the
+    first row, in hundredths of a second, so that the truth's stamps are not those of the sensors.
+    """
     truth = _truth(duration_s, json.dumps(objects), moving)
     every, vx, vy = 100 // truth_hz, truth.vx, truth.vy
+    noise = truth_sigma_m * np.random.default_rng([seed, 5]).normal(size=(2, *truth.px.shape[:2]))
+    px, py = truth.px[:, :, 0] + noise[0], truth.py[:, :, 0] + noise[1]
     rows = [
-        [truth.time[k], name, truth.px[k, i, 0], truth.py[k, i, 0], vx[k, i, 0], vy[k, i, 0]]
-        for k in range(0, len(truth.time), every)
+        [truth.time[k], name, px[k, i], py[k, i], vx[k, i, 0], vy[k, i, 0]]
+        for k in range(truth_from, len(truth.time), every)
         for i, name in enumerate(truth.ids)
     ]
     write_table(folder / f"truth.{form}", ["t", "who", "x", "y", "vx", "vy"], rows)

@@ -45,6 +45,7 @@ def to_json(audit: LogAudit) -> dict[str, Any]:
             "truth_velocity": [
                 {
                     "object": check.name,
+                    "noise_m": check.noise,
                     "difference_mps": check.difference,
                     "scale": check.scale,
                     "fits_unit": check.unit,

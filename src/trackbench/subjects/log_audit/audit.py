@@ -28,12 +28,11 @@ from trackbench.subjects.log_audit.findings import (
 )
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detections_of, noise_of
+from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
 from trackbench.subjects.log_audit.sensor_log import (
     Clock,
     SensorLog,
-    VelocityCheck,
     clock_of,
-    velocity_check,
     wrong_units,
 )
 from trackbench.truth.recorded import Drive, read
@@ -176,8 +175,8 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
             kind="truth_velocity",
             sensor=None,
             title=f"truth: the velocity of {names} is " + (f"in {unit}" if unit else "not that of the displacement"),
-            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second, {worst.name}); "
-            f"the displacement is {worst.scale:.3g} times what the velocity says.",
+            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second or more, "
+            f"{worst.name}); the displacement is {worst.scale:.3g} times what the velocity says.",
             fix="; ".join(f"Set {key}: {value}" for key, value in changes.items()) + "."
             if changes
             else "Check unit, frame, sign and time of the velocity; range rates cannot be judged by it.",
@@ -239,14 +238,14 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
         fixed = _audited(_with_findings(loaded, units), progress)
         return replace(fixed, scenario=loaded, velocities=tuple(velocities), findings=(*units, *fixed.findings))
     clipped = drive.clipped()
-    looked = scan_cycles(clipped)
+    looked, reference = scan_cycles(clipped), reference_noise(drive)
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
     sensors: dict[str, SensorAudit] = {}
     for number, (name, log) in enumerate(drive.logs.items()):
         progress(number, len(drive.logs))
         inside, config = clipped.logs[name], loaded.config.sensors[name]
         clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(inside.time)))
-        sensor = SensorLog(name, config, inside, drive, truth, np.ones(len(config.components)))
+        sensor = SensorLog(name, config, inside, drive, truth, reference, np.ones(len(config.components)))
         sensors[name] = audit_sensor(sensor, looked[name])
     progress(len(sensors), len(sensors))
     level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
@@ -320,11 +319,12 @@ def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
 def _squares(loaded: Scenario) -> dict[str, float]:
     """By sensor, the mean square of measurement minus truth over the stated sigmas."""
     truth, drive = _read(loaded)
-    squares = {}
+    squares, reference = {}, reference_noise(drive)
     for name, log in drive.clipped().logs.items():
         config = loaded.config.sensors[name]
-        residual = SensorLog(name, config, log, drive, truth, np.ones(len(config.components))).residual({})
-        square = (residual / np.array(config.sigmas())[:, None]) ** 2
+        sensor = SensorLog(name, config, log, drive, truth, reference, np.ones(len(config.components)))
+        variance = np.array(config.sigmas())[:, None] ** 2 + sensor.reference_variance({})
+        square = sensor.residual({}) ** 2 / variance
         square = square[:, np.isfinite(square).all(axis=0)]
         if square.size:
             squares[name] = float(square.mean())

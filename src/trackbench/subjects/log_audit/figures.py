@@ -13,7 +13,7 @@ from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, time_axi
 from trackbench.document.palette import TRACKER_COLOURS
 from trackbench.subjects.log_audit.audit import LogAudit
 from trackbench.subjects.log_audit.findings import LogFinding, SensorAudit, spelt
-from trackbench.subjects.log_audit.joint_fit import JointFit, residual_scale
+from trackbench.subjects.log_audit.joint_fit import JointFit
 from trackbench.subjects.log_audit.noise import Band, ResidualNoise
 
 _FOUND = TRACKER_COLOURS[4]
@@ -78,7 +78,7 @@ def _partial(item: SensorAudit, fit: JointFit, kind: str, name: str) -> Figure |
     if kind not in fit.estimates:
         return None
     names = list(fit.estimates)
-    scale = residual_scale(fit.residual)
+    scale = fit.scale
     columns = (fit.derivatives / scale)[:, :, fit.inlier].reshape(len(names), -1)
     rest = (fit.residual / scale)[:, fit.inlier].reshape(-1)
     own, others = columns[names.index(kind)], np.delete(columns, names.index(kind), axis=0)
@@ -183,7 +183,7 @@ def _expected(item: SensorAudit, finding: LogFinding, name: str) -> Figure:
 
 
 def _outliers(item: SensorAudit, fit: JointFit, name: str) -> Figure:
-    away = np.abs(fit.residual / residual_scale(fit.residual)).max(axis=0)
+    away = np.abs(fit.residual / fit.scale).max(axis=0)
     time = item.log.log.time
 
     def paint(canvas: Canvas) -> None:
@@ -205,7 +205,7 @@ def _outliers(item: SensorAudit, fit: JointFit, name: str) -> Figure:
 
 
 def _drift(item: SensorAudit, fit: JointFit, name: str) -> Figure:
-    scale = residual_scale(fit.residual)
+    scale = fit.scale
     column = (fit.derivatives[list(fit.estimates).index("time_offset")] / scale)[:, fit.inlier]
     rest, time = (fit.residual / scale)[:, fit.inlier], item.log.log.time[fit.inlier]
     parts = np.array_split(np.arange(len(time)), _BINS)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trackbench.base.distributions import normal_density, normal_within
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.subjects.log_audit.blocks import BlockInterval, Blocks, blocks_of
+from trackbench.subjects.log_audit.robust import residual_scale
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 
 #: Rows with a residual beyond this many standard deviations are outliers and not used.
@@ -55,10 +55,12 @@ class JointFit:
     """Errors that this log does not show, with those that they cannot be told from (none: without any effect)."""
     condition: float
     """Condition number of the correlation matrix of the estimates."""
-    sigma: Array
-    """``(m,)`` standard deviation of what remains."""
     residual: Array
     """``(m, rows)`` what remains."""
+    reference: Array
+    """``(m, rows)`` variance of the residual that the noise of the reference makes."""
+    scale: Array
+    """``(m, rows)`` standard deviation of the residual."""
     derivatives: Array
     """``(p, m, rows)`` of the estimates, in their order."""
     inlier: Mask
@@ -80,40 +82,22 @@ def joint_fit(log: SensorLog) -> JointFit:
     The residual is linearised in the errors around the best ones so far and solved by least squares, weighted by the
     noise that is estimated with them, without outliers, until nothing changes (Gauss-Newton). Of errors that the log
     cannot tell apart, one is estimated as if the others were zero, and named with them.
+
+    The estimates are those at which derivatives and residuals are orthogonal, not those with the least squares: between
+    two rows of the reference its noise is smaller, so the least squares lie there whatever the clock. The derivatives
+    have other noise than the residuals (instrumental variables; Fuller 1987, "Measurement Error Models").
     """
     start = {"time_offset": _best_offset(log)}
-    names, unidentified, same = _identifiable(log, start, residual_scale(log.residual(start)))
+    names, unidentified, same = _identifiable(log, start)
     errors = {name: start.get(name, 0.0) for name in names}
     for round_number in range(2):
         errors = converged(log, names, errors)
-        identifiable = _identifiable(log, errors, residual_scale(log.residual(errors)))
+        identifiable = _identifiable(log, errors)
         if round_number or identifiable[0] == names:
             break
         names, unidentified, same = identifiable
         errors = {name: errors.get(name, 0.0) for name in names}
     return _finished(log, names, errors, unidentified, same)
-
-
-def clipped_sigma(residual: Array, axis: int = -1) -> Array:
-    """Standard deviation of a normal distribution, from the values within three of it of the middle."""
-    middle = np.nanmedian(residual, axis=axis, keepdims=True)
-    sigma = 1.4826 * np.nanmedian(np.abs(residual - middle), axis=axis, keepdims=True)
-    for _ in range(20):
-        inside = np.abs(residual - middle) <= 3 * sigma
-        middle = np.nanmean(np.where(inside, residual, np.nan), axis=axis, keepdims=True)
-        sigma = np.sqrt(np.nanmean(np.where(inside, (residual - middle) ** 2, np.nan), axis=axis, keepdims=True) / KEPT)
-    return np.asarray(np.squeeze(sigma, axis))
-
-
-#: Variance of a standard normal variable within three standard deviations.
-KEPT = 1 - 6 * normal_density(3) / normal_within(3)
-
-
-def residual_scale(residual: Array) -> Array:
-    """Standard deviations ``(m, 1)``, never zero, so that a component without noise does not divide by it."""
-    sigma = clipped_sigma(residual)
-    reach = np.nanmax(np.abs(residual), axis=-1)
-    return np.asarray(np.maximum(np.maximum(sigma, 1e-9 * reach), 1e-12))[:, None]
 
 
 def _best_offset(log: SensorLog) -> float:
@@ -137,12 +121,13 @@ def _best_offset(log: SensorLog) -> float:
 
 
 def _identifiable(
-    log: SensorLog, errors: Mapping[str, float], scale: Array
+    log: SensorLog, errors: Mapping[str, float]
 ) -> tuple[list[str], dict[str, tuple[str, ...]], dict[str, list[str]]]:
     """The errors that can be estimated together; those that cannot, with what hides them; those that are the same."""
     every = list(log.errors)
-    columns = log.derivatives(errors, every) / scale
-    finite = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(log.residual(errors)).all(axis=0)
+    residual = log.residual(errors)
+    columns = log.derivatives(errors, every) / residual_scale(residual, log.reference_variance(errors))
+    finite = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(residual).all(axis=0)
     flat = columns[:, :, finite].reshape(len(every), -1)
     size = np.sqrt((flat**2).sum(axis=1))
     unit = flat / np.where(size > 0, size, 1.0)[:, None]
@@ -188,8 +173,7 @@ def converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> d
     """The best values of some of the errors, were all others zero."""
     errors = dict(start)
     for _ in range(STEPS):
-        derivatives, residual, inlier = _linearised(log, names, errors)
-        scale = residual_scale(residual)
+        derivatives, residual, _, scale, inlier = _linearised(log, names, errors)
         columns = (derivatives / scale)[:, :, inlier].reshape(len(names), -1)
         step = np.linalg.lstsq(columns.T, (residual / scale)[:, inlier].reshape(-1), rcond=None)[0]
         if "time_offset" in names:
@@ -203,14 +187,19 @@ def converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> d
     return errors
 
 
-def _linearised(log: SensorLog, names: list[str], errors: Mapping[str, float]) -> tuple[Array, Array, Mask]:
-    """Derivatives ``(p, m, rows)``, residuals ``(m, rows)``, and which rows are known and no outliers."""
-    residual = log.residual(errors)
+def _linearised(
+    log: SensorLog, names: list[str], errors: Mapping[str, float]
+) -> tuple[Array, Array, Array, Array, Mask]:
+    """Derivatives ``(p, m, rows)``, residuals, their variance from the reference, their standard deviation (each
+    ``(m, rows)``), and which rows are known and no outliers.
+    """
+    residual, reference = log.residual(errors), log.reference_variance(errors)
     derivatives = log.derivatives(errors, names) if names else np.zeros((0, *residual.shape))
-    finite = np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1))
+    scale = residual_scale(residual, reference)
+    finite = np.isfinite(residual + scale).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1))
     away = np.abs(residual - np.nanmedian(residual, axis=1, keepdims=True))
-    inlier = finite & (np.where(finite, away, 0.0) <= OUTLIER * residual_scale(residual)).all(axis=0)
-    return derivatives, residual, np.asarray(inlier)
+    inlier = finite & np.where(finite, away <= OUTLIER * scale, False).all(axis=0)
+    return derivatives, residual, reference, scale, np.asarray(inlier)
 
 
 def _finished(
@@ -220,8 +209,7 @@ def _finished(
     unidentified: dict[str, tuple[str, ...]],
     same: Mapping[str, list[str]],
 ) -> JointFit:
-    derivatives, residual, inlier = _linearised(log, names, errors)
-    scale = residual_scale(residual)
+    derivatives, residual, reference, scale, inlier = _linearised(log, names, errors)
     columns, rest = (derivatives / scale)[:, :, inlier], (residual / scale)[:, inlier]
     blocks = blocks_of(log.log.time[inlier], log.log.object[inlier], rest)
     size = len(names)
@@ -261,8 +249,9 @@ def _finished(
         estimates,
         unidentified,
         condition,
-        clipped_sigma(residual[:, inlier]),
         residual,
+        reference,
+        scale,
         derivatives,
         inlier,
         ~inlier & np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1)),

@@ -11,7 +11,8 @@ import numpy as np
 from trackbench.base.distributions import normal_density, normal_quantile, normal_within
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.subjects.log_audit.blocks import BlockInterval, blocks_of
-from trackbench.subjects.log_audit.joint_fit import KEPT, JointFit, residual_scale
+from trackbench.subjects.log_audit.joint_fit import JointFit
+from trackbench.subjects.log_audit.robust import KEPT, clipped
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.drive import Cycles
 
@@ -55,59 +56,60 @@ def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]
     logged = log.residual({})[:, inlier]
     residual = fit.residual[:, inlier]
     distance = log.polar(log.log.time, log.log.object, fit.errors)[0, inlier]
-    components = [_component(log, fit, i, logged[i], residual[i], distance) for i in range(len(log.components))]
+    components = [_component(log, fit, i, logged[i], distance) for i in range(len(log.components))]
     sigma = np.array([component.sigma.value for component in components])
-    inside = (np.abs(residual) <= 3 * sigma[:, None]).all(axis=0)
+    inside = (np.abs(residual) <= 3 * fit.scale[:, inlier]).all(axis=0)
     alike = np.corrcoef(residual[:, inside]) if inside.sum() > 2 else np.eye(len(sigma))
     correlation = np.where(np.isfinite(alike), alike, np.eye(len(sigma)))
     return components, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
 
 
-def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array) -> ResidualNoise:
+def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, distance: Array) -> ResidualNoise:
     finite = np.isfinite(logged)
     counted = np.where(finite, logged, 0.0)
     mean = fit.blocks.intervals(np.stack([counted, finite.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
     low, high = np.quantile(distance, [0.1, 0.9])
     spread = float(high / max(low, 1e-6))
-    sigma = _sigma(fit, residual, np.ones(len(residual), dtype=bool))
-    exponent = _exponent(fit, residual, distance, sigma.value) if spread > 1.2 else None
+    sigma = _sigma(log, fit, i, np.ones(len(distance), dtype=bool))
+    exponent = _exponent(log, fit, i, distance) if spread > 1.2 else None
     return ResidualNoise(
         name=log.components[i],
         unit=log.config.units[i],
         mean=mean,
         sigma=sigma,
         stated=float(log.config.sigmas()[i]),
-        bands=_bands(distance, IN_BAND // 2, lambda rows: _sigma(fit, residual, rows)),
+        bands=_bands(distance, IN_BAND // 2, lambda rows: _sigma(log, fit, i, rows)),
         exponent=exponent,
         spread=spread,
     )
 
 
-def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> BlockInterval:
-    """The standard deviation of some of the rows, from those within three of it of their middle."""
-    values = residual[chosen]
-    middle = float(np.median(values)) if len(values) else 0.0
-    sigma = 1.4826 * float(np.median(np.abs(values - middle))) if len(values) else 0.0
-    for _ in range(20):
-        inside = np.abs(values - middle) <= 3 * sigma
-        middle = float(values[inside].mean()) if inside.any() else middle
-        sigma = float(np.sqrt(((values[inside] - middle) ** 2).mean() / KEPT)) if inside.any() else 0.0
-    inside = chosen & (np.abs(residual - middle) <= 3 * sigma)
+def _sigma(log: SensorLog, fit: JointFit, i: int, chosen: Mask) -> BlockInterval:
+    """A component's standard deviation in some of the rows, without the noise of the reference."""
+    residual, reference = fit.residual[i, fit.inlier], fit.reference[i, fit.inlier]
+    middle, sigma = (float(value[0]) for value in clipped(residual[chosen], reference[chosen]))
+    variance = np.maximum(sigma**2 + reference, 1e-300)
+    away = residual - middle
+    weight = np.where(chosen & (away**2 <= 9 * variance), (variance.min() / variance) ** 2, 0.0)
+    added = float((weight * reference).sum() / weight.sum())
     # The logarithm of a standard deviation is nearer to normal, and the share within its limits moves with it.
     # So much of a change of the standard deviation limits that follow it, at three of it, take away.
     density, within = normal_density(3), normal_within(3)
     share = 1 / (1 - 0.5 * (2 * 27 * density / (within * KEPT) - 6 * density / within))
-    square = np.where(inside, (residual - middle) ** 2, 0.0)
     logarithm = fit.blocks.intervals(
-        np.stack([square, inside.astype(float)]),
+        np.stack([weight * away**2, weight]),
         lambda sums: 0.5 * np.log(np.maximum(sums[:1], 1e-300) / np.maximum(sums[1:], 1e-300)),
     )[0]
-    return BlockInterval(sigma, logarithm.sigma * share * sigma, logarithm.freedom)
+    # Of the variance; that of the reference is an estimate too.
+    spread = np.hypot(2 * (sigma**2 + added) * share * logarithm.sigma, log.noise.uncertainty * added)
+    return BlockInterval(sigma, float(spread / (2 * sigma)) if sigma > 0 else np.inf, logarithm.freedom)
 
 
-def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> BlockInterval:
-    """The slope of the logarithm of the residual's size over that of the range."""
-    size = np.log(np.maximum(np.abs(residual), 1e-3 * max(sigma, 1e-300)))
+def _exponent(log: SensorLog, fit: JointFit, i: int, distance: Array) -> BlockInterval:
+    """The slope of the logarithm of the residual over its expected size, against that of the range."""
+    ratio = np.abs(fit.residual[i] / fit.scale[i])[fit.inlier]
+    size = np.log(np.maximum(ratio, 1e-3))
+    by_reference = (fit.reference[i] / fit.scale[i] ** 2)[fit.inlier]
     along = np.log(np.maximum(distance, 1e-6))
     along = along - along.mean()
     terms = np.stack([np.ones_like(along), along, size, along * along, along * size])
@@ -116,7 +118,10 @@ def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> 
         count, x, y, xx, xy = sums
         return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
-    return fit.blocks.intervals(terms, slope)[0]
+    interval = fit.blocks.intervals(terms, slope)[0]
+    # What a wrong noise of the reference would make of it.
+    wrong = 0.5 * log.noise.uncertainty * float(along @ by_reference / (along @ along))
+    return interval._replace(sigma=float(np.hypot(interval.sigma, wrong)))
 
 
 def _bands(distance: Array, fewest: int, interval_of: Callable[[Mask], BlockInterval]) -> tuple[Band, ...]:
@@ -239,7 +244,8 @@ def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
     """
     if "time_offset" not in fit.estimates:
         return None
-    inlier, scale = fit.inlier, residual_scale(fit.residual)
+    inlier = fit.inlier
+    scale = fit.scale[:, inlier]
     column = fit.derivatives[list(fit.estimates).index("time_offset")][:, inlier] / scale
     rest = fit.residual[:, inlier] / scale
     time = log.log.time[inlier]

@@ -11,13 +11,16 @@ from trackbench.base.types import Array, Indices, Observer
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
+from trackbench.subjects.log_audit.reference import ReferenceNoise
 from trackbench.truth.config.recording import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
 from trackbench.truth.recorded import Drive
-from trackbench.truth.recorded.drive import Log, Motion, RowOrder, carrier, fixed
+from trackbench.truth.recorded.drive import Log, RowOrder, carrier, fixed
 from trackbench.truth.sources import RecordingTruth
 
 #: The errors of time and mounting that every sensor may have, with their units.
 POSE_ERRORS = {"time_offset": "s", "mount_yaw": "rad", "mount_x": "m", "mount_y": "m"}
+#: Steps of central differences; a time offset is differentiated over the rows of the reference.
+_STEPS = {"mount_yaw": 1e-4, **dict.fromkeys(("mount_x", "mount_y", "px", "py", "vx", "vy"), 1e-3)}
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class SensorLog:
     log: Log
     drive: Drive
     truth: RecordingTruth
+    noise: ReferenceNoise
+    """Of the drive."""
     factors: Array
     """``(m,)`` what each component is multiplied by, where its unit was found to be another."""
 
@@ -55,9 +60,13 @@ class SensorLog:
         return replace(self, log=chosen)
 
     def expected(self, errors: Mapping[str, float]) -> Array:
-        """``(m, rows)`` the noise-free measurement, were the sensor's errors these; NaN outside the truth."""
+        """``(m, rows)`` the noise-free measurement, were the errors these; NaN outside the truth.
+
+        Errors are those of the sensor, and "px", "py", "vx", "vy" of the truth of all objects.
+        """
         time = self.log.time + errors.get("time_offset", 0.0)
         target = self.target(time, self.log.object)
+        target += np.array([errors.get(name, 0.0) for name in ("px", "py", "vx", "vy")])[:, None]
         motion = sensor_motion(self.observer(time), self._mount(errors))
         seen = self.config.measure(target, motion.pose, motion.velocity)
         biases = np.array([errors.get(f"bias_{name}", 0.0) for name in self.components])
@@ -91,8 +100,9 @@ class SensorLog:
 
     def derivatives(self, errors: Mapping[str, float], names: list[str]) -> Array:
         """``(p, m, rows)`` of what is expected with respect to each of the errors, by central differences."""
-        # Shorter than any period of a sensor, and long enough for truth that is written to the millimetre.
-        steps = {"time_offset": 0.01, "mount_yaw": 1e-4, "mount_x": 1e-3, "mount_y": 1e-3}
+        # Between two rows the derivative would have the noise of the reference that the residual has. Over a whole
+        # interval to either side, what the two have of the same rows cancels.
+        steps = {**_STEPS, "time_offset": self.noise.reach_s}
         columns = []
         for name in names:
             if name.startswith("bias_"):
@@ -104,6 +114,12 @@ class SensorLog:
                 column = difference(self.expected(above), self.expected(below), self.config.angular) / (2 * step)
             columns.append(column)
         return np.stack(columns)
+
+    def reference_variance(self, errors: Mapping[str, float]) -> Array:
+        """``(m, rows)`` what the noise of the reference adds to the variance of a residual."""
+        derivatives = self.derivatives(errors, ["px", "py", "vx", "vy", "mount_yaw"])
+        variance = self.noise.variance(self.log.time + errors.get("time_offset", 0.0), self.log.object)
+        return np.asarray(np.einsum("pmr,pr->mr", derivatives**2, variance))
 
     def _mount(self, errors: Mapping[str, float]) -> Mount:
         mount = self.config.mount
@@ -207,74 +223,3 @@ def _spread(measured: Array, wanted: Array, circular: bool) -> float:
         middle = np.angle(np.mean(np.exp(1j * residual)))
         residual = wrap_angle(residual - middle)
     return float(np.median(np.abs(residual - np.median(residual)))) if len(residual) else 0.0
-
-
-#: The velocity is compared with the displacement over windows of this length, in which the noise of a position of a
-#: few centimetres is below the tolerance, s.
-WINDOW = 0.5
-#: The largest difference that passes, m/s: the range-rate noise of a good automotive radar.
-TOLERANCE_MPS = 0.1
-#: A scale this near to that of another unit is taken for it.
-NEAR = 0.03
-#: Windows of motion without which nothing is said of an object.
-FEWEST = 4
-
-
-@dataclass(frozen=True)
-class VelocityCheck:
-    """The velocity of one body of the truth beside its displacement."""
-
-    name: str
-    time: Array
-    """``(windows,)`` s, their middles."""
-    stated: Array
-    """``(windows,)`` speed by the stated velocity, m/s."""
-    moved: Array
-    """``(windows,)`` speed by the displacement, m/s."""
-    difference: float
-    """Median length of the difference of the two velocities, m/s."""
-    scale: float
-    """The displacement's velocity is this many times the stated one."""
-    unit: str | None
-    """The unit in which the stated speed would fit, if it is another one."""
-    jumps: int
-    """Windows with a displacement that no vehicle makes, beside the stated velocity."""
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the velocity cannot be that of the motion."""
-        return self.difference > TOLERANCE_MPS
-
-
-#: A displacement that differs from the stated velocity by more than this many times its own spread is a jump; and m/s.
-JUMP, JUMP_MPS = 10.0, 5.0
-
-
-def velocity_check(name: str, motion: Motion, stated_unit: str) -> VelocityCheck | None:
-    """Compare the velocity of a body with its displacement; None where it is too short."""
-    # Rows between which windows of at least the wanted length lie.
-    rows = [0]
-    for row, instant in enumerate(motion.time.tolist()):
-        if instant - motion.time[rows[-1]] >= WINDOW * (1 - 1e-9):
-            rows.append(row)
-    edges = np.array(rows, dtype=np.intp)
-    if len(edges) <= FEWEST:
-        return None
-    dt = np.diff(motion.time[edges])
-    moved = np.stack([np.diff(motion.px[edges]), np.diff(motion.py[edges])]) / dt
-    steps = np.diff(motion.time)
-    travelled = np.stack(
-        [np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])[edges] for v in (motion.vx, motion.vy)]
-    )
-    stated = np.diff(travelled, axis=1) / dt
-    apart = np.hypot(*(moved - stated))
-    usual = float(np.median(apart))
-    square = float((stated**2).sum())
-    scale = float((moved * stated).sum() / square) if square > 0 else 1.0
-    fits = None
-    for unit, factor in UNITS["speed"].items():
-        if unit != stated_unit and abs(scale * UNITS["speed"][stated_unit] / factor - 1) < NEAR:
-            fits = unit
-    jumps = int((apart > np.maximum(JUMP_MPS, usual + JUMP * 1.4826 * np.median(np.abs(apart - usual)))).sum())
-    middle = 0.5 * (motion.time[edges][1:] + motion.time[edges][:-1])
-    return VelocityCheck(name, middle, np.hypot(*stated), np.hypot(*moved), usual, scale, fits, jumps)

@@ -161,7 +161,11 @@ def velocities(audit: LogAudit) -> Table:
     differences = [Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else "") for check in checks]
     columns = [
         (Column("object", left=True), [Cell(check.name) for check in checks]),
-        (Column("difference, m/s", "median over windows of half a second"), differences),
+        (Column("noise, m", "of the positions, row to row"), [Cell(f"{check.noise:.2g}") for check in checks]),
+        (
+            Column("difference, m/s", "median over windows of half a second, or of more where the noise is large"),
+            differences,
+        ),
         (Column("displacement over velocity"), [Cell(f"{check.scale:.3f}") for check in checks]),
         (Column("jumps"), [Cell(str(check.jumps)) for check in checks]),
     ]
