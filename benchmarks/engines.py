@@ -12,7 +12,7 @@ from tests.support import peers
 from trackbench.base.types import Array, Gaussian, Scan, Truth
 from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
-from trackbench.metrics import BlockScores, Scorer, Target, score_together
+from trackbench.metrics import BlockScores, Scorer, Target, score_waiting
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
@@ -107,7 +107,7 @@ def scores_apart(of: Problem, name: str) -> float:
 
 def _sums(scores: BlockScores) -> list[Array]:
     """Each ``(runs,)``."""
-    parts = [*scores.errors.values(), *scores.nis.values()]
+    parts = [scores.errors, *scores.nis.values()]
     return [row for part in parts for row in part.per_run]
 
 
@@ -128,6 +128,7 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
         state=np.stack([truth.px, truth.py, truth.vx, truth.vy]),
         alive=truth.alive,
         due=np.ones((of.steps, 1, of.runs), dtype=bool),
+        starting=np.zeros((of.steps, 1, of.runs), dtype=bool),
         divergence=20.0,
         reference=np.zeros((2, of.steps, 1, 1)),
     )
@@ -141,7 +142,7 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
         scorer.scan(instant, scan, estimate)
         scorer.estimate(estimate)
         if scorer.full or instant == of.steps - 1:
-            score_together([scorer])
+            score_waiting([scorer])
     scores: BlockScores = scorer.close()[ESTIMATES.name]
     return time.perf_counter() - begin, scores
 

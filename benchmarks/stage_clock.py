@@ -25,7 +25,7 @@ STAGES = {
         "trackbench.metrics.scorer:Scorer.scan",
         "trackbench.metrics.scorer:Scorer.estimate",
         "trackbench.metrics.scorer:Scorer.close",
-        "trackbench.metrics.scorer:score_together",
+        "trackbench.metrics.scorer:score_waiting",
         "trackbench.runner.targets:Targets.__init__",
         "trackbench.runner.targets:Targets.of",
     ],

@@ -53,6 +53,7 @@ sensors:
 trackers:
   raw: {use: raw}
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: {from: two_measurements, least_time_s: 0}}
+score: {settle_s: 0}
 monte_carlo: {runs: 4, seed: 7}
 """
 

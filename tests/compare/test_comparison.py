@@ -103,7 +103,6 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
             "divergence_m": 10.0,
             "lost_after_s": 5.0,
             "min_coverage": 0.9,
-            "common_share": 1.0,
             "from_s": 0.0,
             "to_s": 1.0,
             "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},

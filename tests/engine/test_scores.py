@@ -11,7 +11,7 @@ from tests.support.scenes import scan
 from trackbench.base.types import Array, Estimate
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.engine.kernels import Kernels
-from trackbench.metrics import Scorer, Target, score_together
+from trackbench.metrics import Scorer, Target, score_waiting
 from trackbench.metrics.estimates import ESTIMATES
 
 #: Runs enough that what they share is computed once for all.
@@ -34,10 +34,14 @@ def scored(compute: Compute, own: bool, change: tuple[str, Array] | None = None)
     due = np.broadcast_to(alive[:, :, None], (INSTANTS, OBJECTS, RUNS)).copy()
     due[:START, :, ::3] = False
     reference = np.abs(random.normal(size=(2, INSTANTS, OBJECTS, RUNS if own else 1)))
-    target = Target(np.arange(INSTANTS) * 0.1, state, alive, due, 4.0, reference)
+    target = Target(np.arange(INSTANTS) * 0.1, state, alive, due, np.zeros_like(due), 4.0, reference)
     classes = random.integers(0, 5, (INSTANTS, OBJECTS, RUNS if own else 1)).astype(np.int16)
     counts = {"radar": INSTANTS // 2, "lidar": INSTANTS // 2}
-    made = [Scorer(target, classes, counts, tracker=name, compute=compute) for name in ("early", "late")]
+    measured = random.normal(size=(2, INSTANTS, BATCH))
+    made = [
+        Scorer(target, classes, counts, tracker=name, compute=compute, measured=lambda: measured)
+        for name in ("early", "late")
+    ]
     faults = {}
     for instant in range(INSTANTS):
         for number, scorer in enumerate(made):
@@ -59,7 +63,7 @@ def scored(compute: Compute, own: bool, change: tuple[str, Array] | None = None)
             scorer.scan(instant, scan(kind, 0.1 * instant, np.zeros((size, BATCH)), valid=valid), given)
             scorer.estimate(given)
         if made[0].full or instant == INSTANTS - 1:
-            faults |= {name: (f.cause, f.instant, f.member) for name, f in score_together(made).items()}
+            faults |= {name: (f.cause, f.instant, f.member) for name, f in score_waiting(made).items()}
             made = [scorer for scorer in made if scorer.tracker not in faults]
     return {scorer.tracker: asdict(scorer.close()[ESTIMATES.name]) for scorer in made}, faults
 

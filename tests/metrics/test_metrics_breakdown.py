@@ -7,7 +7,7 @@ import pytest
 from tests.metrics.test_metrics_scorer import SENSORS, TWO, estimate, target
 from tests.support.scenes import block_of, random_walk, truth, work
 
-from trackbench.metrics import Scorer, score_together
+from trackbench.metrics import Scorer, score_waiting
 from trackbench.metrics.breakdown import band_name, breakdown, cells, class_sums
 from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, conditions
 from trackbench.metrics.estimates import ESTIMATES
@@ -144,8 +144,8 @@ def scored(errors, codes, runs, covariance=None):
     made = Scorer(of, np.asarray(codes, dtype=np.int16), {})
     for error in errors:
         made.estimate(estimate(error, covariance))
-    assert not score_together([made])
-    return class_sums(made.close()[ESTIMATES.name].where(frozenset()).cells, runs)
+    assert not score_waiting([made])
+    return class_sums(made.close()[ESTIMATES.name].errors.cells, runs)
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["the same in every run", "its own in each run"])
@@ -209,7 +209,7 @@ def test_one_run_has_no_interval():
 def test_cells_add_up_to_everything():
     of = random_walk(4, 60, 0.05, 4.0, seed=2, start=np.array([15.0, 10.0, 10.0, 5.0]))
     scores = block_of(work(of, SENSORS, TWO, 4), range(4)).outcomes["ekf"].scores
-    sums = scores.where(frozenset())
+    sums = scores.errors
     rows = list(cells(class_sums(sums.cells, 4)))
     assert len(rows) > 2
     assert sum(row["count"] for row in rows) == sums.per_run[0].sum()

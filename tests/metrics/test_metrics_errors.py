@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.engine.equations import by_numpy
-from trackbench.metrics import BUILT_IN, Metric, Scorer, Target, score_together
+from trackbench.metrics import BUILT_IN, Metric, Scorer, Target, score_waiting
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.sums import ERROR, ERROR_FIELDS
 
@@ -44,7 +44,7 @@ def test_rows_agree_with_numpy():
         nees = [e[part] @ np.linalg.solve(p[part, part], e[part]) for part in map(slice, (0, 0, 2), (4, 2, 4))]
         towards = np.array([-5.0, 0.0]) @ given["mean"][2:, *place] / np.linalg.norm(given["mean"][2:, *place]) / 5.0
         course = [1.0, np.arccos(towards) ** 2] if place[1] == 0 else [0.0, 0.0]
-        expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], 0.25, 0.25]) * (place != (1, 0, 2))
+        expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], 0.25, 0.25, 1.0]) * (place != (1, 0, 2))
         np.testing.assert_allclose(found["rows"][:, *place], expected, rtol=1e-9, err_msg=str(place))
 
 
@@ -70,7 +70,7 @@ def test_an_estimate_that_is_not_finite_counts_nowhere(bad):
     found = by_numpy(GIVEN, given)
     wrong = [(1, 1, 4), (2, 0, 0)]
     assert [tuple(place) for place in np.argwhere(~found["finite"])] == wrong
-    assert [tuple(place) for place in np.argwhere(~found["begun"])] == (wrong if np.isnan(bad) else [])
+    assert found["given"].all()
     given["scored"] = given["finite"] = found["finite"]
     with np.errstate(invalid="ignore"):
         found = by_numpy(ERRORS, given)
@@ -106,6 +106,7 @@ def test_what_a_metric_is_shown_agrees_with_what_is_summed():
         given["truth"],
         np.ones((instants, objects), dtype=bool),
         given["scored"],
+        np.zeros_like(given["scored"]),
         10.0,
         given["reference"],
     )
@@ -113,13 +114,13 @@ def test_what_a_metric_is_shown_agrees_with_what_is_summed():
     mean, covariance = (given[name].reshape(*given[name].shape[:-2], -1) for name in ("mean", "covariance"))
     for instant in range(instants):
         made.estimate(Estimate(mean[:, instant], covariance[:, :, instant]))
-    assert not score_together([made])
+    assert not score_waiting([made])
     (seen,) = made.close()["seen"]
     error = (given["mean"] - given["truth"]).reshape(4, instants, -1)
     np.testing.assert_array_equal(seen["mean"], mean)
     np.testing.assert_array_equal(seen["covariance"], covariance)
     np.testing.assert_array_equal(seen["error"], error)
-    np.testing.assert_array_equal(seen["values"], by_numpy(ERRORS, given)["rows"].reshape(12, instants, -1))
+    np.testing.assert_array_equal(seen["values"], by_numpy(ERRORS, given)["rows"].reshape(13, instants, -1))
     np.testing.assert_array_equal(seen["nees"], seen["values"][ERROR["nees"]])
     np.testing.assert_allclose((seen["whitened"] ** 2).sum(axis=0), seen["nees"], rtol=1e-12)
     factor = np.linalg.cholesky(np.moveaxis(covariance, (0, 1), (-2, -1)))

@@ -77,7 +77,7 @@ def test_identical_trackers_are_equivalent_whatever_the_margin() -> None:
     same = root(of(0.25, 0.1))
     for margin in (MARGIN, nothing):
         trackers = {"a": {"position_rmse": same}, "b": {"position_rmse": same}}
-        (found,) = differences(trackers, BUILT_IN, margin, {"a": 1.0, "b": 1.0})
+        (found,) = differences(trackers, BUILT_IN, margin, {"a": {}, "b": {}})
         assert (found.verdict, found.better, found.p_value) == ("equivalent", None, 1.0)
 
 
@@ -112,7 +112,7 @@ def test_all_pairs_at_once_are_each_pair_bit_for_bit(runs: int) -> None:
 def test_a_sweep_lists_the_pairs_of_what_ranks_and_of_what_is_expected() -> None:
     def listed(trackers: int, *wanted: str) -> dict[str, int]:
         both = {f"t{i}": {"position_rmse": of(i, 1.0), "velocity_rmse": of(2 * i, 1.0)} for i in range(1, trackers + 1)}
-        found = differences(both, BUILT_IN, MARGIN, dict.fromkeys(both, 1.0), wanted)
+        found = differences(both, BUILT_IN, MARGIN, {name: {} for name in both}, wanted)
         return {metric: sum(item.metric == metric for item in found) for metric in ("position_rmse", "velocity_rmse")}
 
     few, many = MOST_WITH_ALL_METRICS, MOST_WITH_ALL_METRICS + 1

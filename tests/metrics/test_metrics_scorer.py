@@ -8,10 +8,10 @@ import pytest
 from tests.support.scenes import TRACKERS, block_of, random_walk, scan, truth, values, work
 
 from trackbench.base.types import Estimate
-from trackbench.metrics import Fault, Scorer, Target, health, score_together, scorer
+from trackbench.metrics import Fault, Scorer, Target, health, score_waiting, scorer
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.estimates import ESTIMATES, percentiles
-from trackbench.metrics.sums import merge
+from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
 from trackbench.sensing.scans import sense
@@ -22,9 +22,6 @@ SENSORS = {
     "radar": Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
     "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
 }
-
-
-EVERYONE = frozenset()
 
 
 def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.0, 0.0)):
@@ -38,6 +35,7 @@ def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.
         state=state,
         alive=there,
         due=np.broadcast_to((there & late)[..., None], (instants, objects, runs)),
+        starting=np.zeros((instants, objects, runs), dtype=bool),
         divergence=divergence,
         reference=np.broadcast_to(np.reshape(reference, (2, 1, 1, 1)), (2, instants, objects, 1)),
     )
@@ -62,7 +60,8 @@ def scored_together(of, estimates, sensors=None):
         Fault: one gave what cannot be scored.
     """
     classes = np.zeros((*of.alive.shape, 1), dtype=np.int8)
-    made = {name: Scorer(of, classes, sensors or {}, tracker=name) for name in estimates}
+    nowhere = np.zeros((2, len(of.time), of.due[0].size))
+    made = {name: Scorer(of, classes, sensors or {}, tracker=name, measured=lambda: nowhere) for name in estimates}
     for k in range(len(of.time)):
         for name, each in estimates.items():
             scans, given = each[k]
@@ -70,14 +69,14 @@ def scored_together(of, estimates, sensors=None):
                 made[name].scan(k, seen, given, seconds=0.002)
             made[name].estimate(given)
         if next(iter(made.values())).full or k == len(of.time) - 1:
-            for fault in score_together(list(made.values())).values():
+            for fault in score_waiting(list(made.values())).values():
                 raise fault
     return {name: item.close()[ESTIMATES.name] for name, item in made.items()}
 
 
 def errors(scores):
-    """The sums of all estimates, whoever else gave one."""
-    return scores.where(EVERYONE)
+    """The sums of all errors."""
+    return scores.errors
 
 
 def test_errors_by_hand():
@@ -165,9 +164,11 @@ def test_a_lane_without_an_estimate_costs_coverage():
     half = estimate(np.array([[1.0, np.nan]] * 4))
     whole = estimate(np.ones((4, 2)))
     scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
-    np.testing.assert_array_equal(errors(scores).per_run[0], [3, 2])
+    assert errors(scores).per_run[[ERROR["count"], ERROR["given"]]].tolist() == [[4, 4], [3, 2]]
     assert values(scores)["coverage"].value == pytest.approx(5 / 8)
-    assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2))
+    # The measured positions are those of the truth: what is missing costs nothing here.
+    assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2 * 5 / 8))
+    assert (values(scores)["position_rmse"].charged_share, values(scores)["nees"].verdict) == (0.0, "undecided")
 
 
 def test_a_run_diverges_once_an_error_exceeds_the_limit():
@@ -198,12 +199,22 @@ def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause, ba
 
 
 @pytest.mark.parametrize("batch", [2, 8000], ids=["one by one", "all at once"])
-def test_a_track_that_is_lost_again_is_a_fault_while_another_still_waits(batch, monkeypatch):
+def test_a_track_that_ends_is_charged_the_worse_of_its_last_estimate_and_the_measured_position(batch, monkeypatch):
     monkeypatch.setattr(scorer, "BATCH", batch)
-    one, none = estimate(np.array([[0.0, np.nan]] * 4)), estimate(np.full((4, 2), np.nan))
-    with pytest.raises(Fault, match=NOT_FINITE) as fault:
-        scored(target(np.zeros((4, 4, 1)), 2), [([], none), ([], one), ([], none), ([], one)])
-    assert (fault.value.instant, fault.value.member) == (2, 0)
+    state = np.zeros((4, 4, 1))
+    state[0, :, 0] = [0.0, 1.0, 2.0, 3.0]
+    state[2] = 1.0
+    # The first run states 5 m at the second instant and nothing more; the second never an estimate.
+    first, none = estimate(np.array([[5.0, np.nan], [0, np.nan], [0.5, np.nan], [0, np.nan]])), np.full((4, 2), np.nan)
+    scores = scored(target(state, 2), [([], estimate(none)), ([], first), ([], estimate(none)), ([], estimate(none))])
+    # Measured is 0 m at all instants: at 2 m the estimate of 5 m is worse, at 3 m the measured position.
+    assert errors(scores).per_run[ERROR["px"]].tolist() == [0 + 16 + 9 + 9, 0 + 1 + 4 + 9]
+    assert errors(scores).charged_per_run[ERROR["px"]].tolist() == [0 + 9 + 9, 0 + 1 + 4 + 9]
+    # No velocity at all is worse than .5 m/s.
+    assert errors(scores).per_run[ERROR["vx"]].tolist() == [1 + 0.25 + 1 + 1, 4.0]
+    assert errors(scores).per_run[ERROR["given"]].tolist() == [1, 0]
+    assert scores.errors.per_run[ERROR["nees"]].tolist() == [16.25, 0]
+    assert health(scores).missing_estimates == 7
 
 
 def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
@@ -230,7 +241,7 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
 
 def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
     of = target(np.zeros((4, 3, 1)), 2)
-    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3})
+    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3}, measured=lambda: np.zeros((2, 3, 1)))
     computed = np.zeros((9, 2))
     left = weakref.ref(computed)
     given = estimate(computed[:4], whitened_innovation=computed[4:6])
@@ -305,16 +316,15 @@ TWO = {
 
 
 def same_errors(found, expected):
-    """By every set of trackers that gave an estimate, also of each class."""
-    assert set(found.errors) == set(expected.errors)
-    for givers, sums in expected.errors.items():
-        other = found.errors[givers]
-        np.testing.assert_allclose(other.per_step, sums.per_step, rtol=1e-12)
-        np.testing.assert_allclose(other.per_run, sums.per_run, rtol=1e-12)
-        moments = [class_sums(item.cells, sums.per_run.shape[1]) for item in (other, sums)]
-        for field in ("total", "square", "product", "parts"):
-            a, b = (getattr(item, field) for item in moments)
-            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+    """Also what is charged for missing estimates, and of each class."""
+    for field in ("per_step", "per_run", "charged_per_step", "charged_per_run"):
+        a, b = (getattr(scores.errors, field) for scores in (found, expected))
+        np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+    runs = expected.errors.per_run.shape[1]
+    moments = [class_sums(scores.errors.cells, runs) for scores in (found, expected)]
+    for field in ("total", "square", "product", "parts"):
+        a, b = (getattr(item, field) for item in moments)
+        np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
 
 
 @pytest.mark.parametrize("own", [True, False], ids=["another truth in each run", "one truth"])
@@ -351,8 +361,9 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).outcomes["raw"].scores
     found = values(scores)
     assert found["position_rmse"].value < 1e-5
-    assert found["velocity_rmse"].value < 1e-4
-    assert errors(scores).per_run[0].tolist() == [19, 19, 19]
+    assert found["velocity_rmse"].without_charged < 1e-4
+    # It has no velocity before the second measurement.
+    assert errors(scores).per_run[ERROR["given"]].tolist() == [19, 19, 19]
 
 
 def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():

@@ -1,10 +1,10 @@
-"""Trackers are scored where all of them gave an estimate; what is independent: scenes, runs, stretches of one run."""
+"""What a tracker reaches is its own; what is independent: scenes, runs, stretches of one run."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, scored_together, target
+from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, target
 from tests.support.scenes import SHARED, block_of, random_walk, scan, truth, values, work
 
 from trackbench.metrics import Interval, evaluate
@@ -15,6 +15,7 @@ from trackbench.metrics.evaluate import scores_of, stretches
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
+from trackbench.results import MetricValue
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
@@ -22,69 +23,6 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Scene
 from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.trackers.config import PluginConfig
-
-BOTH = frozenset({"whole", "late"})
-ONE_SCENE = np.zeros(2, dtype=np.intp)
-
-
-def errors_of(*each):
-    """Estimates with errors in px ``(batch,)`` at each instant; NaN where there is none."""
-    found = []
-    for error in np.asarray(each, dtype=float):
-        mean = np.where(np.isnan(error), np.nan, np.zeros((4, 1)))
-        mean[0] = error
-        found.append(([], estimate(mean)))
-    return found
-
-
-def test_a_tracker_that_starts_late_is_held_against_the_others_where_all_gave_an_estimate():
-    # Two runs, three instants: the other tracker begins at the second instant of run 0 and the third of run 1.
-    of = target(np.zeros((4, 3, 1)), 2)
-    whole = errors_of([5, 5], [1, 5], [1, 1])
-    late = errors_of([np.nan, np.nan], [2, np.nan], [2, 2])
-    found = scored_together(of, {"whole": whole, "late": late})
-    alone = {name: scores_of(item, frozenset({name}), ONE_SCENE) for name, item in found.items()}
-    assert alone["whole"].per_part[ERROR["count"]].tolist() == [3, 3]
-    assert alone["late"].per_part[ERROR["count"]].tolist() == [2, 1]
-    for name, square in (("whole", 1.0), ("late", 4.0)):
-        together = scores_of(found[name], BOTH, ONE_SCENE)
-        assert together.per_part[ERROR["count"]].tolist() == [2, 1]
-        assert together.per_part[ERROR["px"]].tolist() == [2 * square, square]
-        np.testing.assert_array_equal(together.per_step[ERROR["count"]], [0, 1, 2])
-        assert together.classes.total[0, 0] == 3
-    assert (found["whole"].coverage, found["late"].coverage) == (1.0, 0.5)
-
-
-@pytest.mark.parametrize("late", [0, 1, 2])
-def test_who_gave_an_estimate_where_is_told_by_brute_force(late):
-    random = np.random.default_rng(late)
-    instants, runs, names = 7, 5, ("a", "b", "c")
-    error = {name: random.normal(size=(instants, runs)) for name in names}
-    for name in names:
-        begin = random.integers(0, 1 + late * 2, size=runs)
-        error[name][np.arange(instants)[:, None] < begin] = np.nan
-    found = scored_together(target(np.zeros((4, instants, 1)), runs), {n: errors_of(*error[n]) for n in names})
-    for name in names:
-        for givers in (frozenset({name}), frozenset({name, "a"}), frozenset(names)):
-            given = np.all([np.isfinite(error[other]) for other in givers], axis=0)
-            expected = np.where(given, error[name] ** 2, 0.0).sum(axis=0)
-            np.testing.assert_allclose(found[name].where(givers).per_run[ERROR["px"]], expected, rtol=1e-12)
-
-
-def test_a_silent_tracker_is_not_ranked_and_takes_no_estimates_from_the_others():
-    of = random_walk(12, 40, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    trackers = {**TWO, "silent": PluginConfig(use=f"{__name__}:Silent")}
-    whole = replace(work(of, SENSORS, trackers, 12), min_coverage=0.9)
-    found = evaluated(whole, [block_of(whole, range(12))])
-    assert "silent" not in found.ranked
-    assert set(found.ranked) == set(TWO)
-    without = replace(work(of, SENSORS, TWO, 12), min_coverage=0.9)
-    alone = evaluated(without, [block_of(without, range(12))])
-    for name in TWO:
-        assert found.evaluations[name].values["position_rmse"] == alone.evaluations[name].values["position_rmse"]
-    assert found.evaluations["silent"].values["coverage"].value < 0.6
-    # It is accurate where it speaks, which is no merit.
-    assert found.evaluations["silent"].values["position_rmse"].value is not None
 
 
 class Silent:
@@ -97,6 +35,23 @@ class Silent:
         if state is None and x > 40:
             x = np.nan
         return (x, y), None if np.isnan(x) else (np.array([x, y, 10.0, 5.0]), np.eye(4))
+
+
+def test_what_a_tracker_reaches_does_not_depend_on_those_beside_it():
+    of = random_walk(12, 40, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    trackers = {**TWO, "silent": PluginConfig(use=f"{__name__}:Silent")}
+    whole = replace(work(of, SENSORS, trackers, 12), min_coverage=0.9)
+    found = evaluated(whole, [block_of(whole, range(12))])
+    assert set(found.ranked) == set(TWO)
+    for name in trackers:
+        without = replace(work(of, SENSORS, {name: trackers[name]}, 12), min_coverage=0.9)
+        alone = evaluated(without, [block_of(without, range(12))]).evaluations[name]
+        assert {path: value for path, value in found.evaluations[name].values.items() if path != "step_time"} == {
+            path: value for path, value in alone.values.items() if path != "step_time"
+        }
+    silent = found.evaluations["silent"].values
+    assert silent["coverage"].value < 0.6
+    assert silent["velocity_rmse"].value > 2 * silent["velocity_rmse"].without_charged
 
 
 def test_innovations_that_are_missing_or_impossible_are_counted():
@@ -177,24 +132,19 @@ def test_the_first_scene_may_be_the_shortest():
     assert np.isnan(both.spread[:, -1]).all()
 
 
-def test_nobody_is_better_who_leaves_out_what_the_other_gives():
+@pytest.mark.parametrize(("share", "alone", "better"), [(0.05, 0.3, "a"), (0.2, 0.15, "a"), (0.2, 0.05, None)], ids=str)
+def test_nobody_is_better_for_what_the_other_is_charged_with_alone(share, alone, better):
     spread = 1e-3 * (-1.0) ** np.arange(50)
     found = {name: {"position_rmse": Interval(value, spread)} for name, value in (("a", 0.1), ("b", 0.2))}
+    charged = MetricValue(value=0.2, unit="m", charged_share=share, without_charged=alone)
+    of = {"a": {"position_rmse": MetricValue(value=0.1, unit="m")}, "b": {"position_rmse": charged}}
     margin = MarginSummary(percent=1, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
-    for coverage, better in ((1.0, "a"), (0.995, "a"), (0.97, None)):
-        (item,) = differences(found, [PositionRmse()], margin, {"a": coverage, "b": 1.0})
-        assert item.better == better
-        (mirrored,) = differences(dict(reversed(found.items())), [PositionRmse()], margin, {"a": coverage, "b": 1.0})
-        if better is not None:
-            assert (item.verdict, item.fewer_estimates) == ("a better", None)
-            continue
-        # The difference is shown, so that it is not undecided.
-        assert item.p_value < 0.05
+    (item,) = differences(found, [PositionRmse()], margin, of)
+    (mirrored,) = differences(dict(reversed(found.items())), [PositionRmse()], margin, of)
+    assert (item.better, mirrored.better, item.turned) == (better, better, better is None)
+    assert item.p_value < 0.05
+    if better is None:
         assert (item.verdict, mirrored.verdict) == ("smaller", "larger")
-        for each in (item, mirrored):
-            assert each.fewer_estimates is not None
-            assert each.fewer_estimates.tracker == "a"
-            assert each.fewer_estimates.share == pytest.approx(0.03)
 
 
 def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
@@ -241,7 +191,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     of = random_walk(1, 201, 0.05, 2.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 1)
     (scores,) = (block_of(whole, range(1)).outcomes[name].scores for name in ("ekf",))
-    parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
+    parts = scores_of(scores, np.zeros(1, dtype=np.intp))
     assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
     stretch = stretches(len(whole.scenes[0].instants()), 10.0)
@@ -250,7 +200,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     assert parts.classes.total[0, 0] == errors(scores).per_run[0, 0]
     # The moments over stretches are those of the sums themselves.
     position = parts.per_part[ERROR["px"]] + parts.per_part[ERROR["py"]]
-    assert parts.classes.square[1, 0] == pytest.approx((position**2).sum(), rel=1e-12)
+    assert parts.classes.square[2, 0] == pytest.approx((position**2).sum(), rel=1e-12)
     found = evaluate({ESTIMATES.name: scores}, np.zeros(1, dtype=np.intp), SHARED).values
     low, high = found["position_rmse"].ci95
     assert low < found["position_rmse"].value < high

@@ -119,10 +119,12 @@ def test_a_file_in_the_folder_of_built_in_ones_is_found(tmp_path: Path, monkeypa
     monkeypatch.syspath_prepend(tmp_path)
     (metric,) = metrics_in([str(tmp_path / "strangers")], "strangers")
     assert metric.name == "near"
-    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-3:]] == [
+    assert [type(item).__module__.rpartition(".")[2] for item in BUILT_IN[-5:]] == [
         "basic",
         "percentiles",
         "percentiles",
+        "starts",
+        "starts",
     ]
 
 

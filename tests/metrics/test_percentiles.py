@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Estimate
-from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_together
+from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_waiting
 from trackbench.metrics.estimates import percentiles
 
 
@@ -32,18 +32,18 @@ def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:
     state = np.zeros((4, instants, objects, 1))
     reference = np.zeros((2, instants, objects, 1))
     time, alive = 0.1 * np.arange(instants), np.ones((instants, objects), dtype=bool)
-    target = Target(time, state, alive, due, 100.0, reference)
+    target = Target(time, state, alive, due, np.zeros_like(due), 100.0, reference)
     mean = random.normal(size=(4, instants, objects * runs))
     blocks = []
     for half in (slice(0, 2), slice(2, 4)):
-        own = target._replace(due=due[..., half])
+        own = target._replace(due=due[..., half], starting=target.starting[..., half])
         scorer = Scorer(own, np.zeros((instants, objects, 1), dtype=np.int16), {}, metrics=BUILT_IN)
         for instant in range(instants):
             estimate = mean[:, instant].reshape(4, objects, runs)[..., half].reshape(4, -1)
             scorer.estimate(Estimate(estimate, np.repeat(np.eye(4)[..., None], estimate.shape[1], axis=2)))
             if scorer.full:
-                assert not score_together([scorer])
-        assert not score_together([scorer])
+                assert not score_waiting([scorer])
+        assert not score_waiting([scorer])
         blocks.append(scorer.close())
     found = evaluate(merge_sums(blocks), np.zeros(runs, dtype=int))
     for name, rows in (("position_p95", slice(0, 2)), ("velocity_p95", slice(2, 4))):

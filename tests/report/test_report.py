@@ -306,26 +306,27 @@ def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
     assert "below the dashed line" not in whole.text
 
 
-@pytest.mark.parametrize("settle", [0.0, 1.0])
-def test_smaller_errors_that_do_not_count_as_better_are_told(settle: float) -> None:
+def test_what_is_charged_for_missing_estimates_is_told() -> None:
     summary = make_summary()
-    summary["score"]["settle_s"] = settle
     for entry in summary["differences"]:
         if entry["b"] == "ekf_cv" and entry["a"] in ("ukf_ctrv", "ekf_ctrv"):
-            fewer = {"tracker": entry["a"], "share": 0.05}
-            entry |= {"better": None, "verdict": "smaller", "fewer_estimates": fewer}
+            entry |= {"better": None, "verdict": "smaller", "without_charged": -entry["value"]}
+    for entry in summary["trackers"]:
+        if entry["name"] == "ekf_cv":
+            entry["metrics"]["position_rmse"] |= {"charged_share": 0.42, "without_charged": 0.1234}
     result = Result.from_json(summary, make_tables())
     page, console = Page(render(result)), Console(file=io.StringIO(), width=80)
     print_summary(result, console)
     terminal = console.file.getvalue()
-    said = "but ukf_ctrv, ekf_ctrv: smaller errors than ekf_cv, not called better: 5 % fewer estimates"
-    for text, begin in ((page.text, "under “group”,"), (terminal, "that share a letter")):
-        flat = " ".join(text.split())
-        assert f"{begin} {said}" in flat
-        assert ("score.settle_s leaves the time after a track's start out of the scores" in flat) == (settle == 0)
     assert max(map(len, terminal.splitlines())) <= 80
-    headline = "it is not called better than ekf_cv, since it gave 5 % fewer estimates."
+    for text in (page.text, terminal):
+        flat = " ".join(text.split())
+        assert "ekf_cv: 42 % of its squared position error is charged for missing estimates (0.123 m without)" in flat
+        for name in ("ukf_ctrv", "ekf_ctrv"):
+            assert f"{name} is not called better than ekf_cv: its errors are smaller only with what is" in flat
+    headline = "it is not called better than ekf_cv: its errors are smaller only with what is charged."
     assert headline in " ".join(page.text.split())
+    assert "given 0.123" in page.text
     assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     assert "Smaller and larger: shown to differ" in page.text
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
@@ -335,5 +336,5 @@ def test_smaller_errors_that_do_not_count_as_better_are_told(settle: float) -> N
 
 
 def test_a_result_without_reasons_is_still_read() -> None:
-    assert all("fewer_estimates" not in entry for entry in make_summary()["differences"])
+    assert all("without_charged" not in entry for entry in make_summary()["differences"])
     assert "not called better" not in Page(render(make_result())).text

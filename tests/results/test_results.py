@@ -64,7 +64,6 @@ SMALL = Result.from_json(
             "divergence_m": 20,
             "lost_after_s": 5.0,
             "min_coverage": 0.9,
-            "common_share": 1.0,
             "from_s": 0.0,
             "to_s": 1.0,
             "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},

@@ -382,7 +382,8 @@ BAD = [
         "metric: nees.mean, better_than: ukf",
         [
             "27: expect.0.better_than: trackers are not compared by nees.mean; only by position_rmse, velocity_rmse, "
-            "course_rmse, rmse.px, rmse.py, rmse.vx, rmse.vy, position_p95, velocity_p95"
+            "course_rmse, rmse.px, rmse.py, rmse.vx, rmse.vy, position_p95, velocity_p95, start_delay, "
+            "start_position_rmse"
         ],
     ),
     # Several mistakes are all shown, in the order of the file.
@@ -411,6 +412,16 @@ def test_message(tmp_path: Path, old: str, new: str, expected: list[str]) -> Non
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
 
     assert messages(path) == [f"FILE:{line}" for line in expected]
+
+
+def test_a_scene_shorter_than_the_settling_time_that_it_does_not_state(tmp_path: Path) -> None:
+    path = tmp_path / "short.yaml"
+    text = GOOD.replace("duration_s: 20", "duration_s: 1").replace("score: {settle_s: 2}\n", "")
+    path.write_text(text.replace("    dropouts: [{from_s: 5, to_s: 6}]\n", ""), encoding="utf-8")
+    (message,) = messages(path)
+    assert message.endswith(
+        "score.settle_s: is 1 where it is not stated, and must be shorter than truth.duration_s, which is 1"
+    )
 
 
 def test_the_good_scenario_is_good(tmp_path: Path) -> None:

@@ -254,7 +254,6 @@ def make_summary() -> dict[str, Any]:
             "divergence_m": 20.0,
             "lost_after_s": 5.0,
             "min_coverage": 0.9,
-            "common_share": 1.0,
             "from_s": 0.0,
             "to_s": 20.0,
             "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},

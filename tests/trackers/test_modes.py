@@ -42,7 +42,7 @@ def of(tmp_path: Path, code: str | None = None, runs: int = 3) -> tb.Result:
         changes |= {"trackers.imm.initial": "two_measurements", "score.settle_s": 0.2}
     else:
         (tmp_path / "mine.py").write_text(code)
-        changes["trackers"] = {"mine": {"use": "mine:Mine"}}
+        changes |= {"trackers": {"mine": {"use": "mine:Mine"}}, "score.settle_s": 0}
     return tb.run(tb.load(path, changes, runs=runs))
 
 

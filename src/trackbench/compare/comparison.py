@@ -15,7 +15,7 @@ from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 #: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
 TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
@@ -102,10 +102,11 @@ class PairDifference(ResultModel):
     """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
-    lost_coverage: float = 0.0
-    """By how much the entrant's share of estimates is smaller than the other's."""
     stretches: int | None = None
     """Number of stretches of time of a single run, where these are what is independent."""
+    without_charged: float | None = None
+    """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
+    for missing ones. Neither is called better where this has the other sign."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     verdict: str

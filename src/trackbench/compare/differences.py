@@ -7,12 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from trackbench.compare.comparability import Comparability, IntArray
+from trackbench.compare.comparability import Comparability
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, size, verdict, withheld
+from trackbench.metrics.differences import UNDECIDED, difference_without_charged, margin_between, shown
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
+
+#: Share of the estimates by which one tracker must give fewer than the other for a note on it.
+NOTED = 0.01
 
 
 @dataclass(frozen=True)
@@ -91,21 +94,14 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
                 intervals[id(entry), tracker] = entry.interval(tracker, metric, runs, over_stretches=over_stretches)
         own, other = (intervals[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
-        same_result = match.entry is match.against
-        if own is None or other is None or not (same_result or _same_moments(match, pair, shared)):
-            reason = (
-                f"{pair[0]} is scored at other instants than {pair[1]}: other trackers stood beside it, "
-                "which did not give all estimates; run both versions with the same trackers"
-            )
-            if own is None or other is None:
-                entry, tracker = sides[0] if own is None else sides[1]
-                reason = f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}"
+        if own is None or other is None:
+            entry, tracker = sides[0] if own is None else sides[1]
             yield NotCompared(
                 scenario=match.scenario,
                 metric=metric.path,
                 entrant=entrant,
                 against=against,
-                reason=reason,
+                reason=f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}",
                 of_entrant=other is not None,
             )
             continue
@@ -125,7 +121,9 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
             ci95=result.ci95,
             margin=result.margin,
             p_value=result.p_value,
-            lost_coverage=match.against.coverage(pair[1]) - match.entry.coverage(pair[0]),
+            without_charged=difference_without_charged(
+                *(entry.result[tracker].metrics.get(metric.path) for entry, tracker in sides)
+            ),
             paired_runs=None if shared is None else len(shared[0]),
             stretches=len(own.influence) if over_stretches else None,
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
@@ -136,20 +134,9 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
         yield item.model_copy(update=update), result
 
 
-def _same_moments(match: Match, pair: tuple[str, str], shared: tuple[IntArray, IntArray] | None) -> bool:
-    """Whether the errors of both are of as many estimates, where they saw the same measurements."""
-    if shared is None:
-        return True
-    own, other = match.entry.estimates(pair[0], shared[1]), match.against.estimates(pair[1], shared[0])
-    lost = match.against.coverage(pair[1]) - match.entry.coverage(pair[0])
-    return abs(own - other) <= (SILENCE + abs(lost)) * max(own, other)
-
-
 def _corrected(family: Sequence[_Uncorrected], metric: Metric) -> Iterator[PairDifference]:
     for (item, contrast), p_value in zip(family, holm([item.p_value for item, _ in family]), strict=True):
-        word = verdict(contrast, p_value, metric.better)
-        if withheld(word, item.lost_coverage):
-            word = size(contrast.value)
+        word = shown(contrast, p_value, metric.better, item.without_charged)
         yield item.model_copy(update={"p_value": p_value, "verdict": word})
 
 
@@ -176,7 +163,7 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
 def coverage_notes(
     matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
-    """Pairs of which one gave fewer estimates, and whether it has better values that do not count as better."""
+    """Pairs of which one gave fewer estimates, and whether a difference turns without what that is charged with."""
     directed = [metric.path for metric in metrics if metric.better is not None]
     uncounted = [
         (item.scenario, item.entrant, item.against)
@@ -186,11 +173,11 @@ def coverage_notes(
     for match in matches:
         for a, b in match.pairs:
             own, other = match.entry.coverage(a), match.against.coverage(b)
-            if abs(own - other) > SILENCE:
-                same = match.entry is match.against
-                which = "errors count where both gave one" if same else "their errors are of different moments"
-                but = "; the one that gave fewer has better values, but is not called better"
+            if abs(own - other) > NOTED:
+                but = (
+                    "; without what is charged for missing estimates the difference turns, and neither is called better"
+                )
                 yield (
-                    f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %: {which}"
+                    f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %"
                     + but * ((match.scenario, *match.entrants((a, b))) in uncounted)
                 )

@@ -82,11 +82,6 @@ class Entry:
         metric = self.result[tracker].metrics.get("coverage")
         return (metric.value if metric else None) or 0.0
 
-    def estimates(self, tracker: str, runs: NDArray[np.intp]) -> float:
-        """Number of estimates of some runs that are scored."""
-        table = self.table("runs")
-        return float(self._column(table.filter(pc.equal(table["tracker"], tracker)), "count")[runs].sum())
-
     @cached_property
     def stretches(self) -> int:
         """Number of stretches of time on which intervals rest; 0 where they rest on runs or scenes."""

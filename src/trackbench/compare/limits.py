@@ -9,7 +9,6 @@ from typing import NamedTuple
 from trackbench.base.errors import InputError
 from trackbench.compare.comparison import GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import SILENCE
 
 OPTION = "--fail-on-regression"
 
@@ -58,8 +57,8 @@ def held(
 ) -> list[GateResult]:
     """Each limit held against each tracker of each later set in each scenario.
 
-    It fails where estimates are missing that the baseline has, and where the value is worse by more than the limit, and
-    shown to be worse by more than the margin, which is not more than the limit, after the correction for their number.
+    It fails where the value is worse by more than the limit, and shown to be worse by more than the margin, which is
+    not more than the limit, after the correction for their number.
     So chance alone does not fail a build, and a regression that the runs show does not pass because the interval still
     touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is undecided.
     """
@@ -87,8 +86,6 @@ def _result(item: PairDifference | NotCompared, limit: Limit, outcome: GateOutco
 
 
 def _outcome(item: PairDifference, limit: Limit, metric: Metric) -> GateOutcome:
-    if item.lost_coverage > SILENCE:
-        return "failed"
     if item.percent is None:
         # Nothing is a percentage of zero: any worsening that is shown is more.
         return "failed" if item.verdict == "worse" else "passed"
@@ -101,8 +98,6 @@ def _outcome(item: PairDifference, limit: Limit, metric: Metric) -> GateOutcome:
 
 def _text(item: PairDifference, limit: Limit) -> str:
     allowed = f"{limit.percent:g} % allowed"
-    if item.lost_coverage > SILENCE:
-        return f"{100 * item.lost_coverage:.0f} % of the estimates that the baseline has are missing"
     if item.identical:
         return f"the same in every run; {allowed}"
     if item.percent is None:

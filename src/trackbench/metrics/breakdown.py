@@ -17,13 +17,14 @@ from trackbench.results import Breakdown, ConditionScores, MetricValue
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {
     "count": ("count",),
+    "given": ("given",),
     "position": ("px", "py"),
     "velocity": ("vx", "vy"),
     "nees": ("nees",),
     "nees_position": ("nees_position",),
     "nees_velocity": ("nees_velocity",),
 }
-#: Degrees of freedom of the parts of the NEES.
+#: Degrees of freedom of the parts of the NEES, which are means over the estimates that the tracker gave.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
 
 # Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none, and each manoeuvre in each band.
@@ -33,6 +34,8 @@ _AGE = _BAND + BANDS
 _JUMP = _AGE + len(AGES)
 _CELL = _JUMP + len(JUMPS)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
+#: Row of the number of which each is a mean.
+_NUMBER = [1 if name in DOF else 0 for name in FIELDS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
@@ -63,7 +66,7 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
         by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])
         sums.total[:, column] = by_part.sum(axis=1)
         sums.square[:, column] = (by_part**2).sum(axis=1)
-        sums.product[:, column] = (by_part * by_part[0]).sum(axis=1)
+        sums.product[:, column] = (by_part * by_part[_NUMBER]).sum(axis=1)
         sums.parts[:, column] = (by_part[0] > 0).sum()
     return sums
 
@@ -71,7 +74,7 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
 def breakdown(sums: ClassSums) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
+        return Breakdown(all=ConditionScores(count=0, given=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
     occurred = np.flatnonzero(sums.total[0])
 
     def each(names: Sequence[str], first: int) -> dict[str, ConditionScores]:
@@ -95,14 +98,14 @@ def cells(sums: ClassSums) -> Iterator[dict[str, Any]]:
     for cell in np.flatnonzero(sums.total[0, _CELL:]):
         manoeuvre, band = divmod(int(cell), BANDS)
         total = dict(zip(FIELDS, sums.total[:, _CELL + cell].tolist(), strict=True))
-        count = total.pop("count")
+        count, given = total.pop("count"), total.pop("given")
         yield {
             "manoeuvre": MANOEUVRES[manoeuvre],
             **dict(zip(("range_from_m", "range_to_m"), _edges(band), strict=True)),
             "count": count,
             "position_rmse_m": (total["position"] / count) ** 0.5,
             "velocity_rmse_mps": (total["velocity"] / count) ** 0.5,
-            **{f"{name}_mean": total[name] / count for name in DOF},
+            **{f"{name}_mean": total[name] / given if given else math.nan for name in DOF},
         }
 
 
@@ -123,20 +126,25 @@ def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: flo
     values = {
         name if name in DOF else f"{name}_rmse": _value(sums, row, column, name)
         for row, name in enumerate(FIELDS)
-        if name != "count"
+        if name not in ("count", "given")
     }
-    count, runs = int(sums.total[0, column]), int(sums.parts[0, column])
-    return ConditionScores(count=count, runs=runs, from_m=from_m, to_m=to_m, **values)
+    count, given = (int(number) for number in sums.total[:2, column])
+    return ConditionScores(
+        count=count, given=given, runs=int(sums.parts[0, column]), from_m=from_m, to_m=to_m, **values
+    )
 
 
 def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
-    mean = float(sums.total[row, column] / sums.total[0, column])
+    number = _NUMBER[row]
+    if not sums.total[number, column]:
+        return MetricValue(unit="1", dof=DOF[name], reason="no estimate was given")
+    mean = float(sums.total[row, column] / sums.total[number, column])
     reach = reach_of_ratio(
         total=sums.total[row, column],
-        count=sums.total[0, column],
+        count=sums.total[number, column],
         square=sums.square[row, column],
         product=sums.product[row, column],
-        count_square=sums.square[0, column],
+        count_square=sums.square[number, column],
         runs=int(sums.parts[0, column]),
     )
     if name in DOF:

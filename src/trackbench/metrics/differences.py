@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 
-from trackbench.metrics.intervals import ROUNDING, Contrast, Interval, all_pairs, holm
+from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
 from trackbench.metrics.protocol import Direction, Metric
-from trackbench.results import Difference, FewerEstimates
+from trackbench.results import Difference, MetricValue
 from trackbench.results.score_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
@@ -15,8 +15,8 @@ LEVEL = 0.05
 #: More trackers than this are a sweep: the number of pairs, which grows with the square, is written for the metric that
 #: ranks alone.
 MOST_WITH_ALL_METRICS = 30
-#: A tracker whose share of estimates is smaller by more than this is not called better.
-SILENCE = 0.01
+#: Share of a squared error that is charged for missing estimates above which a difference is looked at without it too.
+MOST_CHARGED = 0.1
 EQUIVALENT, UNDECIDED = "equivalent", "undecided"
 #: Of the first of two; ``larger`` and ``smaller`` where neither is better.
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
@@ -26,7 +26,7 @@ def differences(
     trackers: Mapping[str, Mapping[str, Interval]],
     metrics: Sequence[Metric],
     margin: MarginSummary,
-    coverage: Mapping[str, float],
+    values: Mapping[str, Mapping[str, MetricValue]],
     wanted: Collection[str] = (),
 ) -> list[Difference]:
     """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
@@ -37,7 +37,7 @@ def differences(
         trackers: by name, the metrics that are means over runs, by path.
         metrics: all that there are.
         margin: what does not matter.
-        coverage: by name, the share of the estimates that it should give that a tracker gave.
+        values: by name, all metrics by path.
         wanted: paths of metrics that an expectation compares.
     """
     paths = list(dict.fromkeys(path for intervals in trackers.values() for path in intervals))
@@ -50,7 +50,7 @@ def differences(
         if path == metric.name or path.startswith(f"{metric.name}.")
         if len(trackers) <= MOST_WITH_ALL_METRICS or metric.ranks or path in wanted
     ]
-    return [item for path, metric in by_path for item in _by(path, metric, trackers, margin, coverage)]
+    return [item for path, metric in by_path for item in _by(path, metric, trackers, margin, values)]
 
 
 def _by(
@@ -58,7 +58,7 @@ def _by(
     metric: Metric,
     trackers: Mapping[str, Mapping[str, Interval]],
     margin: MarginSummary,
-    coverage: Mapping[str, float],
+    values: Mapping[str, Mapping[str, MetricValue]],
 ) -> Iterator[Difference]:
     """Every pair of the trackers that have the metric."""
     names = [name for name, intervals in trackers.items() if path in intervals]
@@ -67,11 +67,9 @@ def _by(
     )
     corrected = holm([item.p_value for item in contrasts])
     for (a, b), item, p_value in zip(combinations(names, 2), contrasts, corrected, strict=True):
-        word, lost = verdict(item, p_value, metric.better), coverage[b] - coverage[a]
-        better, fewer = {"better": a, "worse": b}.get(word), None
-        if better is not None and withheld(word, lost):
-            fewer = FewerEstimates(tracker=better, share=abs(lost))
-            better, word = None, size(item.value)
+        alone = difference_without_charged(values[a].get(path), values[b].get(path))
+        word = shown(item, p_value, metric.better, alone)
+        better = {"better": a, "worse": b}.get(word)
         yield Difference(
             a=a,
             b=b,
@@ -83,20 +81,31 @@ def _by(
             p_value=p_value,
             better=better,
             verdict=word if better is None else f"{better} better",
-            fewer_estimates=fewer,
+            without_charged=alone,
         )
 
 
-def withheld(word: str, lost: float) -> bool:
-    """Whether a verdict on the first of two does not count.
+def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> float | None:
+    """``a - b`` over the estimates that were given; None where no more than ``MOST_CHARGED`` of either is charged."""
+    values = [item for item in (a, b) if item is not None and item.value is not None]
+    if len(values) < 2 or max(item.charged_share or 0.0 for item in values) <= MOST_CHARGED:
+        return None
+    first, second = (item.value if item.without_charged is None else item.without_charged for item in values)
+    return float(first or 0.0) - float(second or 0.0)
 
-    Nobody is better who leaves out estimates that the other gives: they may be the hard ones.
+
+def shown(difference: Contrast, p_value: float, better: Direction | None, alone: float | None) -> str:
+    """The verdict on the first of two, where neither is better if the difference turns without what is charged.
 
     Args:
-        word: the verdict.
-        lost: by how much the first one's share of the estimates that it should give is smaller.
+        difference: the first minus the second.
+        p_value: its own, corrected.
+        better: which values of the metric are better.
+        alone: the same over the estimates that were given; None where little is charged.
     """
-    return (lost if word == "better" else -lost) > SILENCE * (1 + ROUNDING) and word in ("better", "worse")
+    word = verdict(difference, p_value, better)
+    turned = word in ("better", "worse") and alone is not None and alone * difference.value < 0
+    return size(difference.value) if turned else word
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:

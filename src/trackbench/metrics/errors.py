@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from trackbench.base import linalg
@@ -12,13 +14,16 @@ from trackbench.metrics.sums import OVERFLOW
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
+#: Root mean square error of a course that is drawn at random, rad.
+NO_COURSE = math.pi / math.sqrt(3.0)
 #: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
 SMALLEST_DETERMINANT = 1e-14
 
 
 def course_error(mean: Array, truth: Array) -> Array:
-    """``(...)`` rad, wrapped, of states ``(4, ...)``."""
-    return wrap_angle(np.arctan2(mean[3], mean[2]) - np.arctan2(truth[3], truth[2]))
+    """``(...)`` rad, wrapped, of states ``(4, ...)``; ``NO_COURSE`` of an estimate without velocity."""
+    error = wrap_angle(np.arctan2(mean[3], mean[2]) - np.arctan2(truth[3], truth[2]))
+    return np.where(mean[2] * mean[2] + mean[3] * mean[3] > 0, error, NO_COURSE)
 
 
 def _given(values: Values) -> Values:
@@ -26,10 +31,11 @@ def _given(values: Values) -> Values:
     # is not positive definite.
     mean, covariance = values["mean"], values["covariance"]
     total = mean.sum(axis=0) + (covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3])
-    return {"finite": np.isfinite(total), "begun": ~np.isnan(total)}
+    none = np.isnan(mean[0]) & np.isnan(mean[1]) & np.isnan(mean[2]) & np.isnan(mean[3])
+    return {"finite": np.isfinite(total), "given": ~none}
 
 
-#: Of an estimate, ``finite``: whether it is; ``begun``: whether it is anything but NaN.
+#: Of an estimate, ``finite``: whether it is; ``given``: whether there is one, a state of NaN being none.
 GIVEN = Equations("given estimate", _given, {"mean": 1, "covariance": 2})
 
 
@@ -44,12 +50,13 @@ def _errors(values: Values) -> Values:
     # The first two whitened components are those of the position by itself.
     nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
+    nees_of_velocity = _nees_of_velocity(error * error, error[2] * error[3], covariance)
+    given = np.where(values["finite"], 1.0, 0.0)
+    if not np.all(values["finite"]):
+        nees, nees_of_position, nees_of_velocity = (
+            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity)
+        )
     squares = error * error
-    # That of the last two components by themselves.
-    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
-    variances = a * d
-    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
-    nees_of_velocity = (d * squares[2] + a * squares[3] - 2.0 * (b * (error[2] * error[3]))) / determinant
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
     course = course_error(mean, truth)
     rows = linalg.vector(
@@ -62,6 +69,7 @@ def _errors(values: Values) -> Values:
             nees_of_position,
             nees_of_velocity,
             *values["reference"],
+            given,
         ]
     )
     if not np.all(scored):
@@ -69,8 +77,18 @@ def _errors(values: Values) -> Values:
     return {"rows": rows, "definite": factor.positive, "bounded": rows.max(axis=0) < OVERFLOW}
 
 
-#: Of an estimate that is ``finite``, or not, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero where it is not
-#: scored; ``definite``: whether its covariance is positive definite; ``bounded``: whether its squares can be summed.
+def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
+    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
+    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
+    variances = a * d
+    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
+    nees: Array = (d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant
+    return nees
+
+
+#: Of an estimate that is ``finite``, or that another stands for, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero
+#: where it is not scored; ``definite``: whether its covariance is positive definite; ``bounded``: whether its
+#: squares can be summed.
 ERRORS = Equations(
     "errors of an estimate",
     _errors,

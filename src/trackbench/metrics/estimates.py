@@ -10,7 +10,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.protocol import Chunk, Scope
-from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, TrackerSet, merge, stretches
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, merge, stretches
 
 
 class EstimateSums:
@@ -49,8 +49,11 @@ class _Summing:
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
         self._codes, place = np.unique(classes, return_inverse=True)
         self._class = place.reshape(scope.classes.shape)
-        self._per_step: dict[TrackerSet, Array] = {}
-        self._per_class: dict[TrackerSet, Array] = {}
+        rows = len(ERROR_FIELDS)
+        self._per_step = np.zeros((rows, instants))
+        self._per_class = np.zeros((rows, len(self._codes), scope.runs))
+        self._charged_per_step = np.zeros((rows, instants))
+        self._charged_per_run = np.zeros((rows, scope.runs))
         self._diverged = np.zeros(scope.runs, dtype=bool)
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
@@ -70,28 +73,30 @@ class _Summing:
         self._steps += chunk.steps
         here, scored, values = chunk.instants, chunk.scored, chunk.values
         square = values[1] + values[2]
-        far = square > self._scope.target.divergence**2
+        far = (square > self._scope.target.divergence**2) & chunk.given & scored
         if far.any():
             self._diverged |= self._by_run(far.any(axis=0)) > 0
         if self._scope.first:
             self._spread[:, here] = percentiles((0.1, 0.9), np.where(scored, square, np.nan))
-        for givers, (instants, members) in chunk.agreement.partly.items():
-            if self._scope.tracker in givers:
-                self._add_few(givers, here.start + instants, members, values[:, instants, members])
-        if chunk.agreement.partly:
-            values = np.where(chunk.agreement.everywhere, values, 0.0)
-        per_step, per_class = self._of(chunk.agreement.all)
-        per_step[:, here] = values @ np.ones(scored.shape[1])
-        self._add_by_class(per_class, values, self._class[here])
+        if (chunk.starting & ~scored).any():
+            values = np.where(scored, values, 0.0)
+        self._per_step[:, here] = values @ np.ones(scored.shape[1])
+        self._add_by_class(values, self._class[here])
+        if not chunk.given[scored].all():
+            charged = np.where(chunk.given, 0.0, values)
+            self._charged_per_step[:, here] = charged.sum(axis=-1)
+            self._charged_per_run += self._by_run(charged.sum(axis=1))
 
     def scores(self) -> BlockScores:
         """The sums of everything added."""
         return BlockScores(
-            errors={
-                givers: ErrorSums(self._per_step[givers], per_class.sum(axis=1), self._cells(per_class))
-                for givers, per_class in self._per_class.items()
-                if per_class[0].any()
-            },
+            errors=ErrorSums(
+                self._per_step,
+                self._per_class.sum(axis=1),
+                self._charged_per_step,
+                self._charged_per_run,
+                self._cells(self._per_class),
+            ),
             due=self._by_run(self._scope.expected.sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
@@ -101,14 +106,6 @@ class _Summing:
             seconds=self._seconds,
             steps=self._steps,
         )
-
-    def _of(self, givers: TrackerSet) -> tuple[Array, Array]:
-        """Sums ``(12, instants)`` and ``(12, classes, runs)`` of the estimates that only these trackers gave."""
-        if givers not in self._per_step:
-            rows, instants = len(ERROR_FIELDS), len(self._scope.target.time)
-            self._per_step[givers] = np.zeros((rows, instants))
-            self._per_class[givers] = np.zeros((rows, len(self._codes), self._scope.runs))
-        return self._per_step[givers], self._per_class[givers]
 
     def _cells(self, per_class: Array) -> Cells:
         """What occurred."""
@@ -120,9 +117,9 @@ class _Summing:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
         return np.asarray(batch.reshape(*batch.shape[:-1], self._scope.objects, self._scope.runs).sum(axis=-2))
 
-    def _add_by_class(self, per_class: Array, values: Array, classes: Indices) -> None:
+    def _add_by_class(self, values: Array, classes: Indices) -> None:
         """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
-        runs = self._scope.runs
+        runs, per_class = self._scope.runs, self._per_class
         if classes.shape[-1] == 1:
             of_row, rows = classes.reshape(-1), values.reshape(len(values), -1, runs)
             present = np.flatnonzero(np.bincount(of_row))
@@ -136,16 +133,6 @@ class _Summing:
         places = (classes * runs + np.arange(runs)).reshape(-1)
         for total, value in zip(per_class, values, strict=True):
             total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
-
-    def _add_few(self, givers: TrackerSet, instants: Indices, members: Indices, values: Array) -> None:
-        """Add values ``(fields, estimates)`` at some instants and members."""
-        per_step, per_class = self._of(givers)
-        objects, runs = np.divmod(members, self._scope.runs)
-        of_run = runs if self._class.shape[-1] > 1 else 0
-        places = self._class[instants, objects, of_run] * self._scope.runs + runs
-        for step, total, value in zip(per_step, per_class, values, strict=True):
-            step += np.bincount(instants, value, len(step))
-            total += np.bincount(places, value, total.size).reshape(total.shape)
 
 
 def percentiles(shares: tuple[float, ...], squares: Array) -> Array:

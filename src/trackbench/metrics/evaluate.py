@@ -19,7 +19,7 @@ from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
-from trackbench.metrics.sums import BlockScores, Scores, TrackerSet, stretches
+from trackbench.metrics.sums import BlockScores, Scores, stretches
 from trackbench.results import Health, MetricValue
 
 log = logging.getLogger(__name__)
@@ -55,31 +55,30 @@ class Evaluation:
         return np.full(runs, np.nan) if interval is None else interval.value + interval.influence
 
 
-def evaluate(
-    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: TrackerSet = frozenset()
-) -> Evaluation:
+def evaluate(sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
     """The metrics of estimates or of tracks from the sums of all runs.
 
     Args:
         sums: what :func:`merge_sums` gives.
         scene: ``(runs,)`` number of the scene of each run.
         metrics: those to compute.
-        givers: the trackers that must all have given an estimate where errors count.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
     if ESTIMATES.name in sums:
         blocks: BlockScores = sums[ESTIMATES.name]
         sensors = list(blocks.nis)
-        evaluation.sums[ESTIMATES.name] = scores_of(blocks, givers, scene)
+        evaluation.sums[ESTIMATES.name] = scores_of(blocks, scene)
     for metric in metrics:
         # The built-in ones of estimates rest on parts that are independent already.
         by_part = metric.accumulator is ESTIMATES
         parts = evaluation.scores.per_part.shape[1] if by_part else len(scene)
-        values = _guarded(_checked, metric, evaluation.sums[metric.accumulator.name], sensors, parts)
+        own_sums = evaluation.sums[metric.accumulator.name]
+        values = _guarded(_checked, metric, own_sums, sensors, parts)
         if isinstance(values, Broken):
             evaluation.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
+        charged = metric.without_charged(own_sums) if by_part else None
         for path, (value, interval) in values.items():
             if metric.shared is None:
                 evaluation.own[path] = interval
@@ -88,11 +87,13 @@ def evaluate(
                     interval = clustered(interval, scene)
                     value = interval.as_value(metric.unit)
                 evaluation.intervals[path] = interval
+            if charged is not None:
+                value = value.model_copy(update={"charged_share": charged[0], "without_charged": charged[1]})
             evaluation.values[path] = value
     return evaluation
 
 
-def scores_of(merged: BlockScores, givers: TrackerSet, scene: Indices) -> Scores:
+def scores_of(merged: BlockScores, scene: Indices) -> Scores:
     """What the metrics of a tracker are made of.
 
     Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run is cut
@@ -100,22 +101,23 @@ def scores_of(merged: BlockScores, givers: TrackerSet, scene: Indices) -> Scores
 
     Args:
         merged: its sums over all runs.
-        givers: the trackers that must all have given an estimate where errors count.
         scene: ``(runs,)`` number of the scene of each run.
     """
-    sums, scenes, runs = merged.where(givers), int(scene[-1]) + 1, len(scene)
-    per_part, cells, nis = sums.per_run, sums.cells, merged.nis
+    sums, scenes, runs = merged.errors, int(scene[-1]) + 1, len(scene)
+    per_part, charged, cells, nis = sums.per_run, sums.charged_per_run, sums.cells, merged.nis
     if scenes > 1:
-        per_part = _added(per_part, scene)
+        per_part, charged = _added(per_part, scene), _added(charged, scene)
         cells = replace(cells, part=scene[cells.part])
         nis = {name: replace(item, per_run=_added(item.per_run, scene)) for name, item in nis.items()}
     elif runs == 1:
         per_part = _in_stretches(sums.per_step, merged.duration)
+        charged = _in_stretches(sums.charged_per_step, merged.duration)
         nis = {name: replace(item, per_run=_in_stretches(item.per_step, merged.duration)) for name, item in nis.items()}
     return Scores(
         per_step=sums.per_step,
         per_run=sums.per_run,
         per_part=per_part,
+        charged=charged,
         given=merged.given,
         due=float(merged.due.sum()),
         nis=nis,
@@ -146,6 +148,7 @@ def health(scores: BlockScores) -> Health:
         diverged_runs=int(scores.diverged.sum()),
         repaired_covariances=int(scores.repaired.sum()),
         repaired_runs=int((scores.repaired > 0).sum()),
+        missing_estimates=int(scores.due.sum() - scores.given),
     )
 
 

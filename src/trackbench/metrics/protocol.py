@@ -12,28 +12,17 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.config import Config
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
-from trackbench.metrics.sums import ERROR, TrackerSet
+from trackbench.metrics.sums import ERROR
 from trackbench.results import MetricValue
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.
 Outcome = Interval | MetricValue | float | None
-
-
-class Agreement(NamedTuple):
-    """Which trackers gave an estimate that counts, at the instants of a chunk."""
-
-    all: TrackerSet
-    """Those that take part."""
-    everywhere: Mask
-    """``(instants, batch)`` where each of them gave one."""
-    partly: Mapping[TrackerSet, tuple[Indices, Indices]]
-    """Instants and members where these alone gave one."""
 
 
 class Target(NamedTuple):
@@ -48,6 +37,9 @@ class Target(NamedTuple):
     due: Mask
     """``(instants, objects, runs)`` where a tracker should have an estimate, and is scored: the object is there, was
     detected, its track settled, and it is or was not long ago in view of a sensor."""
+    starting: Mask
+    """``(instants, objects, runs)`` the first second after an object was detected for the first time, or again after it
+    was out of view for long."""
     divergence: float
     """m"""
     reference: Array
@@ -87,6 +79,11 @@ class Scope:
         """``(instants, objects * runs)`` where an estimate is due."""
         return self.target.due.reshape(len(self.target.time), -1)
 
+    @property
+    def starting(self) -> Mask:
+        """``(instants, objects * runs)`` the first second after a detection."""
+        return self.target.starting.reshape(len(self.target.time), -1)
+
 
 class Innovation(NamedTuple):
     """What a tracker made of one measurement."""
@@ -97,7 +94,7 @@ class Innovation(NamedTuple):
     used: Mask
     """``(batch,)`` where the measurement is valid and the estimate is scored."""
     due: Mask
-    """``(batch,)`` where also the tracker had an estimate before, so that there should be an innovation."""
+    """``(batch,)`` where also the tracker had an estimate of the object before, so that there should be one."""
 
 
 @dataclass(frozen=True)
@@ -114,15 +111,18 @@ class Chunk:
     truth: Array
     """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
     mean: Array
-    """``(4, instants, batch)`` of the estimate."""
+    """``(4, instants, batch)`` of the estimate; where it gave none, what it is charged with (``metrics.silence``)."""
     covariance: Array
-    """``(4, 4, instants, batch)``"""
+    """``(4, 4, instants, batch)``, of estimates that were given."""
     values: Array
-    """``(12, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
+    """``(13, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where neither scored nor
+    starting."""
     scored: Mask
-    """``(instants, batch)`` where the estimate counts; elsewhere the other arrays may hold anything."""
-    agreement: Agreement
-    """Where the other trackers gave one too. The built-in metrics compare trackers where all of them did."""
+    """``(instants, batch)`` where an estimate is due, and the error counts."""
+    starting: Mask
+    """``(instants, batch)`` the first second after a detection. Where neither, the other arrays may hold anything."""
+    given: Mask
+    """``(instants, batch)`` where the tracker gave an estimate. What is made of covariances counts there alone."""
     innovations: Mapping[str, Sequence[Innovation]]
     """By sensor, in order of time."""
     repaired: Array
@@ -164,7 +164,7 @@ class Chunk:
         return len(self.repaired)
 
     def by_run(self, values: Array | float) -> Array:
-        """``(runs,)`` sums of values ``(instants, batch)`` over what is scored; of 1, the number of estimates."""
+        """``(runs,)`` sums of values ``(instants, batch)`` over what is scored; of 1, the number of errors."""
         total = np.where(self.scored, values, 0.0).sum(axis=0)
         return np.asarray(total.reshape(-1, self.runs).sum(axis=0))
 
@@ -298,6 +298,13 @@ class Metric(Config):
         A mean over runs is an :class:`~trackbench.metrics.Interval`: its confidence interval, and the differences
         between trackers, follow from what each run adds to it.
         """
+
+    def without_charged(self, sums: Any) -> tuple[float, float] | None:
+        """Share of the squared error that is charged for missing estimates, and the value without it.
+
+        None where none is missing or none was given, and of a metric that does not tell it.
+        """
+        return None
 
     def no_value(self, reason: str) -> MetricValue:
         """What stands in a result where there is none."""

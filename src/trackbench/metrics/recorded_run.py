@@ -55,7 +55,8 @@ class RecordedRun:
     def target(self, tracker: str) -> Target:
         """What a tracker is held against; without a reference, which needs the sensors' models."""
         due, no_reference = self.tracks[tracker].due[..., None], np.zeros((2, len(self.time), 1, 1))
-        return Target(self.time, self.state[..., None], self.alive, due, self.divergence, no_reference)
+        state, starting = self.state[..., None], np.zeros_like(due)
+        return Target(self.time, state, self.alive, due, starting, self.divergence, no_reference)
 
 
 def recorded_run(result: Result) -> RecordedRun:

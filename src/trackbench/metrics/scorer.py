@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -16,19 +16,27 @@ from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.evaluate import accumulators
-from trackbench.metrics.protocol import Agreement, Chunk, Fault, Innovation, Metric, Scope, Target, reject
+from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, Target, reject
+from trackbench.metrics.silence import charged_states, own_estimates
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
 BATCH = 16_000
-#: Tuples of arrays that a metric may look at.
-NAMED = (Target, Agreement)
+
+
+def no_measurements() -> Array:
+    """Of trackers that give every estimate.
+
+    Raises:
+        ValueError: one is missing.
+    """
+    raise ValueError("an estimate is missing, and no measurement stands for it")
 
 
 class Scorer:
     """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end.
 
-    Several trackers are scored together: ``full`` tells when :func:`score_together` is due.
+    ``full`` tells when :func:`score_waiting` is due.
     """
 
     def __init__(
@@ -42,6 +50,7 @@ class Scorer:
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
+        measured: Callable[[], Array] = no_measurements,
     ) -> None:
         """A scorer of one block.
 
@@ -54,8 +63,10 @@ class Scorer:
             single: whether there is no other run.
             metrics: what is to be computed.
             compute: how equations are computed.
+            measured: gives ``(2, instants, batch)`` the latest measured position at each instant, m; called where the
+                tracker gave no estimate that is due.
         """
-        self._target, self._compute = target, compute
+        self._target, self._compute, self._measured = target, compute, measured
         _, _, self._objects, _ = target.state.shape
         self._runs = target.due.shape[2]
         batch = self._objects * self._runs
@@ -63,20 +74,21 @@ class Scorer:
         self.tracker = tracker
         read_only = _read_only(target), _read_only(classes), _read_only(measurements)
         scope = Scope(*read_only, tracker, first, single, self.chunk, compute)
-        self._expected = scope.expected
+        self._due, self._starting = scope.expected, scope.starting
+        self._expected = self._due | self._starting
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
         self._mean = np.empty((4, self.chunk, batch))
         self._covariance = np.empty((4, 4, self.chunk, batch))
         self._first, self._filled = 0, 0
-        self._seen, self._had = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
+        self._had, self._latest = np.zeros(batch, dtype=bool), np.full((4, batch), np.nan)
         self._sensors = tuple(measurements)
         self._begin_chunk()
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
         if not scan.asked:
-            white, used = whitened_innovation(estimate), scan.valid & self._expected[instant]
+            white, used = whitened_innovation(estimate), scan.valid & self._due[instant]
             # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
             innovation = None if white is None else white.copy(), used, used & self._had
             for array in innovation:
@@ -84,7 +96,7 @@ class Scorer:
                     array.setflags(write=False)
             self._innovations[scan.sensor].append(Innovation(instant, *innovation))
         if estimate.repaired is not None:
-            repaired = estimate.repaired & self._expected[instant]
+            repaired = estimate.repaired & self._due[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)
         self._seconds += seconds
         self._steps += scan.valid.size
@@ -93,7 +105,7 @@ class Scorer:
         """Take in the estimate after the last scan of an instant."""
         self._mean[:, self._filled] = estimate.mean
         self._covariance[:, :, self._filled] = estimate.covariance
-        self._had = np.isfinite(estimate.mean[0])
+        self._had = (self._had | np.isfinite(estimate.mean[0])) & self._expected[self._first + self._filled]
         self._filled += 1
 
     @property
@@ -105,31 +117,13 @@ class Scorer:
         """By accumulator, the sums of everything that was scored."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
 
-    def counted(self) -> Mask:
-        """``(instants, batch)`` where what waits holds an estimate that counts.
+    def score(self) -> None:
+        """Score what waits.
 
         Raises:
-            Fault: an estimate is not finite.
+            Fault: an estimate is not finite, a covariance not positive definite, or an error too large.
         """
-        here = self._waiting
-        finite, begun = _masks(self._computed(GIVEN, self._estimates()), "finite", "begun")
-        self._finite = finite
-        if finite.all():
-            self._seen[:] = True
-        else:
-            # NaN from the start means that there is no estimate yet.
-            seen = self._seen | np.logical_or.accumulate(begun, axis=0)
-            self._seen = seen[-1]
-            reject(NOT_FINITE, self._alive(here) & seen & ~finite, here.start)
-        return self._expected[here] & finite
-
-    def score(self, counted: Mask, agreement: Agreement) -> None:
-        """Score what waits, of which ``counted`` says where it counts.
-
-        Raises:
-            Fault: a covariance is not positive definite, or an error too large.
-        """
-        chunk = self._taken(counted, agreement)
+        chunk = self._taken()
         for name, accumulator in self._accumulators.items():
             self._sums[name] = accumulator.update(self._sums[name], chunk)
         self._begin_chunk()
@@ -139,20 +133,24 @@ class Scorer:
         self._repaired = np.zeros(self._runs)
         self._seconds, self._steps = 0.0, 0
 
-    def _taken(self, counted: Mask, agreement: Agreement) -> Chunk:
+    def _taken(self) -> Chunk:
         """What waits, as a chunk."""
         here, estimates = self._waiting, self._estimates()
         self._filled, self._first = 0, here.stop
-        truth = self._target.state[:, here]
+        truth, expected = self._target.state[:, here], self._expected[here]
+        finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
+        if not finite.all():
+            reject(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
+        self._charge_silence(estimates["mean"], finite, here)
         shape = estimates["mean"].shape[1:]
         held_against = {
             "truth": truth,
             "reference": self._target.reference[:, here],
-            "finite": self._finite.reshape(shape),
-            "scored": counted.reshape(shape),
+            "finite": finite.reshape(shape),
+            "scored": expected.reshape(shape),
         }
-        computed = self._computed(ERRORS, {**estimates, **held_against})
-        definite, bounded = _masks(computed, "definite", "bounded")
+        errors = self._computed(ERRORS, {**estimates, **held_against})
+        definite, bounded = _masks(errors, "definite", "bounded")
         if not definite.all():
             reject(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
         if not bounded.all():
@@ -161,16 +159,29 @@ class Scorer:
             instants=here,
             time=_read_only(self._target.time[here]),
             truth=_read_only(truth),
-            mean=_read_only(estimates["mean"].reshape(4, *counted.shape)),
-            covariance=_read_only(estimates["covariance"].reshape(4, 4, *counted.shape)),
-            values=_read_only(computed["rows"].reshape(-1, *counted.shape)),
-            scored=_read_only(counted),
-            agreement=_read_only(agreement),
+            mean=_read_only(estimates["mean"].reshape(4, *finite.shape)),
+            covariance=_read_only(estimates["covariance"].reshape(4, 4, *finite.shape)),
+            values=_read_only(errors["rows"].reshape(-1, *finite.shape)),
+            scored=_read_only(self._due[here]),
+            starting=_read_only(self._starting[here]),
+            given=_read_only(finite),
             innovations=MappingProxyType({sensor: tuple(each) for sensor, each in self._innovations.items()}),
             repaired=_read_only(self._repaired),
             seconds=self._seconds,
             steps=self._steps,
         )
+
+    def _charge_silence(self, mean: Array, given: Mask, here: slice) -> None:
+        """Put what the tracker is charged with in the place of missing estimates ``(4, instants, objects, runs)``."""
+        states, expected = mean.reshape(4, *given.shape), self._expected[here]
+        if given[expected].all():
+            self._latest = np.where(expected[-1], states[:, -1], np.nan)
+            return
+        own = own_estimates(self._latest, states, given, expected)
+        self._latest = own[:, -1]
+        truth = np.broadcast_to(self._target.state[:, here], mean.shape).reshape(states.shape)
+        missing = expected & ~given
+        states[:, missing] = charged_states(truth[:, missing], self._measured()[:, here][:, missing], own[:, missing])
 
     @property
     def _waiting(self) -> slice:
@@ -192,39 +203,15 @@ class Scorer:
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
 
-def score_together(scorers: Sequence[Scorer]) -> dict[str, Fault]:
+def score_waiting(scorers: Sequence[Scorer]) -> dict[str, Fault]:
     """Score the buffered estimates of several trackers; return the faults by tracker name."""
-    counted, faults = {}, {}
+    faults = {}
     for scorer in scorers:
         try:
-            counted[scorer.tracker] = scorer.counted()
+            scorer.score()
         except Fault as fault:
             faults[scorer.tracker] = fault
-    if not counted:
-        return faults
-    agreement = _agreement(counted)
-    for scorer in scorers:
-        if scorer.tracker in counted:
-            try:
-                scorer.score(counted[scorer.tracker], agreement)
-            except Fault as fault:
-                faults[scorer.tracker] = fault
     return faults
-
-
-def _agreement(counted: Mapping[str, Mask]) -> Agreement:
-    names, masks = list(counted), np.stack(list(counted.values()))
-    everywhere = np.asarray(masks.all(axis=0))
-    differ = masks.any(axis=0) & ~everywhere
-    if not differ.any():
-        return Agreement(frozenset(names), everywhere, {})
-    instants, members = np.nonzero(differ)
-    patterns, which = np.unique(masks[:, instants, members], axis=1, return_inverse=True)
-    partly = {}
-    for number, pattern in enumerate(patterns.T):
-        here = which.reshape(-1) == number
-        partly[frozenset(np.array(names)[pattern].tolist())] = instants[here], members[here]
-    return Agreement(frozenset(names), everywhere, partly)
 
 
 def _masks(computed: Mapping[str, Any], *names: str) -> list[Mask]:
@@ -238,7 +225,7 @@ def _read_only(value: Any) -> Any:
         view = value.view()
         view.flags.writeable = False
         return view
-    if isinstance(value, NAMED):
+    if isinstance(value, Target):
         return type(value)(*map(_read_only, value))
     if isinstance(value, list | tuple):
         return tuple(map(_read_only, value))

@@ -11,8 +11,9 @@ from trackbench.base.types import Array, Indices
 
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
-#: Rows of the sums of errors: number of estimates, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves; and the reference of the squared errors.
+#: Rows of the sums of errors: number of errors, squared errors, and the same for the course where it is defined;
+#: the NEES of the position and of the velocity by themselves; the reference of the squared errors; and how many of the
+#: errors are of an estimate that the tracker gave, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -26,6 +27,7 @@ ERROR_FIELDS = (
     "nees_velocity",
     "position_reference",
     "velocity_reference",
+    "given",
 )
 #: Rows of the sums of innovations; pairs are successive measurements of one object, and an innovation is missing where
 #: the tracker had an estimate before the measurement.
@@ -39,8 +41,6 @@ LAGS = 20
 #: A single run is cut into at most so many stretches of time, none shorter than this, s, whose sums are taken for
 #: independent: an error is forgotten within a few measurements.
 STRETCHES, SHORTEST = 20, 4.0
-
-TrackerSet = frozenset[str]
 
 
 def stretches(instants: int, duration: float) -> Indices:
@@ -80,9 +80,13 @@ class ErrorSums:
     """Sums over the estimates of one tracker."""
 
     per_step: Array
-    """``(12, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(13, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(12, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(13, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    charged_per_step: Array
+    """Those of ``per_step`` that the tracker is charged with where it gave no estimate."""
+    charged_per_run: Array
+    """Those of ``per_run``."""
     cells: Cells
 
 
@@ -90,8 +94,7 @@ class ErrorSums:
 class BlockScores:
     """Sums over the estimates of one tracker in a block of runs; they merge exactly."""
 
-    errors: dict[TrackerSet, ErrorSums]
-    """By the trackers that gave an estimate of the same object at the same instant of the same run."""
+    errors: ErrorSums
     due: Array
     """``(runs,)`` number of instants and objects at which there should be an estimate."""
     diverged: Array
@@ -111,27 +114,14 @@ class BlockScores:
 
     @property
     def given(self) -> float:
-        """Number of estimates."""
-        return float(sum(sums.per_run[ERROR["count"]].sum() for sums in self.errors.values()))
+        """Number of estimates that were due and given."""
+        return float(self.errors.per_run[ERROR["given"]].sum())
 
     @property
     def coverage(self) -> float:
         """Share of the instants and objects at which there should be an estimate that have one; NaN of none."""
         due = float(self.due.sum())
         return self.given / due if due else float("nan")
-
-    def where(self, givers: TrackerSet) -> ErrorSums:
-        """The sums where all of these trackers gave an estimate."""
-        common = [sums for others, sums in self.errors.items() if givers <= others]
-        if not common:
-            rows, instants = len(ERROR_FIELDS), self.spread.shape[1]
-            nothing = Cells(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((6, 0)))
-            return ErrorSums(np.zeros((rows, instants)), np.zeros((rows, len(self.due))), nothing)
-        return ErrorSums(
-            _total([sums.per_step for sums in common]),
-            _total([sums.per_run for sums in common]),
-            _joined([sums.cells for sums in common], [0] * len(common)),
-        )
 
 
 @dataclass
@@ -143,26 +133,28 @@ class ClassSums:
     square: Array
     """Squares of the sum of each part."""
     product: Array
-    """The sum of each part times its number."""
+    """The sum of each part times the number of errors, of a NEES times that of estimates, in it."""
     parts: Array
     """``(1, classes)`` number of parts with an estimate of the class."""
 
 
 @dataclass
 class Scores:
-    """What the built-in metrics are made of: the sums of one tracker over all runs, where it is held against others.
+    """What the built-in metrics are made of: the sums of one tracker over all runs.
 
     The parts are independent of each other: scenes; where there is one, runs; of a single run, stretches of time.
     """
 
     per_step: Array
-    """``(12, instants)`` rows ``ERROR_FIELDS``."""
+    """``(13, instants)`` rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(12, runs)`` rows ``ERROR_FIELDS``."""
+    """``(13, runs)`` rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(12, parts)`` rows ``ERROR_FIELDS``."""
+    """``(13, parts)`` rows ``ERROR_FIELDS``."""
+    charged: Array
+    """``(13, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
     given: float
-    """Number of estimates, also those where another tracker gave none."""
+    """Number of estimates that were due and given."""
     due: float
     """Number of instants and objects at which there should be one."""
     nis: dict[str, NisScores]
@@ -179,10 +171,16 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     """The scores of consecutive blocks of runs, added in their order; later scenes may be shorter."""
     first = blocks[0]
     runs = np.cumsum([0, *(len(block.due) for block in blocks)])
-    every = dict.fromkeys(givers for block in blocks for givers in block.errors)
+    errors = [block.errors for block in blocks]
     longest = max(block.spread.shape[1] for block in blocks)
     return BlockScores(
-        errors={givers: _merged(blocks, givers, runs) for givers in every},
+        errors=ErrorSums(
+            per_step=_total([sums.per_step for sums in errors]),
+            per_run=np.concatenate([sums.per_run for sums in errors], axis=1),
+            charged_per_step=_total([sums.charged_per_step for sums in errors]),
+            charged_per_run=np.concatenate([sums.charged_per_run for sums in errors], axis=1),
+            cells=_joined([sums.cells for sums in errors], runs[:-1].tolist()),
+        ),
         due=np.concatenate([block.due for block in blocks]),
         diverged=np.concatenate([block.diverged for block in blocks]),
         repaired=np.concatenate([block.repaired for block in blocks]),
@@ -200,16 +198,6 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
     )
-
-
-def _merged(blocks: Sequence[BlockScores], givers: TrackerSet, runs: Indices) -> ErrorSums:
-    """The sums of one set of givers; ``runs``: where those of each block begin, and the end."""
-    own = [(block.errors[givers], at) for block, at in zip(blocks, runs, strict=False) if givers in block.errors]
-    per_run = np.zeros((len(ERROR_FIELDS), runs[-1]))
-    for sums, at in own:
-        per_run[:, at : at + sums.per_run.shape[1]] = sums.per_run
-    cells = _joined([sums.cells for sums, _ in own], [at for _, at in own])
-    return ErrorSums(_total([sums.per_step for sums, _ in own]), per_run, cells)
 
 
 def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:

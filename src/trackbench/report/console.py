@@ -9,17 +9,15 @@ from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
-from trackbench.metrics.differences import SILENCE
-from trackbench.metrics.verdicts import conditions_off, mean_text
+from trackbench.metrics.verdicts import LEAST_COVERAGE, conditions_off, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
 from trackbench.report.pairs import letters
 from trackbench.report.scenes import basis_of_intervals, runs_in_words
 from trackbench.report.sentences import (
-    common,
     duration,
     expectations_met,
     failure,
-    not_called_better,
+    missing_estimates,
     precision_reached,
     reused_identities,
 )
@@ -218,13 +216,13 @@ def _note_on_groups(result: Result) -> list[str]:
         return ["group: too many groups for this table; report.html has them"]
     margin = margin_words(result.summary.score.margin, "m")
     shared = f"group: no difference over {margin} shown between those that share a letter"
-    return [shared, *(f"  {line}" for line in not_called_better(result))] if len(result.scored) > 1 else []
+    return [shared] if len(result.scored) > 1 else []
 
 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     """How much some trackers gave of what they should."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
-    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 1 - SILENCE]
+    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < LEAST_COVERAGE]
     rest = "; of the others 99 % or more" if len(part) < len(trackers) else ""
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
@@ -239,7 +237,7 @@ def _notes(result: Result) -> list[str]:
         f"±: 95 %, {basis_of_intervals(result)}",
         f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
-        *([common(result).strip()] if common(result) else []),
+        *missing_estimates(result),
     ]
     notes += _note_on_groups(result)
     if any(tracker.is_reference for tracker in trackers):

@@ -65,27 +65,24 @@ class Pairs:
         if item is None:
             return None
         word = item.verdict if item.better is None else "better" if item.better == a else "worse"
-        if item.fewer_estimates is not None:
+        if item.turned:
             word = size(sign * item.value)
         ci95 = item.ci95 if item.ci95 is None or sign > 0 else (-item.ci95[1], -item.ci95[0])
         return Pair(sign * item.value, ci95, word, item.margin)
 
     def differ(self, a: str, b: str) -> bool:
-        """Whether one is called better than the other: shown by more than the margin, with as many estimates."""
+        """Whether one is called better than the other: shown by more than the margin."""
         item = self._items.get((a, b)) or self._items.get((b, a))
         return item is not None and item.better is not None
 
-    def fewer_estimates(self, names: Sequence[str]) -> dict[str, dict[str, float]]:
-        """By tracker, those of ``names`` than which it is not called better for the estimates that it left out.
-
-        Each with the share of the due estimates that it gave fewer.
-        """
-        shares: dict[str, dict[str, float]] = {}
+    def turned(self, names: Sequence[str]) -> dict[str, list[str]]:
+        """By tracker, those of ``names`` than which it is not called better: for missing estimates alone it is."""
+        others: dict[str, list[str]] = {}
         for (a, b), item in self._items.items():
-            if item.fewer_estimates is not None and {a, b} <= set(names):
-                name = item.fewer_estimates.tracker
-                shares.setdefault(name, {})[b if name == a else a] = item.fewer_estimates.share
-        return shares
+            if item.turned and {a, b} <= set(names):
+                smaller, larger = (a, b) if item.value < 0 else (b, a)
+                others.setdefault(smaller, []).append(larger)
+        return others
 
 
 def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:

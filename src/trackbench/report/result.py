@@ -21,7 +21,6 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_colours, tracker_styles
-from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
@@ -48,12 +47,11 @@ from trackbench.report.sentences import (
     SWITCH_COSTS,
     association_against_filtering,
     censored,
-    common,
     expectations_met,
     facts,
     failure,
     headline,
-    not_called_better,
+    missing_estimates,
     other_switch_costs,
     reused_identities,
     verdict,
@@ -207,16 +205,16 @@ def _ranking(result: Result, others: Table | None) -> Section:
             "At half and at twice the cost of a switch", (Paragraph(other_switch_costs(result)), table)
         )
         return Section("Ranking", (Paragraph(note), tables.ranking(result), other_costs))
-    uncounted = "".join(f", {line}" for line in not_called_better(result))
     note = (
-        f"By position RMSE. No difference over {margin} {shown}{uncounted}. {basis}{common(result)}"
+        f"By position RMSE. No difference over {margin} {shown}. {basis}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
         + (f" {_SMOOTHERS}" if references else "")
     )
     title = f"Errors along each axis, and the {summary.held_against.label}"
+    missing = [Paragraph(". ".join(sentences) + ".")] if (sentences := missing_estimates(result)) else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]
-    return Section("Ranking", (Paragraph(note), tables.ranking(result), *own, more))
+    return Section("Ranking", (Paragraph(note), tables.ranking(result), *missing, *own, more))
 
 
 _ORACLES = " A reference knows which detection is whose: it is no competitor."
@@ -234,7 +232,7 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
     text = _DIFFERENCES.format(metric=summary.headline_name, margin=margin_words(summary.score.margin, "m"))
     title = "All pairs"
     if summary.identities == "known":
-        text += _NOT_BETTER if not_called_better(result) else ""
+        text += _NOT_BETTER if any(item.turned for item in summary.differences) else ""
         title += "" if len(drawn) == len(result.scored) else f" of the best {len(drawn)}"
     pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
     return Section("Differences between trackers", (Paragraph(text), beside, pairs))
@@ -247,8 +245,8 @@ _DIFFERENCES = (
     "or scenes would tell. Each interval is that of its pair alone, without the correction."
 )
 _NOT_BETTER = (
-    " Smaller and larger: shown to differ by more than the margin too, but the one with the smaller errors gave over "
-    f"{percent(SILENCE)} fewer estimates, and is not called better."
+    " Smaller and larger: shown to differ by more than the margin too, but the difference turns without what is "
+    "charged for missing estimates, and neither is called better."
 )
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
-from trackbench.metrics.differences import SILENCE
+from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, meaningful, percent
 from trackbench.report.pairs import Pair, Pairs
 from trackbench.report.scenes import runs_in_words
-from trackbench.results import MOST_DRAWN, ExpectationResult, PrecisionReached, Result, TrackerResult
+from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
 from trackbench.results.summary import Summary
 from trackbench.results.tracker_result import ORACLE
 
@@ -76,6 +76,8 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
         parts.append(f"diverged in {health.diverged_runs} of {counted(runs, 'run')}")
     if health.repaired_covariances:
         parts.append(f"covariance repaired {counted(health.repaired_covariances, 'time')}")
+    if health.missing_estimates:
+        parts.append(counted(health.missing_estimates, "missing estimate"))
     if health.non_finite_estimates:
         parts.append(counted(health.non_finite_estimates, "non-finite estimate"))
     return "; ".join(parts)
@@ -199,37 +201,34 @@ def other_switch_costs(result: Result) -> str:
     return " ".join([stated, *(others or [f"With {low} and with {high} the order is the same."])])
 
 
-def common(result: Result) -> str:
-    """Which estimates count, where some trackers gave more than others."""
-    share = result.summary.score.common_share
-    if share is None or share > 1 - SILENCE:
-        return ""
-    return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
+def missing_estimates(result: Result) -> list[str]:
+    """What is charged for estimates that trackers did not give, where it makes much of their errors; empty of nothing.
 
-
-def not_called_better(result: Result) -> list[str]:
-    """Whose smaller errors do not count as better, since it gave fewer estimates, and what helps; empty of none.
-
-    For example "but own, kf: smaller errors than raw, not called better: 5 % fewer estimates".
+    For example "mine: 42 % of its squared position error is charged for missing estimates (0.123 m without)".
     """
-    shares = Pairs(result.summary).fewer_estimates([tracker.name for tracker in result.contenders])
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for name, by_other in shares.items():
-        alike.setdefault(tuple(by_other), []).append(name)
-    lines = []
-    for others, names in alike.items():
-        fewer = _from_to([shares[name][other] for name in names for other in others])
-        lines.append(
-            f"but {', '.join(names)}: smaller errors than {joined(others)}, not called better: {fewer} fewer estimates"
+    sentences = []
+    for tracker in result.scored:
+        for path, what in (("position_rmse", "position"), ("velocity_rmse", "velocity")):
+            metric = tracker.metrics.get(path)
+            if metric is not None and _much_is_charged(metric):
+                charged = f"{percent(metric.charged_share)} of its squared {what} error is charged"
+                sentences.append(
+                    f"{tracker.name}: {charged} for missing estimates ({_without_charged(metric)} without)"
+                )
+    turned = Pairs(result.summary).turned([tracker.name for tracker in result.contenders])
+    for name, others in turned.items():
+        sentences.append(
+            f"{name} is not called better than {joined(others)}: its errors are smaller only with what is charged"
         )
-    if lines and result.summary.score.settle_s == 0:
-        lines.append("score.settle_s leaves the time after a track's start out of the scores")
-    return lines
+    return sentences
 
 
-def _from_to(shares: Sequence[float]) -> str:
-    """ "5 %", "2 % to 5 %"."""
-    return " to ".join(dict.fromkeys(percent(end(shares)) for end in (min, max)))
+def _much_is_charged(metric: MetricValue) -> bool:
+    return metric.charged_share is not None and metric.charged_share > MOST_CHARGED
+
+
+def _without_charged(metric: MetricValue) -> str:
+    return f"{fixed(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
 
 
 def failure(result: Result, tracker: TrackerResult) -> str:
@@ -262,11 +261,13 @@ def headline(result: Result) -> str:
         text += f"; equivalent to {_listed(equivalent)} (within {margin_words(summary.score.margin, 'm')})"
     if undecided:
         text += f"; whether it is better than {_listed(undecided)} is undecided"
-    if fewer := pairs.fewer_estimates(names).get(names[0], {}):
-        share = _from_to([*fewer.values()])
-        text += f"; it is not called better than {_listed([*fewer])}, since it gave {share} fewer estimates"
+    if turned := pairs.turned(names).get(names[0], []):
+        text += f"; it is not called better than {_listed(turned)}: its errors are smaller only with what is charged"
+    if _much_is_charged(metric):
+        charged = f"{percent(metric.charged_share)} of its squared error is charged for missing estimates"
+        text += f"; {charged} ({_without_charged(metric)} without)"
     second = pairs.get(names[1], names[0]) if len(names) > 1 else None
-    if equivalent or undecided or fewer or second is None:
+    if equivalent or undecided or turned or second is None:
         return text + "."
     gap = meaningful(second.value, second.half_width)
     bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""

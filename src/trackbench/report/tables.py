@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TypeVar
 
 from trackbench.document import Cell, Column, Table, Tone
-from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import WHITENESS_TOLERANCE, mean_text
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
 from trackbench.report.pairs import Pair, Pairs, letters
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
@@ -62,7 +62,10 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
         return _missing(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
-    return estimate_cell(fixed(scale * metric.value, places), ci95, places, metric.verdict)
+    cell = estimate_cell(fixed(scale * metric.value, places), ci95, places, metric.verdict)
+    if metric.without_charged is None:
+        return cell
+    return replace(cell, details=(*cell.details, f"given {fixed(scale * metric.without_charged, places)}"))
 
 
 def _missing(metric: MetricValue) -> Cell:
@@ -140,6 +143,7 @@ def ranking(result: Result) -> Table:
     margin = margin_words(result.summary.score.margin, "m")
     letter = f"of two that share a letter neither was shown to be better by more than {margin}"
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
+    counted = "a missing estimate is charged; given: of the estimates that were given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "steps with a vehicle present at which there is an estimate"
     diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
@@ -148,9 +152,9 @@ def ranking(result: Result) -> Table:
         (Column("#", "rank by position RMSE"), ranks),
         (TRACKER, names(trackers)),
         (Column("group", letter, left=True), groups),
-        (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
-        (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),
-        (Column("course RMSE, deg", details=INTERVAL), values(trackers, "course_rmse")),
+        (Column("position RMSE, m", counted, details=INTERVAL), values(trackers, "position_rmse")),
+        (Column("velocity RMSE, m/s", counted, details=INTERVAL), values(trackers, "velocity_rmse")),
+        (Column("course RMSE, deg", counted, details=INTERVAL), values(trackers, "course_rmse")),
         (Column("NEES, 4 expected", judged, details=VERDICT), values(trackers, "nees")),
         (
             Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
@@ -240,7 +244,7 @@ def innovations(result: Result) -> list[Table]:
             (below, inside),
             (Column("lag-1 autocorrelation", white, details=VERDICT), values(trackers, f"whiteness.{sensor}")),
         ]
-        if any(metric.coverage is not None and metric.coverage < 1 - SILENCE for metric in nis):
+        if any(metric.coverage is not None and metric.coverage < LEAST_COVERAGE for metric in nis):
             columns.insert(1, (Column("taken in, %", taken_in), [Cell(_percents(m.coverage)) for m in nis]))
         tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
     return tables

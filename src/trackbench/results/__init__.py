@@ -19,7 +19,6 @@ from trackbench.results.summary import (
     SCHEMA_VERSION,
     Difference,
     ExpectationResult,
-    FewerEstimates,
     PrecisionReached,
     Summary,
 )
@@ -38,7 +37,6 @@ __all__ = [
     "Difference",
     "ExpectationResult",
     "Failure",
-    "FewerEstimates",
     "Health",
     "MetricValue",
     "PrecisionReached",

@@ -51,6 +51,10 @@ class MetricValue(ResultModel):
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None
     """For example ``consistent`` or ``white``."""
+    charged_share: float | None = None
+    """Share of the squared error that is charged for missing estimates; None where none is missing."""
+    without_charged: float | None = None
+    """The value over the estimates that were given alone."""
     conditions: tuple[ConditionVerdict, ...] | None = None
     """Those under which the statistic was judged, which the verdict takes into account."""
 

@@ -48,8 +48,6 @@ class ScoreSummary(ResultModel):
     """An object that has been out of view of every sensor for longer is not scored."""
     min_coverage: float
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
-    common_share: float | None
-    """Share of the estimates that are due which all ranked trackers gave; these alone are scored."""
     from_s: float
     """The first instant at which a sensor looks; trackers are asked and scored from here on."""
     to_s: float

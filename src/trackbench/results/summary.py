@@ -14,15 +14,7 @@ from trackbench.results.score_summary import ScoreSummary
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.tracker_result import TrackerResult
 
-SCHEMA_VERSION = 3
-
-
-class FewerEstimates(ResultModel):
-    """Of two trackers the one with the better values, which is not called better: it left out what the other gave."""
-
-    tracker: str
-    share: float
-    """Of the estimates that are due, by how much its share is smaller than that of the other."""
+SCHEMA_VERSION = 4
 
 
 class Difference(ResultModel):
@@ -43,8 +35,14 @@ class Difference(ResultModel):
     """The tracker that is shown to be better by more than the margin."""
     verdict: str
     """The same in words; ``larger`` and ``smaller``, of ``a``, where the difference is shown and neither is better."""
-    fewer_estimates: FewerEstimates | None = None
-    """Why neither is better where the difference is shown; None where that is not so."""
+    without_charged: float | None = None
+    """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
+    for missing ones. Neither is called better where this has the other sign."""
+
+    @property
+    def turned(self) -> bool:
+        """Whether the difference is shown, and neither is called better since it turns without what is charged."""
+        return self.better is None and self.without_charged is not None and self.without_charged * self.value < 0
 
 
 class ExpectationResult(ResultModel):

@@ -49,6 +49,8 @@ class Health(ResultModel):
     repaired_covariances: int | None = None
     repaired_runs: int | None = None
     non_finite_estimates: int = 0
+    missing_estimates: int | None = None
+    """How many of the estimates that were due it did not give; None where identities are hidden."""
     reused_ids: int | None = None
     """Identities that were used again after their track had ended; None where identities are known."""
 
@@ -57,6 +59,9 @@ class ConditionScores(ResultModel):
     """Scores of the estimates under one condition."""
 
     count: int
+    """Number of errors."""
+    given: int | None = None
+    """How many of them are of an estimate that the tracker gave; results of earlier versions do not say it."""
     runs: int
     position_rmse: MetricValue | None = None
     velocity_rmse: MetricValue | None = None
@@ -89,6 +94,8 @@ class TrackerResult(ResultModel):
     """How a built-in tracker of several objects associates; None of any other."""
     baseline: bool = False
     """Whether it filters nothing, which is what any tracker has to beat."""
+    sensors: list[str] | None = None
+    """Names of those that it reads; None: all."""
     smoother: str | None = None
     """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     engine: ComputedBy | None = None

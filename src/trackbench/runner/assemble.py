@@ -63,9 +63,12 @@ def assemble(
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     pairs = []
     if work.has_truth:
-        compared = {name: scores.evaluations[name].intervals for name in scores.coverage}
+        ranked = {name: item for name, item in scores.evaluations.items() if name in scores.ranked}
+        intervals, values = (
+            {name: getattr(item, field) for name, item in ranked.items()} for field in ("intervals", "values")
+        )
         wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-        pairs = differences(compared, work.metrics, margin, scores.coverage, wanted)
+        pairs = differences(intervals, work.metrics, margin, values, wanted)
     trackers = [_tracker(work, name, scores, engines.get(name)) for name in work.trackers]
     min_coverage = 0.0 if hidden else work.min_coverage
     expectations = judge(scenario.expect, trackers, pairs, min_coverage)
@@ -94,7 +97,6 @@ def assemble(
             divergence_m=work.divergence,
             lost_after_s=work.lost_after,
             min_coverage=min_coverage,
-            common_share=scores.common_share,
             cutoff_m=work.cutoff,
             switch_costs_s=work.switch_costs if hidden else None,
             from_s=min(float(time[0]) for time in instants),
@@ -122,6 +124,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "describe": describe(config, work.late_sensors),
         "association": None if associate is None else associate.method,
         "baseline": getattr(config, "use", None) == BASELINE,
+        "sensors": config.sensors_used,
         "smoother": getattr(config, "smoother", None),
         "engine": None if engine is None else engine.engine,
         "failed": failure,

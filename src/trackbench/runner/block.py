@@ -79,9 +79,6 @@ def run_block(
 ) -> Block:
     """Synthesise the measurements of some runs, take every tracker through them and score it.
 
-    With known identities all trackers take the same stretch of instants before any goes on, so that they are scored
-    where all of them gave an estimate.
-
     Args:
         work: what all blocks share.
         piece: the runs of this block.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure, MetricValue
 from trackbench.runner.block import Block, failures_and_outcomes
@@ -27,13 +26,9 @@ class Evaluated:
     evaluations: Mapping[str, Evaluation]
     """By each other tracker, its metrics."""
     ranked: Sequence[str]
-    """Those with enough estimates, best first. They are scored where all of them gave an estimate."""
-    coverage: Mapping[str, float]
-    """By ranked tracker, the share of the estimates due that it gave; in the order in which they are compared."""
+    """Those with enough estimates, best first."""
     scores: Mapping[str, BlockScores] = field(default_factory=dict)
     """With known identities, by each tracker that did not fail, the sums over all runs."""
-    common_share: float | None = None
-    """With known identities, the share of the estimates due that all ranked trackers gave."""
     tracks: Mapping[str, Sequence[TrafficScores]] = field(default_factory=dict)
     """With hidden identities, by each tracker that did not fail, what its blocks left."""
 
@@ -45,20 +40,12 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         return _evaluated_tracks(work, failures, outcomes)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
-    together = frozenset(name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage)
-    evaluations = {
-        name: evaluate(item, work.scene_of_run, work.metrics, together if name in together else frozenset({name}))
-        for name, item in sums.items()
-    }
-    errors = {name: evaluations[name].intervals.get(work.headline) for name in together}
+    evaluations = {name: evaluate(item, work.scene_of_run, work.metrics) for name, item in sums.items()}
+    enough = [name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage]
+    errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
     ranked = sorted(values, key=lambda name: (values[name], list(sums).index(name)))
-    coverage = {name: item.coverage for name, item in scores.items() if name in ranked}
-    common_share = None
-    if ranked:
-        count = evaluations[ranked[0]].scores.per_run[ERROR["count"]]
-        common_share = float(count.sum() / scores[ranked[0]].due.sum())
-    return Evaluated(failures, evaluations, ranked, coverage, scores, common_share)
+    return Evaluated(failures, evaluations, ranked, scores)
 
 
 def _evaluated_tracks(
@@ -69,7 +56,7 @@ def _evaluated_tracks(
     ranked = list(evaluations)
     if all(work.headline in evaluation.intervals for evaluation in evaluations.values()):
         ranked.sort(key=lambda name: evaluations[name].intervals[work.headline].value)
-    return Evaluated(failures, evaluations, ranked, dict.fromkeys(ranked, 1.0), tracks=outcomes)
+    return Evaluated(failures, evaluations, ranked, tracks=outcomes)
 
 
 def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evaluation:

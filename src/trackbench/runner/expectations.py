@@ -62,9 +62,9 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     if difference is None:
         return " (not compared)"
     value = difference.value if difference.a == tracker else -difference.value
-    word, fewer = difference.verdict, difference.fewer_estimates
-    if fewer is not None:
-        word = f"{size(value)}, but {fewer.tracker} gave {100 * fewer.share:.0f} % fewer estimates"
+    word = difference.verdict
+    if difference.turned:
+        word = f"{size(value)}, but not without what is charged for missing estimates"
     return f" (difference {value:+.3g} {difference.unit}, {word}, p = {difference.p_value:.2g})"
 
 

@@ -11,7 +11,7 @@ from trackbench.base.types import Estimate, Gaussian, Scan
 from trackbench.driving.drive import DriveStep, TrackerDrive, scans_read
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import compute_by
-from trackbench.metrics import BlockScores, MetricSums, Scorer, score_together
+from trackbench.metrics import BlockScores, MetricSums, Scorer, score_waiting
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
@@ -46,7 +46,7 @@ class LabelledOutcome:
 
 
 class LabelledRun(TrackerRun[Estimate | None]):
-    """One tracker; all of those of a block are scored together, where all of them gave an estimate.
+    """One tracker of single objects.
 
     Args:
         work: what all blocks share.
@@ -84,6 +84,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             single=work.over_stretches,
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
+            measured=lambda: targets.measured(config),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
         batch = objects * len(piece.runs)
@@ -118,7 +119,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         if self.failure is not None:
             return self.failure
         outcome = LabelledOutcome(self.scorer.close(), self._recorded, self._modes)
-        if outcome.scores.due.sum() > 0 and not outcome.scores.errors:
+        if outcome.scores.due.sum() > 0 and not outcome.scores.given:
             self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._target.time) - 1, None)
         return self.failure or outcome
 
@@ -168,7 +169,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
 def score_labelled_runs(trackers: Sequence[LabelledRun]) -> None:
     """Score what those that have not failed gave at the latest instants."""
     going = [tracker for tracker in trackers if tracker.failure is None]
-    faults = score_together([tracker.scorer for tracker in going])
+    faults = score_waiting([tracker.scorer for tracker in going])
     for tracker in going:
         fault = faults.get(tracker.name)
         if fault is not None:

@@ -147,7 +147,7 @@ def road_records(truth: Truth) -> list[Record]:
 def _step_record(name: str, evaluation: Evaluation, time: Array) -> Record:
     """Errors at each instant over runs and objects, with the reference."""
     sums, spread = dict(zip(ERROR, evaluation.scores.per_step, strict=True)), evaluation.scores.spread
-    bounds = _bounds("nees", 4, sums["count"])
+    bounds = _bounds("nees", 4, sums["given"])
     return {"tracker": name, "time_s": time, **sums, "position_p10_m": spread[0], "position_p90_m": spread[1], **bounds}
 
 

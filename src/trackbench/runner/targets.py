@@ -7,8 +7,9 @@ import numpy as np
 from trackbench.base.types import Array, Indices, Mask, of_runs
 from trackbench.driving.drive import SAME_TIME
 from trackbench.metrics import Target
-from trackbench.metrics.conditions import Classes, conditions, out_of_view
+from trackbench.metrics.conditions import FIRST, Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
+from trackbench.metrics.silence import measured_positions
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -37,8 +38,10 @@ class Targets:
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
         }
-        self.due = self._where_due()
+        self.due, self.starting = self._where_due()
         """``(instants, objects, runs)``"""
+        self._scans = measurements.scans
+        self._measured: dict[frozenset[str], Array] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
@@ -46,7 +49,21 @@ class Targets:
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._work.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
-        return Target(self._time, self.state, self._alive, self.due, self._work.divergence, self._references[case])
+        return Target(
+            self._time, self.state, self._alive, self.due, self.starting, self._work.divergence, self._references[case]
+        )
+
+    def measured(self, tracker: FilterConfig | PluginConfig) -> Array:
+        """``(2, instants, batch)`` m, the latest measured position: of the sensors that a tracker reads, before their
+        first measurement of an object that of any sensor."""
+        read = self._positions(frozenset(tracker.sensors_used or self._valid))
+        return np.where(np.isnan(read), self._positions(frozenset(self._valid)), read)
+
+    def _positions(self, sensors: frozenset[str]) -> Array:
+        if sensors not in self._measured:
+            scans = [scan for scan in self._scans if scan.sensor in sensors]
+            self._measured[sensors] = measured_positions(scans, self._time)
+        return self._measured[sensors]
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
@@ -54,8 +71,10 @@ class Targets:
         read = [sensor for sensor in scene.sensors if named is None or sensor.name in named]
         return conditions(scene.truth, scene.instants(), read, self._piece.runs)
 
-    def _where_due(self) -> Mask:
-        """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse.
+    def _where_due(self) -> tuple[Mask, Mask]:
+        """``(instants, objects, runs)`` where estimates count, and the first second after a detection.
+
+        The same for all trackers, so that what one does not read is no excuse.
 
         An object that was out of view for long counts as a new one: from when it is detected again.
         """
@@ -63,8 +82,12 @@ class Targets:
         seen = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
         lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
         last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
-        settled = self._detections(self._time[:, None, None] - self._work.settle) > self._detections(last_lost)
-        return np.asarray(self._alive[:, :, None] & ~lost & settled)
+        before = self._detections(last_lost)
+        known, settled, later = (
+            self._detections(self._time[:, None, None] - since) > before for since in (0.0, self._work.settle, FIRST)
+        )
+        in_view = self._alive[:, :, None] & ~lost
+        return in_view & settled, in_view & known & ~later
 
     def _detections(self, until: Array) -> Indices:
         """``(instants, objects, runs)`` how many had arrived by some times, ``(instants, objects or 1, runs or 1)``."""

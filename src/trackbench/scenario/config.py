@@ -113,7 +113,11 @@ class Margin(Config):
 class Score(Config):
     """Which errors count, and what they are held against."""
 
-    settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
+    settle_s: NonNegative = Field(
+        1,
+        description="Time after an object's first detection that is left out of the scores, s; start_delay and "
+        "start_position_rmse tell of its first second.",
+    )
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     lost_after_s: Positive = Field(
         1,

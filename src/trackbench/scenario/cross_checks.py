@@ -56,9 +56,11 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 
 def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
-    if scenario.score.settle_s >= truth.duration_s:
-        longest = f"truth.duration_s, which is {truth.duration_s:g}"
-        yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
+    settle = scenario.score.settle_s
+    if scenario.sensing.identities == "known" and settle >= truth.duration_s:
+        default = "" if "settle_s" in scenario.score.model_fields_set else f"is {settle:g} where it is not stated, and "
+        message = f"{default}must be shorter than truth.duration_s, which is {truth.duration_s:g}"
+        yield Problem(("score", "settle_s"), message)
     truth_rate = truth.rate_hz
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None:

@@ -215,7 +215,6 @@ def _summary() -> Summary:
             divergence_m=10.0,
             lost_after_s=5.0,
             min_coverage=0.5,
-            common_share=1.0,
             from_s=0.0,
             to_s=TIME[-1],
             margin=MARGIN,

@@ -58,6 +58,7 @@ trackers:
     yaw_acceleration_sigma_radps2: 0.3
   raw: {use: raw}
 monte_carlo: {runs: 3, seed: 4}
+score: {settle_s: 0}
 expect:
   - {tracker: ekf, metric: position_rmse, below: 0.4}
 """

@@ -39,6 +39,7 @@ SCENARIO = {
         "late": {**CV, "initial": {"skip": 5}},
     },
     "monte_carlo": {"runs": 4, "seed": 4},
+    "score": {"settle_s": 0},
 }
 
 

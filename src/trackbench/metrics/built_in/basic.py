@@ -60,6 +60,16 @@ class RootMeanSquare(EstimateMetric):
         error = root(ratio(np.asarray(total), count))
         return scaled(error, math.degrees(1.0)) if self.unit == "deg" else error
 
+    def without_charged(self, sums: Scores) -> tuple[float, float] | None:
+        total, charged = (
+            sum(float(part[ERROR[row]].sum()) for row in self.rows) for part in (sums.per_part, sums.charged)
+        )
+        given = float((sums.per_part[ERROR[self.count]] - sums.charged[ERROR[self.count]]).sum())
+        if not sums.charged[ERROR["count"]].any() or not given or not total:
+            return None
+        alone = math.sqrt(max(total - charged, 0.0) / given)
+        return charged / total, math.degrees(alone) if self.unit == "deg" else alone
+
     def of_runs(self, *columns: Array) -> Interval | None:
         errors, count = columns
         if count.sum() == 0:
@@ -116,21 +126,22 @@ class Nees(EstimateMetric):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return "nees_mean", "count"
+        return "nees_mean", "given"
 
     def of_runs(self, *columns: Array) -> Interval | None:
         mean, count = columns
         return ratio(np.nan_to_num(mean) * count, count, at_least=0.0) if count.sum() > 0 else None
 
     def finish(self, sums: Scores) -> Outcome:
-        count, total = sums.per_part[ERROR["count"]], sums.per_part[ERROR["nees"]]
+        count, total = sums.per_part[ERROR["given"]], sums.per_part[ERROR["nees"]]
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
-        inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
+        inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
         mean = ratio(total, count, at_least=0.0)
         value = _chi_square(mean, 4, inside)
         conditions = judged(breakdown(sums.classes))
-        word = together(mean.value, value.verdict or "undecided", conditions)
+        whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
+        word = together(mean.value, whole or "undecided", conditions)
         return value.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
-from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_together
+from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
+from trackbench.metrics.silence import SAME_TIME
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
@@ -274,8 +276,6 @@ NOT_RECORDED = (
 def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
     """What each tracker that did not fail reached in the one recorded run.
 
-    As in the run, those that are ranked are scored where all of them gave an estimate.
-
     Raises:
         InputError: what was recorded cannot be scored.
     """
@@ -293,20 +293,38 @@ def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
     # What the sensors could see is not recorded, so that nothing is broken down by it.
     alike = np.zeros((len(recorded.time), len(recorded.objects), 1), dtype=np.int16)
     scorers = {
-        name: Scorer(recorded.target(name), alike, {sensor: len(items) for sensor, items in own.items()}, tracker=name)
+        name: Scorer(
+            recorded.target(name),
+            alike,
+            {sensor: len(items) for sensor, items in own.items()},
+            tracker=name,
+            measured=partial(_measured, result, recorded, result[name].sensors),
+        )
         for name, own in innovations.items()
     }
     for instant in range(len(recorded.time)):
         for name, scorer in scorers.items():
             _take(scorer, recorded, recorded.tracks[name], innovations[name], instant)
         if instant == len(recorded.time) - 1 or any(scorer.full for scorer in scorers.values()):
-            for name, fault in score_together(list(scorers.values())).items():
+            for name, fault in score_waiting(list(scorers.values())).items():
                 raise InputError(f"the recorded estimates of {name} cannot be scored: {fault.cause}") from fault
-    together = frozenset(tracker.name for tracker in result.scored) & frozenset(scorers)
-    return [
-        _reached(result[name], scorer, together if name in together else frozenset({name}))
-        for name, scorer in scorers.items()
-    ]
+    return [_reached(result[name], scorer) for name, scorer in scorers.items()]
+
+
+def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | None) -> Array:
+    """``(2, instants, objects)`` m, the latest measured position of each object, as the run charges it."""
+    positions = np.full((2, len(recorded.time), len(recorded.objects)), np.nan)
+    rows = columns(result.tables.measurements)
+    own = np.ones(len(rows["time_s"]), dtype=bool) if sensors is None else np.isin(rows["sensor"], sensors)
+    for place, name in enumerate(recorded.objects):
+        for counted in (np.ones_like(own), own):
+            valid = np.flatnonzero(counted & (rows["object"] == name) & (rows["valid"] > 0))
+            valid = valid[np.argsort(rows["time_s"][valid], kind="stable")]
+            latest = np.searchsorted(rows["time_s"][valid], recorded.time + SAME_TIME, side="right") - 1
+            for row, column in enumerate(("x_m", "y_m")):
+                values = np.append(rows[column][valid], np.nan)[latest]
+                positions[row, :, place] = np.where(latest >= 0, values, positions[row, :, place])
+    return positions
 
 
 def _take(
@@ -326,9 +344,9 @@ def _take(
     scorer.estimate(estimate)
 
 
-def _reached(tracker: TrackerResult, scorer: Scorer, together: frozenset[str]) -> TrackerResult:
+def _reached(tracker: TrackerResult, scorer: Scorer) -> TrackerResult:
     sums = scorer.close()
-    values = evaluate(sums, np.zeros(1, dtype=np.intp), givers=together).values
+    values = evaluate(sums, np.zeros(1, dtype=np.intp)).values
     return TrackerResult(
         name=tracker.name,
         describe=tracker.describe,

@@ -1,0 +1,71 @@
+"""How soon a track begins, and how good it is at first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.metrics.intervals import ratio, root
+from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope
+from trackbench.metrics.sums import ERROR
+
+
+class StartMetric(Metric):
+    """A metric of the first second after an object was detected, whatever the settling time.
+
+    The sums are ``(2, runs)``: a total, and the number of its terms.
+    """
+
+    better = "smaller"
+    at_least = 0.0
+    nothing: ClassVar[str] = "no object was detected"
+
+    def init(self, scope: Scope) -> Array:
+        return np.zeros((2, scope.runs))
+
+    def merge(self, blocks: Sequence[Array]) -> Array:
+        return np.concatenate(blocks, axis=1)
+
+
+class StartDelay(StartMetric):
+    name, unit = "start_delay", "s"
+    meaning = "time without an estimate in the first second after an object is detected, mean over objects"
+
+    def init(self, scope: Scope) -> Array:
+        sums = super().init(scope)
+        starting, time = scope.starting, scope.target.time
+        begins = starting & ~np.concatenate([np.zeros_like(starting[:1]), starting[:-1]])
+        sums[1] = begins.sum(axis=0).reshape(-1, scope.runs).sum(axis=0)
+        self._period = np.diff(time, append=time[-1:])
+        return sums
+
+    def update(self, sums: Array, chunk: Chunk) -> Array:
+        silent = chunk.starting & ~chunk.given
+        if silent.any():
+            lasts = np.where(silent, self._period[chunk.instants, None], 0.0)
+            sums[0] += lasts.sum(axis=0).reshape(-1, chunk.runs).sum(axis=0)
+        return sums
+
+    def finish(self, sums: Array) -> Outcome:
+        total, count = sums
+        return ratio(total, count, at_least=0.0) if count.any() else self.no_value(self.nothing)
+
+
+class StartPositionRmse(StartMetric):
+    name, unit = "start_position_rmse", "m"
+    meaning = "root mean square error of the position in the first second after an object is detected"
+
+    def update(self, sums: Array, chunk: Chunk) -> Array:
+        if chunk.starting.any():
+            squares = chunk.values[ERROR["px"]] + chunk.values[ERROR["py"]]
+            for row, terms in enumerate((squares, 1.0)):
+                of_start = np.where(chunk.starting, terms, 0.0).sum(axis=0)
+                sums[row] += of_start.reshape(-1, chunk.runs).sum(axis=0)
+        return sums
+
+    def finish(self, sums: Array) -> Outcome:
+        total, count = sums
+        return root(ratio(total, count, at_least=0.0)) if count.any() else self.no_value(self.nothing)
