@@ -253,7 +253,7 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
         ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object each"),
         ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
         ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
-        ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], or score is needed, not 3/5\n"),
+        ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], score or existence is needed, not 3/5\n"),
         ("method: gnn", "method: gnn, gate: 9.21", "gate: a probability, such as 0.9999, is needed, not 9.21\n"),
         (
             "method: gnn",

@@ -12,15 +12,16 @@ from rich.console import Console
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.document import Document, Figure, Section, every
+from trackbench.document import Document, Figure, Section, Table, every
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
 from trackbench.metrics.track_events import events_of
+from trackbench.report.association import against_oracle, comparisons
 from trackbench.report.console import print_summary
 from trackbench.report.figures.map import draw_surroundings
 from trackbench.report.result import result_document
-from trackbench.report.sentences import association_against_filtering, verdict_on_tracks
+from trackbench.report.sentences import verdict_on_tracks
 from trackbench.report.tables import ranking
 from trackbench.results import Difference, MetricValue, Result, TrackerResult
 
@@ -130,17 +131,17 @@ def test_the_largest_part_may_be_less_than_half(traffic_result: Result) -> None:
 
 
 def test_the_oracle_is_held_against_the_best_that_shares_its_filter(traffic_result: Result) -> None:
-    (said,) = association_against_filtering(traffic_result)
+    (said,) = against_oracle(traffic_result)
     assert said.startswith("oracle knows which detection is whose: its T-GOSPA of ")
     best = next(tracker.name for tracker in traffic_result.scored if tracker.name != "oracle")
     assert f" {best} " in said
     alone = [traffic_result["oracle"]]
-    assert list(association_against_filtering(traffic_result.updated(trackers=alone, ranking=["oracle"]))) == []
+    assert list(against_oracle(traffic_result.updated(trackers=alone, ranking=["oracle"]))) == []
     others = [
         item if item.name == "oracle" else item.model_copy(update={"describe": "ukf, ctrv"})
         for item in traffic_result.summary.trackers
     ]
-    assert list(association_against_filtering(traffic_result.updated(trackers=others))) == []
+    assert list(against_oracle(traffic_result.updated(trackers=others))) == []
 
 
 @pytest.mark.parametrize(
@@ -162,9 +163,36 @@ def test_an_undecided_difference_says_what_leaves_it_so(
         a=best, b="oracle", metric="tgospa", unit="m", value=sum(ci95) / 2, ci95=ci95, margin=0.02, p_value=0.06,
         better=None, verdict="undecided",
     )  # fmt: skip
-    (said,) = association_against_filtering(traffic_result.updated(differences=[item]))
+    (said,) = against_oracle(traffic_result.updated(differences=[item]))
     assert expected in said
     assert said.endswith(".")
+
+
+def test_an_equal_tracker_is_compared_in_digits_that_mean_something(traffic_result: Result) -> None:
+    best = next(tracker.name for tracker in traffic_result.scored if tracker.name != "oracle")
+    item = Difference(
+        a=best, b="oracle", metric="tgospa", unit="m", value=0.0, ci95=(0.0, 0.0), margin=0.02, p_value=1.0,
+        better=None, verdict="equivalent",
+    )  # fmt: skip
+    metrics = {**traffic_result["oracle"].metrics, "tgospa": MetricValue(value=0.563, unit="m")}
+    trackers = [
+        tracker.model_copy(update={"metrics": metrics}) if tracker.name == "oracle" else tracker
+        for tracker in traffic_result.summary.trackers
+    ]
+    (said,) = against_oracle(traffic_result.updated(trackers=trackers, differences=[item]))
+    assert "its T-GOSPA of 0.563 m is left by filtering" in said
+    assert f"{best} is equivalent to it (95 % interval of the difference 0.00 to 0.00 m)" in said
+
+
+def test_association_and_confirmation_are_compared_apart(traffic_result: Result) -> None:
+    assert [section.title for section in comparisons(traffic_result)] == ["Association under one confirmation rule"]
+    by_score = traffic_result["naive"].model_copy(update={"association": "gnn", "confirmation": "score"})
+    trackers = [by_score if item.name == "naive" else item for item in traffic_result.summary.trackers]
+    (section,) = comparisons(traffic_result.updated(trackers=trackers))
+    assert section.title == "Confirmation under one association"
+    (table,) = (block for block in section.blocks if isinstance(block, Table))
+    assert {row[1].text for row in table.rows} == {"3 of 5", "score"}
+    assert "oracle" not in {row[0].text for row in table.rows}
 
 
 def test_the_costliest_events_are_listed_with_the_commands_that_show_them(

@@ -24,6 +24,7 @@ from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
+from trackbench.report.association import against_oracle, comparisons
 from trackbench.report.audit_sentences import audit_sentences
 from trackbench.report.calibration import (
     BY,
@@ -45,7 +46,6 @@ from trackbench.report.numbers import joined, margin_words, percent
 from trackbench.report.scenes import basis_of_intervals, scenes
 from trackbench.report.sentences import (
     SWITCH_COSTS,
-    association_against_filtering,
     censored,
     expectations_met,
     facts,
@@ -107,12 +107,12 @@ def _standings(result: Result) -> Iterator[Block]:
     labelled = result.summary.identities == "known"
     if not labelled:
         yield Paragraph(other_switch_costs(result))
-        yield from map(Paragraph, association_against_filtering(result))
+        yield from map(Paragraph, against_oracle(result))
 
     def item(tracker: TrackerResult) -> Item:
         sentence, description = (
             verdict_on_tracks(tracker),
-            ", ".join(filter(None, (tracker.association, tracker.describe))),
+            ", ".join(filter(None, (tracker.association, _confirmed(tracker), tracker.describe))),
         )
         if labelled:
             sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
@@ -126,6 +126,10 @@ def _standings(result: Result) -> Iterator[Block]:
         yield Items(tuple(items[name] for name in ranked), numbered=True)
         if len(ranked) < len(items):
             yield Items(tuple(item for name, item in items.items() if name not in ranked))
+
+
+def _confirmed(tracker: TrackerResult) -> str:
+    return f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
 
 
 def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
@@ -143,6 +147,7 @@ def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequenc
         yield _ranking(result, others)
     if len(scored) > 1:
         yield _differences(result, styles)
+        yield from comparisons(result)
     if summary.truth.scenes:
         yield Section("Scene by scene", tuple(scenes(result)))
     if labelled:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, meaningful, percent
-from trackbench.report.pairs import Pair, Pairs
+from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
-from trackbench.results.summary import Summary
-from trackbench.results.tracker_result import ORACLE
 
 #: The parts of T-GOSPA, in words.
 PARTS = {
@@ -142,46 +140,6 @@ def reused_identities(result: Result) -> str:
     times = [(tracker.name, tracker.health.reused_ids) for tracker in result.scored]
     trackers = ", ".join(f"{name} {counted(number, 'time')}" for name, number in times if number)
     return f"identities used again after their track had ended: {trackers}" if trackers else ""
-
-
-def association_against_filtering(result: Result) -> Iterator[str]:
-    """What the oracles say: how much of the error is left when it is known which detection is whose.
-
-    Each is held against the best of the trackers that share its filter.
-    """
-    pairs, scored = Pairs(result.summary), result.scored
-    for oracle in (tracker for tracker in scored if tracker.association == ORACLE):
-        others = [
-            other.name
-            for other in scored
-            if other.association not in (None, ORACLE) and other.describe == oracle.describe
-        ]
-        pair = pairs.get(others[0], oracle.name) if others else None
-        if pair is not None:
-            yield _against_oracle(result.summary, oracle, others[0], pair)
-
-
-def _against_oracle(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) -> str:
-    places, metric = meaningful(pair.value, pair.half_width), oracle.metrics[summary.headline]
-    own = fixed(metric.value, max(places, decimals([metric.value])))
-    margin = margin_words(summary.score.margin, "m")
-    bounds = f" (95 % interval of the difference {interval(pair.ci95, places)} m)" if pair.ci95 else ""
-    # Where the interval alone would say that there is a difference.
-    least = 0.0 if pair.ci95 is None else max(pair.ci95[0], -pair.ci95[1])
-    why = f": it is not shown to be more than {margin}" if least > 0 else ""
-    if least > pair.margin:
-        why = (
-            ": the interval is of this pair alone, and Holm's correction for the number of pairs does not let it count"
-        )
-    what = {
-        "worse": f"Association and confirmation cost {best} {fixed(pair.value, places)} m more{bounds}",
-        "better": f"{best} is {fixed(-pair.value, places)} m below it{bounds}: association is not what limits it",
-        "equivalent": f"{best} is equivalent to it{bounds}: association is not what limits it",
-    }.get(pair.verdict, f"Whether {best} differs from it is undecided{bounds}{why}")
-    return (
-        f"{oracle.name} knows which detection is whose: its {summary.headline_name} of {own} m is left by filtering "
-        f"and by how tracks begin and end. {what}."
-    )
 
 
 def other_switch_costs(result: Result) -> str:

@@ -13,6 +13,7 @@ from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mea
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
 from trackbench.report.pairs import Pair, Pairs, letters
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
+from trackbench.results.summary import Summary
 
 INTERVAL = "95 % interval"
 VERDICT = "verdict, 95 % interval"
@@ -280,6 +281,14 @@ def key_differences(result: Result) -> Table:
         ),
     ]
     return Table.of_columns("differences", columns)
+
+
+def differences_of(summary: Summary, names: Sequence[str], other: str) -> list[Cell]:
+    """Of some trackers minus another, by the metric that ranks."""
+    pairs = Pairs(summary)
+    compared = [pairs.get(name, other) for name in names]
+    places = _places(compared)
+    return [_difference(pair, places) for pair in compared]
 
 
 def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:

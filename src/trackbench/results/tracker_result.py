@@ -96,6 +96,8 @@ class TrackerResult(ResultModel):
     """Whether it filters nothing, which is what any tracker has to beat."""
     sensors: list[str] | None = None
     """Names of those that it reads; None: all."""
+    confirmation: str | None = None
+    """What confirms its tracks, such as "3 of 5"; None of any other."""
     smoother: str | None = None
     """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     engine: ComputedBy | None = None

@@ -125,6 +125,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "association": None if associate is None else associate.method,
         "baseline": getattr(config, "use", None) == BASELINE,
         "sensors": config.sensors_used,
+        "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
         "engine": None if engine is None else engine.engine,
         "failed": failure,

@@ -21,9 +21,8 @@ SHARING: tuple[AssociationMethod, ...] = ("jpda", "jipda", "pmb")
 #: The methods that have a key, where not all have it.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
-    "confirm": COUNTING,
-    "confirm_score": COUNTING,
-    "score_drop": COUNTING,
+    "confirm_score": ("gnn", "jpda"),
+    "score_drop": ("gnn", "jpda"),
     "delete_misses": COUNTING,
     "confirm_existence": EXISTENCE,
     "end_existence": EXISTENCE,
@@ -35,6 +34,10 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "undetected": EXISTENCE,
     "max_cluster": SHARING,
 }
+#: The methods that confirm tracks by a rule; each can by counting.
+CONFIRMED_BY: dict[str, tuple[AssociationMethod, ...]] = {"score": ("gnn", "jpda"), "existence": EXISTENCE}
+#: The rule that a key belongs to.
+RULE_OF = {"confirm_score": "score", "score_drop": "score", "confirm_existence": "existence"}
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100
 
@@ -51,7 +54,7 @@ def _only(fits: Callable[[Any], bool], needed: str) -> BeforeValidator:
 
 
 def _m_of_n(value: Any) -> bool:
-    return value == "score" or (
+    return value in ("score", "existence") or (
         isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
     )
 
@@ -72,13 +75,14 @@ class AssociateConfig(Config):
         description="Probability that an object's detection falls into the gate of its track (chi-square); not oracle.",
     )
     confirm: Annotated[
-        Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score"],
-        _only(_m_of_n, "[M, N], such as [3, 5], or score"),
+        Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score", "existence"] | None,
+        _only(_m_of_n, "[M, N], such as [3, 5], score or existence"),
     ] = Field(
-        [3, 5],
-        description="gnn, jpda, oracle, naive. [M, N]: a track is confirmed with M detections in its first N scans, "
-        "the one that started it included, and deleted as soon as it can no longer have them. score: by the logarithm "
-        "of the likelihood ratio of object and false alarms.",
+        None,
+        description="[M, N], all methods: a track is confirmed with M detections in its first N scans, the one that "
+        "started it included, and deleted as soon as it can no longer have them. score, gnn and jpda: by the logarithm "
+        "of the likelihood ratio of object and false alarms. existence, jipda and pmb: by its probability. Unless "
+        "given, [3, 5] for gnn, jpda and naive, existence for jipda and pmb, and at once, [1, 1], for oracle.",
     )
     confirm_score: float = Field(12, gt=0, description="With confirm: score. A track is confirmed at this score.")
     score_drop: Positive = Field(
@@ -95,7 +99,8 @@ class AssociateConfig(Config):
         "sensor.",
     )
     confirm_existence: Fraction = Field(
-        0.95, description="jipda and pmb. A track is reported once its probability of existence has reached this."
+        0.95,
+        description="With confirm: existence. A track is reported once its probability of existence has reached this.",
     )
     end_existence: Fraction = Field(
         0.5, description="jipda and pmb. A track that was reported is deleted below this probability of existence."
@@ -143,17 +148,38 @@ class AssociateConfig(Config):
         "scan that the tracker takes in place of the stated ones.",
     )
 
+    @property
+    def confirms_by(self) -> list[int] | Literal["score", "existence"]:
+        """``confirm``, or what the method does unless it is given."""
+        if self.confirm is not None:
+            return self.confirm
+        if self.method in EXISTENCE:
+            return "existence"
+        # With no false alarms to fear.
+        return [1, 1] if self.method == "oracle" else [3, 5]
+
+    @property
+    def confirmation(self) -> str:
+        """What confirms a track, in words."""
+        rule = self.confirms_by
+        return rule if isinstance(rule, str) else f"{rule[0]} of {rule[1]}"
+
     def problems(self) -> Iterator[Problem]:
+        rule = self.confirms_by
         for key in (name for name in type(self).model_fields if name in self.model_fields_set):
-            methods = METHODS.get(key, (self.method,))
+            methods, of_rule = METHODS.get(key, (self.method,)), RULE_OF.get(key, rule)
             if self.method not in methods:
                 yield Problem((key,), f"not used with method: {self.method}; remove it, or use {' or '.join(methods)}")
-            elif key in ("confirm_score", "score_drop") and self.confirm != "score":
-                yield Problem((key,), "only used with confirm: score; remove it, or write confirm: score")
-        if self.confirm == "score" and self.method in ("oracle", "naive"):
-            yield Problem(("confirm",), f"method: {self.method} has no score; use [M, N]")
-        elif self.confirm != "score":
-            needed, scans = self.confirm
+            elif rule != of_rule:
+                yield Problem((key,), f"only used with confirm: {of_rule}; remove it, or write confirm: {of_rule}")
+        if isinstance(rule, str):
+            if self.method not in CONFIRMED_BY[rule]:
+                message = (
+                    f"{rule} is not used with method: {self.method}; use [M, N], or {' or '.join(CONFIRMED_BY[rule])}"
+                )
+                yield Problem(("confirm",), message)
+        else:
+            needed, scans = rule
             if not 1 <= needed <= scans <= LONGEST_WINDOW:
                 limits = f"1 to N, and N at most {LONGEST_WINDOW}"
                 yield Problem(("confirm",), f"[M, N] needs M from {limits}, not [{needed}, {scans}]")

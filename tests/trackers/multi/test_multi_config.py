@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from pydantic import ValidationError
 
+from trackbench.trackers.associate import AssociateConfig, AssociationMethod
 from trackbench.trackers.config import FilterConfig
 
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.0}
@@ -22,11 +23,21 @@ def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
     ("associate", "key", "message"),
     [
         ({"method": "oracle", "gate": 0.9}, "gate", "not used with method: oracle; remove it, or use gnn or jpda or"),
-        ({"method": "pmb", "confirm": [3, 5]}, "confirm", "not used with method: pmb; remove it, or use gnn or jpda"),
+        ({"method": "pmb", "confirm": "score"}, "confirm", "score is not used with method: pmb; use [M, N], or gnn or"),
+        (
+            {"method": "gnn", "confirm": "existence"},
+            "confirm",
+            "existence is not used with method: gnn; use [M, N], or",
+        ),
+        (
+            {"method": "pmb", "confirm": [3, 5], "confirm_existence": 0.9},
+            "confirm_existence",
+            "only used with confirm: existence; remove it, or write confirm: existence",
+        ),
         ({"method": "gnn", "delete_existence": 0.1}, "delete_existence", "not used with method: gnn; remove it, or"),
         ({"method": "gnn", "max_cluster": 3}, "max_cluster", "not used with method: gnn; remove it, or use jpda or"),
         ({"method": "gnn", "score_drop": 3.0}, "score_drop", "only used with confirm: score; remove it, or write"),
-        ({"method": "naive", "confirm": "score"}, "confirm", "method: naive has no score; use [M, N]"),
+        ({"method": "naive", "confirm": "score"}, "confirm", "score is not used with method: naive; use [M, N], or"),
         ({"method": "gnn", "confirm": [5, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [5, 3]"),
         ({"method": "gnn", "confirm": [0, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [0, 3]"),
         ({"method": "pmb", "delete_existence": 0.99}, "delete_existence", "must be less than confirm_existence, which"),
@@ -56,3 +67,12 @@ def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) ->
     resting = {**EKF, "initial": {"velocity": "zero"}, "associate": {"method": "gnn"}}
     assert FilterConfig.model_validate(resting).initial.velocity == "zero"
     assert FilterConfig.model_validate(EKF).initial.source == "first_measurement"
+
+
+def test_each_method_has_a_rule_that_confirms_unless_given() -> None:
+    rules = {method: AssociateConfig(method=method).confirmation for method in get_args(AssociationMethod)}
+    assert rules == {
+        "gnn": "3 of 5", "jpda": "3 of 5", "naive": "3 of 5", "jipda": "existence", "pmb": "existence",
+        "oracle": "1 of 1",
+    }  # fmt: skip
+    assert AssociateConfig(method="pmb", confirm=[2, 3]).confirmation == "2 of 3"

@@ -35,11 +35,14 @@ def lidar(time: float, detections: np.ndarray, valid: np.ndarray, probability: f
 
 @pytest.mark.parametrize("probability", [0.5, 0.7, 0.9])
 @pytest.mark.parametrize("rule", [(2, 3), (3, 5), (4, 6)])
-def test_the_probability_of_confirmation_is_the_bernoulli_sum(probability: float, rule: tuple[int, int]) -> None:
+@pytest.mark.parametrize("method", ["gnn", "jipda"])
+def test_the_probability_of_confirmation_is_the_bernoulli_sum(
+    method: str, probability: float, rule: tuple[int, int]
+) -> None:
     needed, scans = rule
     random = np.random.default_rng(4)
     runs = 20_000
-    of, state = tracker(confirm=list(rule)), None
+    of, state = tracker(method, confirm=list(rule)), None
     for k in range(scans):
         # The detection that starts the track is certain.
         seen = (random.random((1, runs)) < probability) | (k == 0)

@@ -13,7 +13,6 @@ from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse
 from trackbench.subjects.tuning.entry import STAYS, current, problem_with
-from trackbench.trackers.associate import COUNTING
 from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS, built_in
 
@@ -179,9 +178,9 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
         method = entry.associate.method
         if method != "oracle":
             parameters.append(Parameter("associate.gate", "odds", *GATE))
-        if method not in COUNTING:
+        if entry.associate.confirms_by == "existence":
             parameters.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
-        elif entry.associate.confirm != "score":
+        elif entry.associate.confirms_by != "score":
             parameters.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
     if not parameters:
         raise InputError(f"{tracker} has no process noise that could be tuned: give --range", file=loaded.path)

@@ -244,7 +244,7 @@ def associated(
         return _established(at, pairs, table.id != NONE, density, config.max_cluster, compute)
     if config.method == "pmb":
         density += at.intensity.new_objects * probability
-    return weighed(at, pairs, table.evidence, density, config.max_cluster, compute)
+    return weighed(at, pairs, table.evidence[:2], density, config.max_cluster, compute)
 
 
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:

@@ -135,22 +135,59 @@ class ExistenceLogic:
         return np.asarray(evidence[0] < np.where(confirmed, self.end, self.delete))
 
 
+@dataclass(frozen=True)
+class CountedExistence:
+    """Detections are counted to confirm a track; the probability that its object exists deletes it.
+
+    Evidence: that of existence, then that of counting.
+    """
+
+    existence: ExistenceLogic
+    count: CountLogic
+
+    size: ClassVar[int] = ExistenceLogic.size + CountLogic.size
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        return np.concatenate([self.existence.begun(count, existence), self.count.begun(count, None)])
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        return np.concatenate([self.existence.after_time(evidence[:2], elapsed), evidence[2:]])
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        existence, counted = judged.existence, self.count.after_scan(self._counted(evidence), judged)
+        assert existence is not None
+        return linalg.vector([existence[0], existence[1], counted[0], counted[1], counted[2]])
+
+    def confirms(self, evidence: Array) -> Mask:
+        return self.count.confirms(self._counted(evidence))
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        exists = self.existence.deletes(evidence, confirmed)
+        return np.asarray(exists | self.count.deletes(self._counted(evidence), confirmed))
+
+    def _counted(self, evidence: Array) -> Array:
+        return linalg.vector([evidence[2], evidence[3], evidence[4]])
+
+
 #: A rule on the evidence ``(k, L)`` of tracks, where k is ``size``. ``begun`` gives that of tracks that begin with a
 #: detection; ``after_time`` and ``after_scan`` move it on; ``confirms`` tells which tracks are to be reported, and
 #: ``deletes`` which end, each ``(L,)``.
-TrackLogic = CountLogic | ScoreLogic | ExistenceLogic
+TrackLogic = CountLogic | ScoreLogic | ExistenceLogic | CountedExistence
 
 
 def track_logic(config: AssociateConfig) -> TrackLogic:
     """The rule that the options describe."""
-    if config.method in EXISTENCE:
-        hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-        limits = config.confirm_existence, config.end_existence, config.delete_existence
-        return ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
-    if config.confirm == "score":
+    rule = config.confirms_by
+    if rule == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)
-    needed, scans = config.confirm
-    return CountLogic(needed, scans, float("inf") if config.delete_misses is None else config.delete_misses)
+    hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
+    limits = config.confirm_existence, config.end_existence, config.delete_existence
+    existence = ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
+    if rule == "existence":
+        return existence
+    needed, scans = rule
+    counting = CountLogic(needed, scans, float("inf") if config.delete_misses is None else config.delete_misses)
+    return CountedExistence(existence, counting) if config.method in EXISTENCE else counting
 
 
 @cache
