@@ -54,9 +54,9 @@ def _sentence(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) ->
     )
 
 
-Part = Literal["association", "confirmation"]
+Choice = Literal["association", "confirmation"]
 #: By what the trackers of a table differ: its title, and what they share.
-_TITLES: dict[Part, tuple[str, str]] = {
+_TITLES: dict[Choice, tuple[str, str]] = {
     "association": ("Association under one confirmation rule", "confirmation"),
     "confirmation": ("Confirmation under one association", "association"),
 }
@@ -81,7 +81,7 @@ def comparisons(result: Result) -> Iterator[Section]:
 _TEXT = "Trackers that differ in {part} alone. Differences, and their verdicts, are those of all pairs of the run."
 
 
-def _table(result: Result, part: Part, caption: str, trackers: list[TrackerResult]) -> Table:
+def _table(result: Result, part: Choice, caption: str, trackers: list[TrackerResult]) -> Table:
     best, metric = trackers[0].name, result.summary.headline
     columns = [
         (TRACKER, [Cell(tracker.name, tracker=tracker.name) for tracker in trackers]),
