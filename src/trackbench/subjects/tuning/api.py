@@ -25,7 +25,7 @@ from trackbench.scenario.shipped import shown_name
 from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.evaluation import Bench
 from trackbench.subjects.tuning.files import default_out, require_out, save_tuning, to_json
-from trackbench.subjects.tuning.held_out import Split, halved
+from trackbench.subjects.tuning.held_out import Split, halved, halved_in_time
 from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_objectives
 from trackbench.subjects.tuning.parameters import (
     has_option,
@@ -96,15 +96,16 @@ def tune_trackers(
     tasks = [_task(name, scenarios, tuned, plan) for name in tuned]
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]
-    test = [
-        bench if item.test is item.train else _bench(item.test, executor, listener)
+    benches = [
+        halved_in_time(bench, plan.objective)
+        if item.test is item.train
+        else (bench, _bench(item.test, executor, listener), item.apart)
         for bench, item in zip(train, halves, strict=True)
     ]
     tunings = []
     for task in tasks:
         with listener.progress(task.tracker, "trials") as advance:
-            apart = [item.apart for item in halves]
-            tunings.append(tune_tracker(task, train, test, apart, executor, plan.isolation, plan.engine, advance))
+            tunings.append(tune_tracker(task, benches, executor, plan.isolation, plan.engine, advance))
     return tunings
 
 

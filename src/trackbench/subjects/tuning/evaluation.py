@@ -29,6 +29,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
 from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled
+from trackbench.subjects.tuning.log_time import GAP, LogTime
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig
@@ -55,6 +56,8 @@ class Bench:
 
     scenario: Scenario
     truths: Sequence[LoadedTruth]
+    held_out: bool | None = None
+    """Of a log, whether it is the stretches of time that are held out, or those that are tuned on; None: all."""
 
     @property
     def name(self) -> str:
@@ -113,6 +116,8 @@ class _Scene(NamedTuple):
     """That is summed beside the usual measures, where it is none of these."""
     measure: str
     """Of tracks, that is kept beside the usual ones."""
+    log_time: LogTime | None = None
+    """Of a single run, the stretches of time that are summed by themselves."""
 
 
 class Evaluator:
@@ -150,8 +155,18 @@ class Evaluator:
         self._work = [replace(item, engine=self.engine) for item in work]
 
     def scenes(self, bench: int) -> Indices:
-        """``(runs,)`` number of the scene of each run of a scenario."""
-        return self._work[bench].scene_of_run
+        """``(runs,)`` number of the scene of each run of a scenario; of stretches of time, which are taken for
+        independent, ``(stretches,)`` the same."""
+        sums = self._start[bench].outcome.sums
+        if self._log_time(self.benches[bench], self._work[bench]) is None or sums is None:
+            return self._work[bench].scene_of_run
+        return np.zeros(sums.values["nees"].shape[1], dtype=np.intp)
+
+    def _log_time(self, bench: Bench, work: Work) -> LogTime | None:
+        """The stretches of time of a single run; None where runs or scenes are what is independent."""
+        if bench.hidden or self._metric is not None or not work.over_stretches:
+            return None
+        return LogTime(max(work.settle, GAP), bench.held_out)
 
     @property
     def start(self) -> list[Outcome]:
@@ -216,9 +231,9 @@ class Evaluator:
 
     def _tasks(self, bench: Bench, work: Work, counted: Sequence[PackedAvailability | None] = ()) -> list[Task]:
         """A function for each scene, and what its calls share."""
-        make = _hidden if bench.hidden else _labelled
+        make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
         constants = [
-            _Scene(work.of_scene(scene), counted[scene] if counted else None, self._metric, self._measure)
+            _Scene(work.of_scene(scene), counted[scene] if counted else None, self._metric, self._measure, log_time)
             for scene in range(len(work.scenes))
         ]
         return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
@@ -295,7 +310,7 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         columns = {key: np.repeat(np.array([float(point[key]) for point in batch.points]), size) for key in batch.keys}
         entry = combined(entry, columns)
     try:
-        sums, available, engine = score_labelled(work, piece, entry, number, counted)
+        sums, available, engine = score_labelled(work, piece, entry, number, counted, scene.log_time)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:

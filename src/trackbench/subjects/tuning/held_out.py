@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
@@ -15,8 +17,11 @@ from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.recorded_checks import same_every_run
 from trackbench.subjects.tuning.entry import Values
-from trackbench.subjects.tuning.evaluation import Evaluator
+from trackbench.subjects.tuning.evaluation import Bench, Evaluator
+from trackbench.subjects.tuning.log_time import GAP, LogTime
 from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.objectives import Objective
+from trackbench.truth.sources import RecordingTruth
 
 #: Scenes of each scenario that are tuned on, and those that are tried on, unless it is said.
 TRAIN_SCENES, TEST_SCENES = 4, 8
@@ -25,8 +30,10 @@ TRAIN_RUNS = 25
 #: The seeds of traffic for tuning begin here: above those that scenarios use.
 FIRST_SEED = 1001
 
-#: What tells noise tried on from noise tuned on where every run has the same truth.
+#: What tells what is tried on from what is tuned on: noise where every run has the same truth; the time of a log; logs.
 SAME_MOTION = "other noise of the same motion"
+SAME_LOG = "other stretches of the same log"
+OTHER_LOGS = "other logs"
 
 
 @dataclass(frozen=True)
@@ -61,15 +68,18 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     """
     config = loaded.config
     several = "seeds" in type(config.truth).model_fields
+    logs = same_every_run(config) and len(config.truth.scenes()) > 1
     if not several and (split.train_scenes is not None or split.test_scenes is not None):
         problem = f"{config.name} has one scene; tuning on others is for truths with seeds"
+        if logs:
+            problem = f"every second log of {config.name} is held out; their number is no choice"
         raise InputError(problem, key="--train-scenes" if split.train_scenes is not None else "--test-scenes")
     train_seed = config.monte_carlo.seed + 1 if split.train_seed is None else split.train_seed
     test_seed = config.monte_carlo.seed if split.test_seed is None else split.test_seed
     if train_seed == test_seed:
         raise InputError("is that of the noise that the values are tried on; give another", key="--train-seed")
     if same_every_run(config):
-        return Halves(loaded, loaded, "")
+        return _halved_logs(loaded)
     runs = config.monte_carlo.runs
     train_runs, test_runs = split.train_runs or (min(runs, TRAIN_RUNS) if several else runs), split.test_runs or runs
     if not several:
@@ -85,6 +95,32 @@ def halved(loaded: Scenario, split: Split) -> Halves:
         _drawn(loaded, test_runs, test_seed, own),
         "other scenes and other noise",
     )
+
+
+def _halved_logs(loaded: Scenario) -> Halves:
+    """Every second log is held out; of one log nothing yet, see :func:`halved_in_time`."""
+    truth = loaded.config.truth
+    if not isinstance(truth, RecordingTruth) or len(truth.scenes()) == 1:
+        return Halves(loaded, loaded, "")
+    train, test = (
+        replace(loaded, config=loaded.config.model_copy(update={"truth": truth.logs(slice(first, None, 2))}))
+        for first in (0, 1)
+    )
+    return Halves(train, test, OTHER_LOGS)
+
+
+def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, str]:
+    """A log with the stretches of time to tune on, the same with those to try on, and what tells the two apart.
+
+    Nothing is held out, and nothing tells them apart, where the log is too short, or where the score is not a sum over
+    time: with hidden identities, and of a metric that has one value in a run.
+    """
+    (loaded,), score = bench.truths, bench.scenario.config.score
+    steps = np.concatenate([item.steps for item in (loaded.measurements or {}).values()])
+    duration = float(np.ptp(loaded.truth.time[steps]))
+    if bench.hidden or objective.metric is not None or duration < LogTime(max(score.settle_s, GAP)).shortest:
+        return bench, bench, ""
+    return replace(bench, held_out=False), replace(bench, held_out=True), SAME_LOG
 
 
 def _drawn(loaded: Scenario, runs: int, seed: int, scenes: list[int] | None = None) -> Scenario:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import TrackerDrive, scans_read
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.conditions import Classes
@@ -20,6 +20,7 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.subjects.tuning.entry import Entry
+from trackbench.subjects.tuning.log_time import LogTime
 from trackbench.subjects.tuning.measures import CONDITIONS, OF_ALL, Sums, condition_members
 from trackbench.trackers.filtered import log_likelihood
 
@@ -74,7 +75,12 @@ class PackedAvailability(NamedTuple):
 
 
 def score_labelled(
-    work: Work, piece: BlockRuns, entry: Entry, trials: int = 1, counted: Availability | None = None
+    work: Work,
+    piece: BlockRuns,
+    entry: Entry,
+    trials: int = 1,
+    counted: Availability | None = None,
+    log_time: LogTime | None = None,
 ) -> tuple[list[Sums], Availability, EngineUsed | None]:
     """The sums of several trials over some runs of one scene, and what computed them.
 
@@ -85,6 +91,7 @@ def score_labelled(
         trials: how many there are.
         counted: the estimates and innovations that are summed, where a trial gives them; unless given, those that the
             first trial gives, which are returned.
+        log_time: of a single run, the stretches of time that are summed, each by itself in place of the run.
 
     Raises:
         Exception: what the tracker raises.
@@ -95,7 +102,8 @@ def score_labelled(
     targets = Targets(work, piece, measurements)
     sensors, scans = entry.sensors_used, measurements.scans
     shape = trials, len(scene.truth.ids), len(piece.runs)
-    sums = _Sums(targets, targets.conditions(entry), shape, len(scans), counted)
+    stretch = None if log_time is None else log_time.stretch(scene.truth.time[scene.instants()])
+    sums = _Sums(targets, targets.conditions(entry), shape, len(scans), counted, stretch)
     # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
     drive = TrackerDrive[Estimate | None](
         lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
@@ -123,7 +131,7 @@ def _tiled(scan: Scan, trials: int) -> Scan:
 
 
 class _Sums:
-    """The sums under way: total and number of the terms of each measure ``(trials, objects, runs)``."""
+    """The sums under way: total and number of the terms of each measure ``(trials, objects, runs or stretches)``."""
 
     def __init__(
         self,
@@ -132,14 +140,19 @@ class _Sums:
         shape: tuple[int, int, int],
         scans: int,
         counted: Availability | None,
+        stretch: Indices | None,
     ) -> None:
         self._state, self._due = targets.state, targets.due
         self._shape, self._counted = shape, counted
+        self._stretch, parts = stretch, shape[2]
+        if stretch is not None:
+            self._due, parts = self._due & (stretch >= 0)[:, None, None], int(stretch.max()) + 1
         self.available = Availability(*(np.zeros((size, *shape[1:]), dtype=bool) for size in (len(self._due), scans)))
         """Of the first trial; filled in where nothing says what counts."""
-        self._sums = {name: (np.zeros(shape), np.zeros(shape)) for name in (*OF_ALL, *HALVES)}
+        sums = *shape[:2], parts
+        self._sums = {name: (np.zeros(sums), np.zeros(sums)) for name in (*OF_ALL, *HALVES)}
         self._member = condition_members(classes)
-        self._nees = np.zeros((2, len(CONDITIONS), shape[0], shape[2]))
+        self._nees = np.zeros((2, len(CONDITIONS), shape[0], parts))
 
     def add_error(self, instant: int, estimate: Estimate) -> None:
         mean = estimate.mean.reshape(4, *self._shape)
@@ -148,21 +161,23 @@ class _Sums:
         square = error * error
         covariance = estimate.covariance.reshape(4, 4, *self._shape)
         nees, whitened, positive = normalised_square(error, covariance)
-        self._add("position_rmse", square[0] + square[1], summed)
-        self._add("velocity_rmse", square[2] + square[3], summed)
-        self._add("nees", np.where(positive, nees, np.nan), summed)
+        part = self._part(instant)
+        self._add("position_rmse", square[0] + square[1], summed, part)
+        self._add("velocity_rmse", square[2] + square[3], summed, part)
+        self._add("nees", np.where(positive, nees, np.nan), summed, part)
         # The factor is triangular: its first rows are those of the position by itself.
-        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), summed)
-        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], summed)
+        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), summed, part)
+        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], summed, part)
         counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, self._shape)])
-        self._nees += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
+        self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
 
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
         log_density = log_likelihood(estimate)
         if log_density is not None:
             log_density = log_density.reshape(self._shape)
             predicted = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
-            self._add("log_likelihood", log_density, self._that_count(predicted, instant, "innovations", number))
+            summed = self._that_count(predicted, instant, "innovations", number)
+            self._add("log_likelihood", log_density, summed, self._part(instant))
 
     def of_trials(self) -> list[Sums]:
         by_run = {name: [values.sum(axis=1) for values in both] for name, both in self._sums.items()}
@@ -180,7 +195,14 @@ class _Sums:
         getattr(self.available, what)[number] = due[0]
         return due
 
-    def _add(self, name: str, values: Array, where: Mask) -> None:
+    def _part(self, instant: int) -> slice:
+        """The sums that an instant belongs to: those of all runs, or of its stretch."""
+        if self._stretch is None:
+            return slice(None)
+        number = max(0, int(self._stretch[instant]))
+        return slice(number, number + 1)
+
+    def _add(self, name: str, values: Array, where: Mask, part: slice) -> None:
         total, count = self._sums[name]
-        total += np.where(where, values, 0.0)
-        count += where
+        total[..., part] += np.where(where, values, 0.0)
+        count[..., part] += where

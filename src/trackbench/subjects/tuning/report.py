@@ -13,7 +13,7 @@ from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
 from trackbench.report.numbers import joined
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import front_figure, pair_figures, response_figure
-from trackbench.subjects.tuning.held_out import SAME_MOTION, MeasureComparison
+from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
 from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
 from trackbench.subjects.tuning.parameters import shown
@@ -42,24 +42,26 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
         return f"{_values(compared)}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
         return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
-    same = [name for name, apart in zip(tuning.scenarios, tuning.apart, strict=True) if apart == SAME_MOTION]
+    # What says less than other scenes would.
+    narrow = [text for text in (SAME_MOTION, SAME_LOG) if text in tuning.apart]
     if len(tuning.scenarios) == 1:
-        return f"{_values(compared)}: {_verdict(tuning, compared[0], same)}", _TONES.get(compared[0].verdict, "warn")
+        return f"{_values(compared)}: {_verdict(tuning, compared[0], narrow)}", _TONES.get(compared[0].verdict, "warn")
     verdicts = [item.verdict for item in compared]
     counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
     if without:
         counts.append(f"not compared in {len(without)}")
     tone: Tone = "bad" if "worse" in verdicts else "warn" if without or "better" not in verdicts else "good"
     text = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
-    if same:
+    for apart in narrow:
+        same = [name for name, own in zip(tuning.scenarios, tuning.apart, strict=True) if own == apart]
         which = "" if len(same) == len(tuning.scenarios) else f" in {' and '.join(same)}"
-        text += f";{which} on {SAME_MOTION}"
+        text += f";{which} on {apart}"
     return f"{_values(compared)}: {text}", tone
 
 
-def _verdict(tuning: Tuning, comparison: MeasureComparison, same: Sequence[str]) -> str:
+def _verdict(tuning: Tuning, comparison: MeasureComparison, narrow: Sequence[str]) -> str:
     """The verdict on the tuned values in the only scenario."""
-    where, measure = f" on {SAME_MOTION}" if same else "", comparison.measure
+    where, measure = "".join(f" on {text}" for text in narrow), comparison.measure
     sign = 1.0 if tuning.objective.better == "larger" else -1.0
     if comparison.verdict == "better":
         return f"better than the start{where}"
@@ -121,8 +123,8 @@ def remarks(tuning: Tuning) -> Iterator[str]:
     for scenario, apart in zip(tuning.scenarios, tuning.apart, strict=True):
         if not apart:
             yield (
-                f"{scenario}: all of its measurements are recorded, so that start and tuned are compared on those that "
-                "the values were tuned on; a second recording would tell whether they hold"
+                f"{scenario}: nothing of its log could be held out, so that start and tuned are compared on what the "
+                "values were tuned on; a second log in truth.path would tell whether they hold"
             )
 
 

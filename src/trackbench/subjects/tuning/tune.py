@@ -189,9 +189,7 @@ class Tuning(TuningTask):
 
 def tune_tracker(
     task: TuningTask,
-    train: Sequence[Bench],
-    test: Sequence[Bench],
-    apart: Sequence[str],
+    benches: Sequence[tuple[Bench, Bench, str]],
     executor: Executor,
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
@@ -201,9 +199,7 @@ def tune_tracker(
 
     Args:
         task: what is tuned, and for what.
-        train: the scenarios to tune on.
-        test: the same with other scenes and noise.
-        apart: of each what tells the two apart.
+        benches: of each scenario what to tune on, what to try on, and what tells the two apart.
         executor: what makes the trials.
         isolation: how a tracker that is not built in is kept apart.
         engine: what computes.
@@ -214,6 +210,7 @@ def tune_tracker(
     """
     objective = task.objective
     wanted = objective.metric, objective.measure
+    train, test, apart = zip(*benches, strict=True)
     evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.count, *wanted)
     start = _start(evaluator, objective)
     used = evaluator.engine_used
@@ -251,7 +248,7 @@ def tune_tracker(
         trials=tuple(made),
         responses=tuple(responses),
         held_out=held_out,
-        apart=tuple(apart),
+        apart=apart,
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
         engine=None if used is None else used.engine,

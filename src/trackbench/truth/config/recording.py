@@ -270,7 +270,7 @@ class RecordingOptions(TruthSource):
 
     def scenes(self) -> Sequence[Self]:
         paths = [path for path in self._paths().values() if isinstance(path, list)]
-        return tuple(self._log(number, name) for number, name in enumerate(log_names(paths[0]))) if paths else (self,)
+        return tuple(self.logs(number, name) for number, name in enumerate(log_names(paths[0]))) if paths else (self,)
 
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """All that are given, by key; that of the truth comes first."""
@@ -283,12 +283,12 @@ class RecordingOptions(TruthSource):
         }
         return {(*key, "path"): entry.path for key, entry in entries.items() if entry is not None and entry.path}
 
-    def _log(self, number: int, name: str) -> Self:
-        """A log by itself."""
+    def logs(self, which: int | slice, name: str = "") -> Self:
+        """One of several logs, or some of them; ``name`` is that of the scene."""
 
         def of_log(entry: Any) -> Any:
             several = entry is not None and isinstance(entry.path, list)
-            return entry.model_copy(update={"path": entry.path[number]}) if several else entry
+            return entry.model_copy(update={"path": entry.path[which]}) if several else entry
 
         columns = self.columns
         update = {
