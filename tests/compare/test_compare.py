@@ -125,13 +125,13 @@ def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str)
 
 def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
     """A run is the same whatever the number of runs in each scene; the scenes are what is independent."""
-    scenes = "truth.seeds=3"
+    scenes = "truth.seeds=5"
     base, longer = keep(scenes, "monte_carlo.runs=4"), keep(scenes, "monte_carlo.runs=6", WORSE_EKF)
-    assert how(base, longer).reason == "over the 12 runs of 18 here and 12 there with equal fingerprints"
+    assert how(base, longer).reason == "over the 20 runs of 30 here and 20 there with equal fingerprints"
     found = by_tracker(compare([base, longer]))
     assert found["raw"].identical
     same_length = by_tracker(compare([base, keep(scenes, "monte_carlo.runs=4", WORSE_EKF)]))["ekf"]
-    assert (found["ekf"].paired_runs, found["ekf"].scenes) == (12, 3)
+    assert (found["ekf"].paired_runs, found["ekf"].scenes) == (20, 5)
     assert found["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
     own = base.entries[0].interval("ekf", POSITION)
     assert own is not None

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackbench.metrics import clustered, ratio, root, scaled, variance_shares
-from trackbench.metrics.intervals import paired
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
 
 
 def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -23,10 +23,10 @@ def by_scene(values: np.ndarray, scene: np.ndarray) -> np.ndarray:
     return np.array([values[scene == one].sum() for one in np.unique(scene)])
 
 
-@given(st.integers(0, 10_000), st.integers(2, 12))
+@given(st.integers(0, 10_000), st.integers(FEWEST_SCENES, 12))
 def test_clustering_is_the_ratio_of_sums_by_scene(seed: int, scenes: int) -> None:
     total, count, scene = sums(seed, scenes)
-    expected = ratio(by_scene(total, scene), by_scene(count, scene))
+    expected = ratio(by_scene(total, scene), by_scene(count, scene), scenes=True)
     found = clustered(ratio(total, count), scene)
     assert found.value == pytest.approx(expected.value)
     assert found.influence == pytest.approx(expected.influence, abs=1e-12)
@@ -41,7 +41,9 @@ def test_paired_differences_cluster_like_those_of_sums_by_scene(seed: int) -> No
     total, count, scene = sums(seed, 7)
     other = total * np.random.default_rng(seed).lognormal(size=len(total))
     found = paired(*(clustered(ratio(values, count), scene) for values in (total, other)))
-    expected = paired(*(ratio(by_scene(values, scene), by_scene(count, scene)) for values in (total, other)))
+    expected = paired(
+        *(ratio(by_scene(values, scene), by_scene(count, scene), scenes=True) for values in (total, other))
+    )
     assert found.ci95 == pytest.approx(expected.ci95)
     assert found.p_value == pytest.approx(expected.p_value)
 
@@ -52,10 +54,25 @@ def test_one_scene_changes_nothing() -> None:
     assert clustered(found, np.full_like(scene, 5)) is found
 
 
-def test_scenes_of_one_run_each_change_nothing_but_the_order() -> None:
+def test_scenes_of_one_run_each_are_still_scenes() -> None:
     total, count, _ = sums(3, 9)
-    found = ratio(total, count)
-    assert clustered(found, np.arange(len(total))).ci95 == pytest.approx(found.ci95)
+    found = ratio(total, count, at_least=0.0)
+    of_scenes = clustered(found, np.arange(len(total)))
+    assert of_scenes.influence == pytest.approx(found.influence)
+    assert of_scenes.ci95 == pytest.approx(found._replace(scenes=True).ci95)
+    assert of_scenes.ci95[1] > found.ci95[1]
+
+
+def test_fewer_scenes_than_the_rule_holds_for_give_no_interval_and_no_verdict() -> None:
+    total, count, _ = sums(3, 9)
+    few, enough = (ratio(total[:size], count[:size], scenes=True) for size in (FEWEST_SCENES - 1, FEWEST_SCENES))
+    assert few.ci95 is None
+    assert few.as_value("m").reason == TOO_FEW_SCENES
+    assert enough.ci95 is not None
+    for contrast in (paired(few, scaled(few, 3.0)), unpaired(few, enough), unpaired(enough, few)):
+        assert contrast.ci95 is None
+        assert contrast.p_value == 1.0
+    assert paired(enough, scaled(enough, 3.0)).ci95 is not None
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])

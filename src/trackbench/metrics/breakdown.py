@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
-from trackbench.metrics.intervals import TOO_SHORT, positive_ends, reach_of_ratio
+from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
@@ -51,14 +51,16 @@ def combined(errors: Array) -> Array:
     return np.tensordot(_COMBINED, errors, 1)
 
 
-def class_sums(cells: Cells, parts: int) -> ClassSums:
+def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
     """The sums of each condition over independent parts.
 
     Args:
         cells: with rows ``FIELDS``.
         parts: how many there are.
+        scenes: whether they are scenes.
     """
-    sums = ClassSums(*(np.zeros((rows, _COLUMNS)) for rows in (len(FIELDS), len(FIELDS), len(FIELDS), 1)))
+    total, square, product = np.zeros((3, len(FIELDS), _COLUMNS))
+    sums = ClassSums(total, square, product, np.zeros((1, _COLUMNS)), scenes)
     codes, place = np.unique(cells.code, return_inverse=True)
     counted = columns(codes)
     for column in np.unique(counted):
@@ -139,23 +141,24 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
     if not sums.total[number, column]:
         return MetricValue(unit="1", dof=DOF[name], reason="no estimate was given")
     mean = float(sums.total[row, column] / sums.total[number, column])
+    parts = Parts(int(sums.parts[0, column]), sums.scenes)
     reach = reach_of_ratio(
         total=sums.total[row, column],
         count=sums.total[number, column],
         square=sums.square[row, column],
         product=sums.product[row, column],
         count_square=sums.square[number, column],
-        runs=int(sums.parts[0, column]),
+        runs=parts.number,
     )
     if name in DOF:
-        return _with_reach(mean, reach, unit="1", dof=DOF[name])
+        return _with_reach(mean, reach, parts, unit="1", dof=DOF[name])
     error = math.sqrt(mean)
     # The root's interval by the delta method.
     slope = 0.5 / error if error > 0 else 0.0
-    return _with_reach(error, slope * reach, unit="m" if name == "position" else "m/s")
+    return _with_reach(error, slope * reach, parts, unit="m" if name == "position" else "m/s")
 
 
-def _with_reach(value: float, reach: float, **more: Any) -> MetricValue:
-    if math.isnan(reach):
-        return MetricValue(value=value, reason=TOO_SHORT, **more)
-    return MetricValue(value=value, ci95=positive_ends(value, reach), **more)
+def _with_reach(value: float, reach: float, parts: Parts, **more: Any) -> MetricValue:
+    if parts.too_few:
+        return MetricValue(value=value, reason=parts.too_few, **more)
+    return MetricValue(value=value, ci95=positive_ends(value, reach, parts.stretch), **more)

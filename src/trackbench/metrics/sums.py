@@ -136,6 +136,8 @@ class ClassSums:
     """The sum of each part times the number of errors, of a NEES times that of estimates, in it."""
     parts: Array
     """``(1, classes)`` number of parts with an estimate of the class."""
+    scenes: bool
+    """Whether the parts are scenes."""
 
 
 @dataclass
@@ -153,6 +155,8 @@ class Scores:
     """``(13, parts)`` rows ``ERROR_FIELDS``."""
     charged: Array
     """``(13, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
+    scenes: bool
+    """Whether the parts are scenes."""
     given: float
     """Number of estimates that were due and given."""
     due: float

@@ -12,7 +12,7 @@ from trackbench.document.terminal import STYLE
 from trackbench.metrics.verdicts import LEAST_COVERAGE, conditions_off, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
 from trackbench.report.pairs import letters
-from trackbench.report.scenes import basis_of_intervals, runs_in_words
+from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
     duration,
     expectations_met,
@@ -122,8 +122,7 @@ def _notes_on_tracks(result: Result) -> list[str]:
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
         f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
         *(["*: a reference, which knows which detection is whose; no competitor"] if any_reference else []),
-        "intervals are in the report; they are",
-        basis_of_intervals(result),
+        *(values_of_few_scenes(result) or ["intervals are in the report; they are", basis_of_intervals(result)]),
         *([reused] if (reused := reused_identities(result)) else []),
     ]
 
@@ -234,7 +233,7 @@ def _notes(result: Result) -> list[str]:
         return [*_notes_on_tracks(result), *(_note_on_groups(result) if summary.truth.known else [])]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     notes = [
-        f"±: 95 %, {basis_of_intervals(result)}",
+        *(values_of_few_scenes(result) or [f"±: 95 %, {basis_of_intervals(result)}"]),
         f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *missing_estimates(result),

@@ -21,6 +21,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
@@ -43,7 +44,7 @@ from trackbench.report.figures.over_time import autocorrelation, modes_over_time
 from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined, margin_words, percent
-from trackbench.report.scenes import basis_of_intervals, scenes
+from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_scenes
 from trackbench.report.sentences import (
     SWITCH_COSTS,
     censored,
@@ -200,6 +201,8 @@ def _ranking(result: Result, others: Table | None) -> Section:
     summary, trackers, drawn = result.summary, result.scored, result.drawn
     margin, references = margin_words(summary.score.margin, "m"), any(tracker.is_reference for tracker in trackers)
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
+    if values_of_few_scenes(result):
+        basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
     shown = "was shown between trackers that share a letter under “group”"
     if summary.identities == "hidden":
         metric, costs = summary.headline_name, summary.score.switch_costs_s or 0.0

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
@@ -30,6 +31,18 @@ def basis_of_intervals(result: Result) -> str:
     if (summary.truth.model_extra or {}).get("random"):
         return "over runs, each with a motion of its own"
     return "over runs of one scene: of the sensors' noise, not of other traffic"
+
+
+def values_of_few_scenes(result: Result) -> list[str]:
+    """What stands in the place of intervals where there are too few scenes for one; empty where there are enough."""
+    every = result.summary.truth.scenes
+    if not 0 < len(every) < FEWEST_SCENES:
+        return []
+    places = decimals([value for scene in every for value in scene.error.values()], 3)
+    lines = [f"no ± with fewer than {FEWEST_SCENES} scenes; {result.summary.headline_name} of each scene, m:"]
+    for tracker in result.scored:
+        lines.append(f"  {tracker.name}: {', '.join(fixed(scene.error.get(tracker.name), places) for scene in every)}")
+    return lines
 
 
 def scenes(result: Result) -> Iterator[Block]:

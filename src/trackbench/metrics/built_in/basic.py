@@ -57,7 +57,7 @@ class RootMeanSquare(EstimateMetric):
             what = "an object that moves" if self.count == "course_count" else "any object"
             return self.no_value(f"there is no estimate of {what} to score")
         total = sum(sums.per_part[ERROR[row]] for row in self.rows)
-        error = root(ratio(np.asarray(total), count))
+        error = root(ratio(np.asarray(total), count, scenes=sums.scenes))
         return scaled(error, math.degrees(1.0)) if self.unit == "deg" else error
 
     def without_charged(self, sums: Scores) -> tuple[float, float] | None:
@@ -137,7 +137,7 @@ class Nees(EstimateMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
-        mean = ratio(total, count, at_least=0.0)
+        mean = ratio(total, count, at_least=0.0, scenes=sums.scenes)
         value = _chi_square(mean, 4, inside)
         conditions = judged(breakdown(sums.classes))
         whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
@@ -159,15 +159,15 @@ class Nis(EstimateMetric):
     )
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
-        return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
+        return {sensor: self._of(nis, sums.scenes) for sensor, nis in sums.nis.items()}
 
-    def _of(self, nis: NisScores) -> MetricValue:
+    def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
         count, total = nis.per_run[NIS["count"]], nis.per_run[NIS["nis"]]
         if count.sum() == 0:
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        value = _chi_square(ratio(total, count, at_least=0.0), nis.dof, inside)
+        value = _chi_square(ratio(total, count, at_least=0.0, scenes=scenes), nis.dof, inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         coverage = _share(count.sum(), expected)
         # The innovations that are missing may be the large ones.
@@ -183,16 +183,16 @@ class Whiteness(EstimateMetric):
     fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
-        return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
+        return {sensor: self._of(nis, sums.scenes) for sensor, nis in sums.nis.items()}
 
-    def _of(self, nis: NisScores) -> MetricValue:
+    def _of(self, nis: NisScores, scenes: bool) -> MetricValue:
         product, square = nis.per_run[NIS["product"]], nis.per_run[NIS["square"]]
         pairs = nis.per_run[NIS["pairs"]].sum()
         if pairs == 0:
             return self.no_value("there are no two innovations in a row")
         if square.sum() == 0:
             return self.no_value("every innovation is zero")
-        correlation = ratio(product, square)
+        correlation = ratio(product, square, scenes=scenes)
         bound = float(1.96 / np.sqrt(pairs * nis.dof))
         return correlation.as_value(self.unit).model_copy(
             update={"bounds95": (-bound, bound), "verdict": whiteness_verdict(correlation.ci95)}
@@ -246,7 +246,8 @@ class OverReference(EstimateMetric):
         reference = sums.per_part[ERROR[self.row]]
         if not reference.sum() > 0:
             return self.no_value("there is no reference to compare with")
-        return root(ratio(np.asarray(sum(sums.per_part[ERROR[row]] for row in self.rows)), reference))
+        squares = np.asarray(sum(sums.per_part[ERROR[row]] for row in self.rows))
+        return root(ratio(squares, reference, scenes=sums.scenes))
 
 
 class PositionOverReference(OverReference):

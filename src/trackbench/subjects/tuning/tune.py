@@ -113,8 +113,10 @@ def _reach(
     square = 0.0
     for number in range(len(evaluator.benches)):
         scene = evaluator.scenes(number)
+        several = len(np.unique(scene)) > 1
         sides = [_influence(objective, *side, number, scene) for side in (own, best)]
-        ends = paired(Interval(0.0, sides[0]), Interval(0.0, sides[1])).ci95
+        first, second = (Interval(0.0, side, scenes=several) for side in sides)
+        ends = paired(first, second).ci95
         if ends is None:
             return None
         square += (ends[1] - ends[0]) ** 2 / 4
