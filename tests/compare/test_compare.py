@@ -135,7 +135,7 @@ def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
     assert found["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
     own = base.entries[0].interval("ekf", POSITION)
     assert own is not None
-    assert len(own.influence) == 3
+    assert len(own.influence) == 5
 
 
 def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
