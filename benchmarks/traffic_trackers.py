@@ -98,7 +98,9 @@ def tracks(method: str, engine: Engine, seen: Traffic) -> Iterator[Tracks]:
     tracker = replace(build_multi(FilterConfig.model_validate(given)), engine=engine)
     state = None
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
-        state, found = tracker.step(state, scan, *((origins,) if tracker.wants_origins else ()))
+        state, found = tracker.step(
+            state, scan, *((np.stack([origins, np.full_like(origins, -1)]),) if tracker.wants_origins else ())
+        )
         yield found
 
 

@@ -102,7 +102,8 @@ class TrackerDrive(Generic[Answer]):
         scans: in the order in which they were taken.
         sensors: names of those that the tracker reads; None: all.
         engine: whose making of kernels is left out of the times.
-        origins: of each scan ``(D, runs)`` the object that each detection stems from, where identities are hidden.
+        origins: of each scan ``(2, D, runs)`` the object that each detection stems from and the second one of a
+            merged detection, where identities are hidden.
         before: called before each step, with the tracker and its delivery.
         given: makes of a scan the one that the tracker is given, such as one of several copies.
     """
@@ -162,4 +163,4 @@ class TrackerDrive(Generic[Answer]):
             return ()
         if delivery.read and delivery.number is not None:
             return (self._origins[delivery.number],)
-        return (np.zeros((0, *self._origins[0].shape[1:]), dtype=np.intp),)
+        return (self._origins[0][:, :0],)

@@ -40,7 +40,7 @@ class Stepper(ABC):
 
         Args:
             scan: ``measurement`` ``(m, batch)``, with hidden identities ``(m, D, runs)``.
-            origins: ``(D, runs)`` the object that each detection stems from, for the tracker that knows them.
+            origins: ``(2, D, runs)`` the objects that each detection stems from, for the tracker that knows them.
         """
 
     @property

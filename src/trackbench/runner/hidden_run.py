@@ -81,7 +81,7 @@ class HiddenRun(TrackerRun[Tracks]):
             hidden.scans,
             config.sensors_used,
             engine=work.engine_here,
-            origins=hidden.origins,
+            origins=[np.stack(both) for both in zip(hidden.origins, hidden.merged, strict=True)],
             before=self._predict,
         )
         super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps])

@@ -39,13 +39,18 @@ def tracker(method: str, filter_name: str = "ekf-cv", **associate: object) -> Mu
     return build_multi(config(method, filter_name, **associate))
 
 
+def alone(origins: Array) -> Array:
+    """Origins of detections of which none is merged."""
+    return np.stack([origins, np.full_like(origins, -1)])
+
+
 def followed(of: MultiObjectTracker, seen: Traffic, run: int | None = None) -> list[Tracks]:
     """The tracks after each scan, of all runs or of one without padding."""
     state, said = None, []
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
         one = scan if run is None else scan_of_run(scan, run)
         own = origins if run is None else origins[: one.valid.size, run]
-        state, tracks = of.step(state, one, *((own,) if of.wants_origins else ()))
+        state, tracks = of.step(state, one, *((alone(own),) if of.wants_origins else ()))
         said.append(tracks)
     return said
 
@@ -178,10 +183,10 @@ def test_an_empty_scan_predicts(method: str) -> None:
     of = tracker(method)
     state = None
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
-        state, before = of.step(state, scan_of_run(scan, 0), *((origins[:, 0],) if of.wants_origins else ()))
+        state, before = of.step(state, scan_of_run(scan, 0), *((alone(origins[:, 0]),) if of.wants_origins else ()))
     last = scan_of_run(seen.scans[-1], 0)
     empty = last._replace(time=last.time + 0.2, measurement=last.measurement[:, :0], valid=last.valid[:0])
-    _, after = of.step(state, empty, *((np.zeros(0, dtype=int),) if of.wants_origins else ()))
+    _, after = of.step(state, empty, *((alone(np.zeros(0, dtype=int)),) if of.wants_origins else ()))
     assert len(before.ids) == 4
     np.testing.assert_array_equal(after.ids, before.ids)
     np.testing.assert_array_equal(after.used, -1)
@@ -196,7 +201,7 @@ def test_scans_that_are_empty_from_the_beginning(method: str) -> None:
     seen = traffic(vehicles(3), 3, runs=2, detection=1.0, clutter=0.0)
     for scan in seen.scans:
         empty = scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
-        state, tracks = of.step(state, empty, *((np.zeros((0, 2), dtype=int),) if of.wants_origins else ()))
+        state, tracks = of.step(state, empty, *((alone(np.zeros((0, 2), dtype=int)),) if of.wants_origins else ()))
         assert tracks.ids.shape == (0, 2)
         assert tracks.mean.shape == (4, 0, 2)
 
@@ -211,6 +216,23 @@ def test_the_oracle_takes_every_detection_of_its_object_and_no_false_alarm() -> 
                 assert origins[column, 0] == owner.setdefault(int(number), int(origins[column, 0]))
     assert sorted(owner.values()) == list(range(8))
     assert FALSE_ALARM not in owner.values()
+
+
+def test_the_oracle_gives_a_merged_detection_to_both_objects() -> None:
+    seen = traffic(vehicles(2, spacing=3.0), 12, detection=1.0, clutter=0.0, sensors=("lidar",))
+    of, state = tracker("oracle"), None
+    for k, (scan, origins) in enumerate(zip(seen.scans, seen.origins, strict=True)):
+        one, both = scan_of_run(scan, 0), alone(origins[: scan.valid.shape[0], 0])
+        if k > 5:
+            kept = both[0] == 0
+            merged = one.measurement[:, kept] + [[0.0], [1.5]]
+            one = one._replace(measurement=merged, valid=np.array([True]), time=scan.time)
+            both = np.array([[0], [1]])
+        state, tracks = of.step(state, one, both)
+        assert tracks.ids.tolist() == [0, 1]
+        if k > 5:
+            assert tracks.used is not None
+            assert tracks.used.tolist() == [0, 0]
 
 
 def test_the_covariance_has_the_spread_of_the_innovations() -> None:

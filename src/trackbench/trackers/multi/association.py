@@ -67,7 +67,7 @@ def decided(at: AssociationInput, track: Indices, detection: Indices, log_ratio:
 
     Args:
         at: the situation.
-        track, detection: ``(P,)`` the pairs, each track and each detection at most once.
+        track, detection: ``(P,)`` the pairs, each track at most once.
         log_ratio: ``(P,)`` logarithm of the likelihood ratio of each.
     """
     of_track, unclaimed = np.full(len(at.run), NONE), np.ones(len(at.detections.run))
@@ -214,7 +214,7 @@ def associated(
         config: the options.
         at: the situation, whose detection probabilities are corrected.
         table: the tracks.
-        origin: ``(N,)`` number of the object that caused each detection, for the oracle.
+        origin: ``(2, N)`` numbers of the objects that caused each detection, for the oracle.
         probability: that an object in view is detected.
         compute: how equations are computed.
     """
@@ -222,8 +222,8 @@ def associated(
         assert origin is not None
         objects = int(max(table.origin.max(initial=-1), origin.max(initial=-1))) + 1
         caused = np.where(origin >= 0, at.detections.run * objects + origin, NONE)
-        track, detection = of_same_object(at.run * objects + table.origin, caused)
-        return decided(at, track, detection, np.zeros(len(track)))
+        track, place = of_same_object(at.run * objects + table.origin, caused.reshape(-1))
+        return decided(at, track, place % max(1, origin.shape[1]), np.zeros(len(track)))
     measured = at.filter.measured(at.detections.scan)
     belief, predicted, _ = at.expected
     threshold = _threshold(config.gate, len(measured.value))

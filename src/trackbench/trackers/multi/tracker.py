@@ -91,15 +91,15 @@ class MultiObjectTracker(ScanTracker):
         Args:
             state: None at first.
             scan: of one run (``measurement`` ``(m, D)``) or of many (``(m, D, runs)``).
-            origins: ``(D,)`` or ``(D, runs)`` number of the object that caused each detection, negative for none;
-                only for the oracle.
+            origins: ``(2, D)`` or ``(2, D, runs)`` number of the object that caused each detection, and of a second one
+                that is merged with it, negative for none; only for the oracle.
 
         A scan that is older than the state is dealt with as ``late`` says; the tracks are then those at the state's
         time. What is replayed may give an id to another object than before the late scan.
         """
         if scan.valid.ndim == 1:
             single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
-            state, tracks = self.step(state, single, None if origins is None else origins[:, None])
+            state, tracks = self.step(state, single, None if origins is None else origins[..., None])
             return state, _alone(tracks)
         scan = self.assumed.read(scan)
         if state is None:
@@ -121,7 +121,7 @@ class MultiObjectTracker(ScanTracker):
         ahead = self._at(state, scan.time)
         config, runs, stated = self.associate, len(ahead.next_id), self._stated_probability(scan)
         detections = side_by_side(scan, as_listed=config.method == "naive")
-        origin = None if origins is None else origins[detections.column, detections.run]
+        origin = None if origins is None else origins[:, detections.column, detections.run]
         density = intensity(
             detections.scan,
             len(expected.measurement.mean),
@@ -228,7 +228,7 @@ class MultiObjectTracker(ScanTracker):
             existence = unclaimed * new / (at.intensity.false_alarms + new)
             which = existence >= config.delete_existence
         if origin is not None:
-            which &= origin >= 0
+            which &= origin[0] >= 0
         own = indices(which)
         none = np.full(len(own), NONE)
         belief = self._track_filter.begin(detections_of(scan, own))
@@ -239,7 +239,7 @@ class MultiObjectTracker(ScanTracker):
             np.full(len(own), scan.time),
             self._logic.begun(len(own), None if existence is None else existence[own]),
             at.detections.column[own],
-            none if origin is None else origin[own],
+            none if origin is None else origin[0, own],
         )
 
     def _stated_probability(self, scan: Scan) -> float:
