@@ -104,3 +104,25 @@ def test_start_from_the_truth_takes_no_measurements(key: str) -> None:
     value = {"skip": 1, "waiting": "at_rest", "sensors": ["lidar"]}[key]
     with pytest.raises(ValidationError, match="not used with from: truth"):
         estimates({"from": "truth", key: value}, [])
+
+
+@pytest.mark.parametrize("source", ["first_measurement", "two_measurements"])
+def test_a_start_with_the_plain_position_of_a_radar(source: str) -> None:
+    measurement = np.array([10.0, 0.5, 1.0])
+    radar = Scan(
+        time=0.0,
+        sensor="radar",
+        kind="radar",
+        measurement=measurement[:, None],
+        valid=np.array([True]),
+        noise_covariance=np.diag([0.3, 0.1, 0.1]) ** 2,
+        sensor_pose=np.zeros(3),
+        sensor_velocity=np.zeros(2),
+        arrival_time=0.0,
+    )
+    scans, plain = [radar, radar._replace(time=1.0, arrival_time=1.0)], 10 * np.array([np.cos(0.5), np.sin(0.5)])
+    place = 0 if source == "first_measurement" else -1
+    start, biased = (estimates({"from": source, "unbiased": unbiased}, scans)[place] for unbiased in (True, False))
+    np.testing.assert_allclose(biased.mean[:2, 0], plain, rtol=1e-12)
+    np.testing.assert_allclose(start.mean[:2, 0], plain * np.exp(0.1**2 / 2), rtol=1e-12)
+    np.testing.assert_array_equal(biased.covariance[:2, :2], start.covariance[:2, :2])

@@ -43,7 +43,9 @@ def empty_scan(scan: Scan) -> Scan:
     )
 
 
-def deliveries(scans: Sequence[Scan], sensors: Collection[str] | None = None) -> Iterator[list[Delivery]]:
+def deliveries(
+    scans: Sequence[Scan], sensors: Collection[str] | None = None, each_measurement: bool = False
+) -> Iterator[list[Delivery]]:
     """For each instant at which a sensor measures, what a tracker gets from the one before until then.
 
     A tracker is scored at each instant by its answer to the last of them. Where no scan that was taken at the instant
@@ -52,21 +54,25 @@ def deliveries(scans: Sequence[Scan], sensors: Collection[str] | None = None) ->
     Args:
         scans: in the order in which they were taken.
         sensors: names of those that the tracker reads; None: all.
+        each_measurement: whether each scan is an instant of its own, also where several are taken at one time. Where
+            some are late, the first of them is when all that has arrived is given.
     """
     late = any(scan.arrival_time > scan.time for scan in scans)
     # Stable: what arrives together stays in the order in which it was taken.
     on_its_way = sorted(range(len(scans)), key=lambda number: (scans[number].arrival_time, scans[number].time))
     on_its_way.reverse()
-    for instant, group in groupby(scans, key=lambda scan: scan.time):
+    most = 1 if each_measurement and not late else len(scans)
+    for _, group in groupby(scans, key=id if each_measurement else lambda scan: scan.time):
+        latest = list(group)[-1]
+        instant = latest.time
         delivered: list[Delivery] = []
-        while on_its_way and scans[on_its_way[-1]].arrival_time <= instant + SAME_TIME:
+        while on_its_way and len(delivered) < most and scans[on_its_way[-1]].arrival_time <= instant + SAME_TIME:
             number = on_its_way.pop()
             scan = scans[number]
             read = sensors is None or scan.sensor in sensors
             if read or not late:
                 delivered.append(Delivery(scan if read else empty_scan(scan), number, read))
         if late and (not delivered or delivered[-1].scan.time != instant):
-            latest = list(group)[-1]
             delivered.append(Delivery(empty_scan(latest)._replace(arrival_time=instant, asked=True), None, False))
         yield delivered
 
@@ -106,6 +112,7 @@ class TrackerDrive(Generic[Answer]):
             merged detection, where identities are hidden.
         before: called before each step, with the tracker and its delivery.
         given: makes of a scan the one that the tracker is given, such as one of several copies.
+        each_measurement: as of ``deliveries``.
     """
 
     def __init__(
@@ -118,9 +125,11 @@ class TrackerDrive(Generic[Answer]):
         origins: Sequence[Indices] | None = None,
         before: Callable[[Any, Delivery], None] | None = None,
         given: Callable[[Scan], Scan] | None = None,
+        each_measurement: bool = False,
     ) -> None:
         self._start, self._scans, self._sensors, self._engine = start, scans, sensors, engine
         self._origins, self._before, self._given = origins, before, given
+        self._each_measurement = each_measurement
         self._tracker: Stepper | None = None
         self.instant = 0
         """Number of the latest instant."""
@@ -142,7 +151,7 @@ class TrackerDrive(Generic[Answer]):
         tracker: Any = self._tracker
         offline = isinstance(tracker, Offline)
         scans = [scan.prompt() for scan in self._scans] if offline else self._scans
-        for instant, group in enumerate(deliveries(scans, self._sensors)):
+        for instant, group in enumerate(deliveries(scans, self._sensors, self._each_measurement)):
             self.instant = instant
             for place, delivery in enumerate(group):
                 self.sensor = delivery.scan.sensor

@@ -64,13 +64,14 @@ def recorded_run(result: Result) -> RecordedRun:
     tables, score = result.tables, result.summary.score
     objects = tuple(result.summary.truth.objects)
     truth = {name: rows for (role, name), rows in split(tables.truth, "role", "object").items() if role == "target"}
-    time = np.unique(columns(tables.measurements)["time_s"])
-    at = np.searchsorted(truth[objects[0]]["time_s"], time)
-    state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
-    alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
     tracks: dict[str, dict[str, Columns]] = {}
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
+    every = [rows["time_s"] for track in tracks.values() for rows in track.values()]
+    time = every[0] if every else np.unique(columns(tables.measurements)["time_s"])
+    at = np.searchsorted(truth[objects[0]]["time_s"], time)
+    state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
+    alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
     start = max(0.0, FIRST - score.settle_s)
     by_tracker = {tracker: _track(rows, objects, time, start) for tracker, rows in tracks.items()}
     return RecordedRun(objects, time, state, alive, score.divergence_m, by_tracker)
@@ -83,7 +84,7 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array, star
         values = np.full((len(time), len(objects)), np.nan)
         for i, key in enumerate(objects):
             if key in rows:
-                values[np.searchsorted(time, rows[key]["time_s"]), i] = rows[key][name]
+                values[:, i] = rows[key][name]
         return values
 
     due = column("due") > 0

@@ -43,6 +43,8 @@ class ScoreSummary(ResultModel):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
+    each: Literal["instant", "measurement"] = "instant"
+    """Whether the estimate after the last measurement of an instant is scored, or the one after each."""
     divergence_m: float
     lost_after_s: float
     """An object that has been out of view of every sensor for longer is not scored."""

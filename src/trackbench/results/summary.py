@@ -111,7 +111,7 @@ class Summary(ResultModel):
             "other_object": objects,
             "role": ["target", OBSERVER],
         }
-        return TableLayout(names, self.truth.objects, hidden)
+        return TableLayout(names, self.truth.objects, hidden, self.score.each == "measurement")
 
     @property
     def made_with(self) -> str:

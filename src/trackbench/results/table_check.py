@@ -35,6 +35,8 @@ class TableLayout(NamedTuple):
     """Of the recorded run."""
     hidden: bool = False
     """Whether identities are hidden."""
+    repeated: bool = False
+    """Whether a time has a row for each measurement at it."""
 
 
 def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -> None:
@@ -71,7 +73,7 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
                 hint = nearest(str(value), names.get(column, ()))
                 raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
     if declared.series:
-        _require_times(name, table, texts, file)
+        _require_times(name, table, texts, layout.repeated, file)
     if name == "runs":
         _require_runs(table, file)
     if name == "truth":
@@ -94,14 +96,18 @@ def _require_objects(table: pa.Table, objects: Sequence[str], file: Path) -> Non
             raise InputError(f"{key[1]} is missing: not the table truth of this run", file=file)
 
 
-def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], file: Path) -> None:
-    """The series of one sensor have the same times, each once; so have all series of what is of no sensor."""
+def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], repeated: bool, file: Path) -> None:
+    """The series of one sensor have the same times, each once; so have all series of what is of no sensor.
+
+    A time comes again where each of the measurements at it is scored.
+    """
     if table["time_s"].null_count or not np.isfinite(table["time_s"].to_numpy()).all():
         raise InputError(f"time_s is not finite: not the table {name} of a run", file=file)
     by_sensor: dict[str, np.ndarray] = {}
+    later = np.greater_equal if repeated else np.greater
     for key, rows in split(table, *texts).items():
         sensor = key[texts.index("sensor")] if "sensor" in texts else ""
         times = by_sensor.setdefault(sensor, rows["time_s"])
-        if not np.array_equal(times, rows["time_s"]) or not (np.diff(times) > 0).all():
+        if not np.array_equal(times, rows["time_s"]) or not later(times[1:], times[:-1]).all():
             message = f"{' '.join(key)} has not each time of the others once: not the table {name} of a run"
             raise InputError(message, file=file)

@@ -94,6 +94,7 @@ def assemble(
         reference=None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work),
         score=ScoreSummary(
             settle_s=work.settle,
+            each=scenario.score.each,
             divergence_m=work.divergence,
             lost_after_s=work.lost_after,
             min_coverage=min_coverage,

@@ -73,6 +73,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             scans,
             config.sensors_used,
             engine=work.engine_here,
+            each_measurement=scene.each_measurement,
         )
         super().__init__(work, piece, name, drive, self._target.time)
         self.scorer = Scorer(

@@ -104,16 +104,17 @@ class Targets:
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""
         scene, work = self._scene, self._work
+        steps, number = np.unique(scene.instants(), return_inverse=True)
         bound = conditional_bound(
             scene.truth,
             {name: each for name, each in scene.information.items() if name in sensors},
             self._valid,
             work.acceleration,
             start,
-            scene.instants(),
+            steps,
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
         )
-        return np.nan_to_num(bound, copy=False)
+        return np.nan_to_num(bound[:, number], copy=False)
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

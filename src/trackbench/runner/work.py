@@ -40,10 +40,13 @@ class Scene:
 
     truth: Truth
     sensors: list[IdealSensor]
+    each_measurement: bool = False
+    """Whether trackers are scored after each measurement, also where several are taken at one instant."""
 
     def instants(self) -> Indices:
-        """Indices of the truth's steps at which any sensor takes a measurement."""
-        return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
+        """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""
+        steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
+        return steps if self.each_measurement else np.unique(steps)
 
     @cached_property
     def information(self) -> dict[str, Information]:
@@ -216,6 +219,7 @@ def work_of(
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
     every = [item.truth for item in truths]
     hidden = scenario.sensing.identities == "hidden"
+    each_measurement = scenario.score.each == "measurement"
     acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
     if acceleration is None:
         acceleration = typical_acceleration(every) if driven is None else driven
@@ -223,7 +227,10 @@ def work_of(
         scenario=scenario.name,
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
-        scenes=[Scene(item.truth, ideal_sensors(item.truth, scenario.sensors, item.measurements)) for item in truths],
+        scenes=[
+            Scene(item.truth, ideal_sensors(item.truth, scenario.sensors, item.measurements), each_measurement)
+            for item in truths
+        ],
         trackers=scenario.trackers,
         folder=loaded.path.resolve().parent,
         settle=scenario.score.settle_s,

@@ -118,6 +118,11 @@ class Score(Config):
         description="Time after an object's first detection that is left out of the scores, s; start_delay and "
         "start_position_rmse tell of its first second.",
     )
+    each: Literal["instant", "measurement"] = Field(
+        "instant",
+        description="Where several sensors measure at one instant. instant: the estimate after the last of them is "
+        "scored. measurement: the one after each of them.",
+    )
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     lost_after_s: Positive = Field(
         1,

@@ -243,7 +243,7 @@ REASONS = {
     "states": "trackers are told of this only without identities",
 }
 #: What of the scores is not used where tracks are scored.
-OF_SINGLE_OBJECTS = ("settle_s", "divergence_m", "lost_after_s", "min_coverage", "reference")
+OF_SINGLE_OBJECTS = ("settle_s", "each", "divergence_m", "lost_after_s", "min_coverage", "reference")
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 
 

@@ -24,6 +24,7 @@ INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_measurement", "two_measurements"),
     "skip": ("first_measurement", "two_measurements"),
     "waiting": ("first_measurement", "two_measurements"),
+    "unbiased": ("first_measurement", "two_measurements"),
     "velocity": ("first_measurement",),
     "least_time_s": ("two_measurements",),
     "position_sigma_m": ("truth",),
@@ -57,6 +58,11 @@ class InitialConfig(Config):
         "nothing",
         description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
         "latest measurement says, its velocity being as unknown as from first_measurement.",
+    )
+    unbiased: bool = Field(
+        True,
+        description="Whether the position that a radar's measurement gives is corrected for the bias of range times "
+        "cosine and sine of the azimuth. false: not, as in most published programs. Not from truth.",
     )
     least_time_s: float = Field(
         0.2, ge=0, le=60, description="Least time between the two measurements, s; from two_measurements only."
@@ -173,7 +179,7 @@ def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> 
         scan: the measurements.
         waiting: what the start of the scan before left; None at first.
     """
-    position = _position(scan)
+    position = _position(scan, config)
     if waiting is None:
         batch = scan.valid.shape
         nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
@@ -216,7 +222,7 @@ def first_measurement(
     velocity = np.zeros((2, *scan.valid.shape))
     if config.velocity != "zero":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
-    belief = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
+    belief = _from_one(position or _position(scan, config), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
         belief = _with_range_rate(belief, scan)
     return _of_cartesian(motion, config, belief)
@@ -260,8 +266,12 @@ def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, no
     return Gaussian(exact + sigma * normal[: len(sigma)], np.broadcast_to(covariance, (len(sigma), *exact.shape)))
 
 
-def _position(scan: Scan) -> Gaussian:
-    mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
+def _position(scan: Scan, config: InitialConfig) -> Gaussian:
+    model = SENSOR_MODELS[scan.kind]
+    mean, covariance = model.position(scan)
+    if not config.unbiased:
+        # The conversion of a measurement without noise has no bias to correct.
+        mean = model.position(scan._replace(noise_covariance=np.zeros_like(scan.noise_covariance))).mean
     return Gaussian(mean, np.broadcast_to(linalg.expand(covariance, mean[None]), (2, *mean.shape)))
 
 

@@ -2,9 +2,8 @@
 
 It averages the azimuths of the sigma points as plain numbers, also across the direction of -x, where they jump by
 2 pi. Where the covariance is not positive definite after that, its Cholesky factor is what Eigen's LLT leaves behind
-when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. And it starts from a
-radar's range and azimuth without the correction for the bias of the converted position. Not for use: it shows what
-published numbers rest on.
+when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. Not for use: it shows
+what published numbers rest on.
 """
 
 from __future__ import annotations
@@ -55,13 +54,9 @@ class FaultyUkf(SigmaPointFilter):
 
 
 class FaultyTracker(FilterTracker):
-    """Starts as the published program does, and states a covariance that is positive definite where it had not been."""
+    """States a covariance that is positive definite where it had not been."""
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
-        if scan.kind == "radar" and (state is None or not state.started.all()):
-            # Takes back the correction for the bias of a converted position, see Polar.position.
-            shrink = np.exp(-scan.noise_covariance[1, 1] / 2)
-            scan = scan._replace(measurement=scan.measurement * np.array([shrink, 1.0, 1.0])[:, None])
         state, estimate = super().step(state, scan)
         definite = linalg.ensure_definite(estimate.covariance)
         return state, estimate._replace(covariance=definite.covariance, repaired=definite.repaired)

@@ -110,6 +110,7 @@ def score_labelled(
         scans,
         sensors,
         given=lambda scan: _tiled(scan, trials),
+        each_measurement=scene.each_measurement,
     )
     with np.errstate(all="ignore"), drive:
         for step in drive:

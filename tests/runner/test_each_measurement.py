@@ -1,0 +1,147 @@
+"""Estimates that are scored after each measurement, held against a UKF of the textbook and against published rows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from tests.support.places import DOCS
+from tests.support.udacity import data_folder
+
+from trackbench.api.run import run
+from trackbench.base.types import Array
+from trackbench.results import Result
+from trackbench.scenario import load_scenario
+from trackbench.subjects.recording.inspection import inspect
+
+COMPONENTS = ("px", "py", "vx", "vy")
+SAMPLE = "udacity/sample-laser-radar-measurement-data-{}.txt"
+PAGE = (DOCS / "projects" / "udacity-ukf.md").read_text(encoding="utf-8")
+SCENARIO = yaml.safe_load(
+    next(text for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.S) if "udacity_samples" in text)
+)
+#: Recording, tracker, published RMSE.
+PUBLISHED = [
+    (1, "at_rest", "0.083163 0.0894975 0.609715 0.590668"),
+    (2, "at_rest", "0.190264 0.187443 0.286235 0.48177"),
+    (1, "radial", "0.0724284 0.0781081 0.57687 0.568334"),
+]
+NOISE = {"L": np.diag([0.15, 0.15]), "R": np.diag([0.3, np.deg2rad(1.71887339), 0.3])}
+
+
+def wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def lines(folder: Path) -> list[tuple[str, Array, float, Array]]:
+    """A recording with two measurements at each of 60 instants, as letter, measurement, time and truth."""
+    random, rows = np.random.default_rng(5), []
+    for k in range(60):
+        time, yaw = 0.2 * k, 0.3 + 0.02 * k
+        truth = np.array([5 + 3 * np.sin(0.05 * k) + 0.3 * k, 4 + 0.1 * k, 2 * np.cos(yaw), 2 * np.sin(yaw)])
+        distance = np.hypot(*truth[:2])
+        polar = np.array([distance, np.arctan2(truth[1], truth[0]), truth[:2] @ truth[2:] / distance])
+        for letter, seen in (("L", truth[:2]), ("R", polar)):
+            rows.append((letter, seen + NOISE[letter] @ random.normal(size=len(seen)), time, truth))
+    text = [
+        "\t".join([letter, *map(repr, map(float, seen)), str(round(1e6 * time)), *map(repr, map(float, truth))])
+        for letter, seen, time, truth in rows
+    ]
+    (folder / "lines.txt").write_text("\n".join(text))
+    return rows
+
+
+def textbook_errors(rows: list[tuple[str, Array, float, Array]]) -> Array:
+    """``(4, measurements)`` of the augmented UKF on CTRV with lambda = -2, from the first position at rest."""
+    state, covariance, now = np.r_[rows[0][1], 0, 0, 0], np.eye(5), rows[0][2]
+    weights = np.r_[-2 / 5, np.full(14, 1 / 10)]
+    errors = []
+    for number, (letter, seen, time, truth) in enumerate(rows):
+        if number:
+            dt, now = time - now, time
+            root = np.sqrt(5) * np.linalg.cholesky(
+                np.block([[covariance, np.zeros((5, 2))], [np.zeros((2, 5)), 0.25 * np.eye(2)]])
+            )
+            px, py, v, yaw, rate, a, turn = np.r_[state, 0, 0][:, None] + np.c_[np.zeros(7), root, -root]
+            # v / rate (sin(yaw + rate dt) - sin yaw), also for a rate of zero.
+            chord = v * dt * np.sinc(rate * dt / 2 / np.pi)
+            points = np.array(
+                [
+                    px + chord * np.cos(yaw + rate * dt / 2) + a * dt**2 / 2 * np.cos(yaw),
+                    py + chord * np.sin(yaw + rate * dt / 2) + a * dt**2 / 2 * np.sin(yaw),
+                    v + a * dt,
+                    yaw + rate * dt + turn * dt**2 / 2,
+                    rate + turn * dt,
+                ]
+            )
+            state = points @ weights
+            away = points - state[:, None]
+            away[3] = wrapped(away[3])
+            covariance = (weights * away) @ away.T
+            px, py, v, yaw, _ = points
+            distance = np.hypot(px, py)
+            expected = np.array([px, py])
+            if letter == "R":
+                expected = np.array(
+                    [distance, np.arctan2(py, px), v * (px * np.cos(yaw) + py * np.sin(yaw)) / distance]
+                )
+            middle = expected @ weights
+            deviation = expected - middle[:, None]
+            s = (weights * deviation) @ deviation.T + NOISE[letter] ** 2
+            gain = (weights * away) @ deviation.T @ np.linalg.inv(s)
+            state = state + gain @ (seen - middle)
+            covariance = covariance - gain @ s @ gain.T
+        errors.append(np.r_[state[:2], state[2] * np.cos(state[3]), state[2] * np.sin(state[3])] - truth)
+    return np.array(errors).T
+
+
+def scored(folder: Path, path: Path, each: str = "measurement", **initial: object) -> Result:
+    tracker = {**SCENARIO["trackers"]["at_rest"]}
+    tracker["initial"] = {**tracker["initial"], **initial}
+    scenario = {
+        **SCENARIO,
+        "truth": {**SCENARIO["truth"], "path": str(path)},
+        "trackers": {"at_rest": tracker, "radial": SCENARIO["trackers"]["radial"]},
+        "score": {**SCENARIO["score"], "each": each},
+    }
+    file = folder / "scenario.yaml"
+    file.write_text(yaml.safe_dump(scenario))
+    return run(load_scenario(file))
+
+
+def rmse(result: Result, tracker: str) -> list[float]:
+    return [result[tracker].metrics[f"rmse.{name}"].value for name in COMPONENTS]
+
+
+def test_each_measurement_is_scored_as_by_the_textbook(tmp_path: Path) -> None:
+    errors = textbook_errors(lines(tmp_path))
+    result = scored(tmp_path, tmp_path / "lines.txt")
+    np.testing.assert_allclose(rmse(result, "at_rest"), np.sqrt((errors**2).mean(axis=1)), rtol=1e-9)
+    # Once an instant, it is the second of the two.
+    result = scored(tmp_path, tmp_path / "lines.txt", each="instant")
+    np.testing.assert_allclose(rmse(result, "at_rest"), np.sqrt((errors[:, 1::2] ** 2).mean(axis=1)), rtol=1e-9)
+
+
+def test_the_folder_of_a_run_has_each_estimate(tmp_path: Path) -> None:
+    lines(tmp_path)
+    scored(tmp_path, tmp_path / "lines.txt").save(tmp_path / "run", {})
+    result = Result.load(tmp_path / "run")
+    assert result.tables.estimates.num_rows == 2 * 120
+    assert result.json()["score"]["each"] == "measurement"
+    # Scored afresh from the tables, it is what the run had.
+    checked = inspect(tmp_path / "run").checked
+    assert checked is not None
+    assert checked.largest_relative_difference < 1e-9
+
+
+@pytest.mark.parametrize(("number", "tracker", "published"), PUBLISHED)
+def test_published_rows_of_other_recordings(tmp_path: Path, number: int, tracker: str, published: str) -> None:
+    recording = data_folder() / SAMPLE.format(number)
+    if not recording.is_file():
+        pytest.skip(f"no {recording.name} in TRACKBENCH_DATA")
+    ours = rmse(scored(tmp_path, recording), tracker)
+    # The program reads the recording in single precision.
+    np.testing.assert_allclose(ours, [float(value) for value in published.split()], rtol=0, atol=2.5e-6)
