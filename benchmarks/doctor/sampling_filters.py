@@ -15,7 +15,7 @@ ACCELERATIONS = 2
 class SampledTracker(PlainTracker):
     """Samples ``(4, N)`` of constant velocity with white acceleration; ``draw`` is where all chance comes from."""
 
-    stochastic = True
+    random = True
     count = 4000
 
     def __init__(self, start: str = "two_measurements", seed: int | None = None, **options: Any) -> None:
@@ -125,7 +125,7 @@ class SquareRootEnsemble(EnsembleFilter):
     """Deterministic ensemble filter: the samples' spread is transformed to the right covariance (Whitaker and Hamill
     2002), and nothing is drawn after a seeded start."""
 
-    stochastic = False
+    random = False
     count = 200
 
     def draw(self, *shape: int) -> Array:

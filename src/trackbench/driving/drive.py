@@ -11,7 +11,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from trackbench.base.types import Indices, Scan
-from trackbench.driving.steppers import Offline, Stepper
+from trackbench.driving.steppers import Offline, Stepper, Traits
 from trackbench.engine.choice import Engine, seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
 
@@ -141,6 +141,12 @@ class TrackerDrive(Generic[Answer]):
     def __enter__(self) -> TrackerDrive[Answer]:
         self._tracker = self._start()
         return self
+
+    @property
+    def traits(self) -> Traits:
+        """What the tracker says of itself, once the context is entered."""
+        assert self._tracker is not None
+        return self._tracker.traits
 
     def __exit__(self, *_: object) -> None:
         assert self._tracker is not None

@@ -21,8 +21,9 @@ from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
-from trackbench.driving.steppers import Stepper, local
+from trackbench.driving.steppers import Stepper, local, refuse_truth
 from trackbench.driving.wire import Arrays, receive_request, send_answer
+from trackbench.trackers.answers import is_random
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
@@ -61,22 +62,24 @@ class Host:
         self, config: PluginConfig, folder: Path | None, batch: int, several: bool
     ) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker for a batch, whose answers are checked."""
-        return {"number": self._keep(local(config, folder, batch, _refuse_truth, several))}, {}
+        stepper = local(config, folder, batch, lambda tracker: tracker, several)
+        return {"number": self._keep(stepper), **stepper.traits._asdict()}, {}
 
     def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
         alone = Alone(create(use, options, folder))
         if isinstance(alone.tracker, FilterTracker):
-            _refuse_truth(alone.tracker)
-        return {"number": self._keep(alone)}, {}
+            refuse_truth(alone.tracker)
+        number = self._keep(alone)
+        return {"number": number, **self.traits(number)[0]}, {}
 
     def traits(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """What a tracker can do, and why it cannot be copied, where that has been tried."""
         alone = self._alone(number)
         tracker = alone.tracker
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        flags = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
-        return {**flags, "methods": methods, "not_copied": alone.not_copied}, {}
+        traits = {"batched": alone.batched, "random": is_random(tracker), "methods": methods}
+        return {**traits, "not_copied": alone.not_copied}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""
@@ -187,10 +190,3 @@ def _prepare(dump: int, bench: int) -> None:
         # What a tracker printed before its process is killed is seen.
         sys.stdout.reconfigure(line_buffering=True)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
-    if tracker.starts_from_truth:
-        message = "starts from the truth, which only a built-in filter is given; use another initial"
-        raise InputError(message, key="initial")
-    return tracker

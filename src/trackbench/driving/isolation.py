@@ -12,6 +12,11 @@ from trackbench.trackers.published import built_in
 LONGEST = 86_400.0
 
 
+def plugged_in(config: FilterConfig | PluginConfig) -> bool:
+    """Whether a tracker is not built in."""
+    return isinstance(config, PluginConfig) and not built_in(config.use)
+
+
 @dataclass(frozen=True)
 class Isolation:
     """How trackers that are not built in are kept apart from the bench."""
@@ -28,7 +33,7 @@ class Isolation:
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
         """Whether a tracker gets a process of its own."""
-        return not (self.in_process or isinstance(config, FilterConfig) or built_in(config.use))
+        return plugged_in(config) and not self.in_process
 
 
 ISOLATED = Isolation()

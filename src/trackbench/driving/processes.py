@@ -168,15 +168,16 @@ class TrackerProcess:
             raise self._ended(NO_ANSWER, signal.SIGKILL) from None
         return values, arrays
 
-    def start(self, do: str, **request: Any) -> int:
-        """The number of what a request starts.
+    def start(self, do: str, **request: Any) -> tuple[int, dict[str, Any]]:
+        """The number of what a request starts, and what it says of itself.
 
         Raises:
             InputError: the tracker cannot be found or does not take its options.
             TrackFault: it failed.
         """
         try:
-            return int(self.ask(do, **request)[0]["number"])
+            values, _ = self.ask(do, **request)
+            return int(values["number"]), values
         except (KeyError, TypeError, ValueError):
             raise self._ended(NO_ANSWER, signal.SIGKILL) from None
 

@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Estimate, Indices, Scan
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.processes import NO_ANSWER, TrackerProcess
-from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, local
+from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import check_options, create
@@ -137,7 +137,8 @@ class RemoteStepper(Stepper):
         several: bool,
     ) -> None:
         self._process, self._form = process, TRACKS_FORM if several else ESTIMATE_FORM
-        self._number = process.start("start", config=config, folder=folder, batch=batch, several=several)
+        self._number, traits = process.start("start", config=config, folder=folder, batch=batch, several=several)
+        self.traits = Traits(bool(traits.get("batched")), bool(traits.get("random")))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """The answer for all members; their origins are not sent.
@@ -156,20 +157,19 @@ class RemoteTracker:
     """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now."""
 
     def __init__(
-        self, process: TrackerProcess, number: int, batched: bool, stochastic: bool, methods: frozenset[str]
+        self, process: TrackerProcess, number: int, batched: bool, random: bool, methods: frozenset[str]
     ) -> None:
         self._process = process
         self._number = number
-        self.batched, self.stochastic = batched, stochastic
+        self.batched, self.random = batched, random
         self._methods = methods
 
     @classmethod
     def fresh(cls, process: TrackerProcess, named: dict[str, Any]) -> RemoteTracker:
         """A fresh one."""
-        number = process.start("fresh", **named)
-        traits, _ = process.ask("traits", number=number)
+        number, traits = process.start("fresh", **named)
         methods = frozenset(map(str, traits.get("methods", ())))
-        return cls(process, number, bool(traits.get("batched")), bool(traits.get("stochastic")), methods)
+        return cls(process, number, bool(traits.get("batched")), bool(traits.get("random")), methods)
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
@@ -182,8 +182,8 @@ class RemoteTracker:
         return None if reason is None else str(reason)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
-        number = self._process.start("copy", number=self._number)
-        return RemoteTracker(self._process, number, self.batched, self.stochastic, self._methods)
+        number, _ = self._process.start("copy", number=self._number)
+        return RemoteTracker(self._process, number, self.batched, self.random, self._methods)
 
     def __getattr__(self, name: str) -> Callable[..., Array]:
         if name.startswith("_") or name not in self._methods:

@@ -23,6 +23,7 @@ from trackbench.trackers.answers import (
     TrackerFault,
     checked,
     checked_tracks,
+    is_random,
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -31,8 +32,19 @@ from trackbench.trackers.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.published import create
 
 
+class Traits(NamedTuple):
+    """What a tracker says of itself."""
+
+    batched: bool
+    """Whether it takes every member of a batch at once."""
+    random: bool = False
+    """Whether it draws random numbers."""
+
+
 class Stepper(ABC):
     """A tracker made ready for a batch: of tracks, or of runs with several objects each."""
+
+    traits = Traits(batched=True)
 
     @abstractmethod
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
@@ -81,8 +93,20 @@ def local(
     make = create(config.use, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker) and not several:
-        return Direct(prepare(tracker.reading_only(config.sensors)))
+        return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))
     return Batched(tracker, form) if getattr(tracker, "batched", False) else Looped(make, batch, form)
+
+
+def refuse_truth(tracker: FilterTracker) -> FilterTracker:
+    """A filter that a plug-in has made, which is given no truth.
+
+    Raises:
+        InputError: it starts from the truth.
+    """
+    if tracker.starts_from_truth:
+        message = "starts from the truth, which only a built-in filter is given; use another initial"
+        raise InputError(message, key="initial")
+    return tracker
 
 
 class Direct(Stepper):
@@ -141,6 +165,7 @@ class Batched(Stepper):
         self._tracker = Stateful(tracker, form.check, form.what)
         self._wants_origins = form.kind is Tracks and bool(getattr(tracker, "wants_origins", False))
         self._estimated = False
+        self.traits = Traits(batched=True, random=is_random(tracker))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """Answers of every member of the batch, or None before the first."""
@@ -173,6 +198,7 @@ class Looped(Stepper):
         self._form = form
         self._begun = [form.kind is Tracks] * batch
         self._estimated = [False] * batch
+        self.traits = Traits(batched=False, random=any(is_random(each.tracker) for each in self._trackers))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """Step every member that has begun.

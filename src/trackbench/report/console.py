@@ -14,6 +14,7 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.pairs import letters
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
+    drawing_random,
     duration,
     expectations_met,
     failure,
@@ -138,7 +139,7 @@ def print_summary(result: Result, console: Console) -> None:
     if result.scored:
         for row in _table_lines(result, console.width):
             console.print(row, highlight=False, soft_wrap=True)
-        for note in _notes(result):
+        for note in filter(None, [*_notes(result), drawing_random(result)]):
             console.print(Text(note, style="dim"), highlight=False)
     _print_failed_trackers(result, console)
     if result.summary.expectations:

@@ -48,6 +48,7 @@ from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_s
 from trackbench.report.sentences import (
     SWITCH_COSTS,
     censored,
+    drawing_random,
     expectations_met,
     facts,
     failure,
@@ -118,7 +119,7 @@ def _standings(result: Result) -> Iterator[Block]:
         if labelled:
             sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
             description = tracker.describe
-        label = f"{tracker.name} ({tracker.reference_kind})" if tracker.is_reference else tracker.name
+        label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
         return Item(f"{sentence}.", label, description, tracker.name)
 
     ranked = [tracker.name for tracker in result.contenders]
@@ -203,6 +204,8 @@ def _ranking(result: Result, others: Table | None) -> Section:
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
         basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
+    random = drawing_random(result)
+    basis += f" {random}." if random else ""
     shown = "was shown between trackers that share a letter under “group”"
     if summary.identities == "hidden":
         metric, costs = summary.headline_name, summary.score.switch_costs_s or 0.0

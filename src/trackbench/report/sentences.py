@@ -142,6 +142,12 @@ def reused_identities(result: Result) -> str:
     return f"identities used again after their track had ended: {trackers}" if trackers else ""
 
 
+def drawing_random(result: Result) -> str:
+    """Which trackers draw random numbers, and what follows; empty where none does."""
+    names = [tracker.name for tracker in result.scored if tracker.random]
+    return f"{joined(names)}: random = True, so not asked again in another batch" if names else ""
+
+
 def other_switch_costs(result: Result) -> str:
     """Whether the trackers rank alike where a switch costs half or twice as much."""
     costs = result.summary.score.switch_costs_s or 0.0

@@ -37,8 +37,8 @@ _Row = TypeVar("_Row")
 
 
 def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
-    """Each tracker's name, and whether it is no competitor."""
-    return [Cell(t.name, (t.reference_kind,) if t.reference_kind else (), tracker=t.name) for t in trackers]
+    """Each tracker's name, whether it is no competitor, and whether it draws random numbers."""
+    return [Cell(t.name, t.marks, tracker=t.name) for t in trackers]
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:

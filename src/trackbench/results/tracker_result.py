@@ -102,6 +102,8 @@ class TrackerResult(ResultModel):
     """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     engine: ComputedBy | None = None
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
+    random: bool = False
+    """Whether it says that it draws random numbers: it was not driven a second time."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
@@ -121,6 +123,11 @@ class TrackerResult(ResultModel):
     def is_reference(self) -> bool:
         """Whether it is no competitor."""
         return bool(self.reference_kind)
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """What a reader must know beside its name, in words."""
+        return tuple(filter(None, (self.reference_kind, "random" if self.random else "")))
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

@@ -69,7 +69,8 @@ def assemble(
         )
         wanted = {item.metric for item in scenario.expect if item.better_than is not None}
         pairs = differences(intervals, work.metrics, margin, values, wanted)
-    trackers = [_tracker(work, name, scores, engines.get(name)) for name in work.trackers]
+    random = frozenset[str]().union(*(block.random for block in blocks))
+    trackers = [_tracker(work, name, scores, engines.get(name), name in random) for name in work.trackers]
     min_coverage = 0.0 if hidden else work.min_coverage
     expectations = judge(scenario.expect, trackers, pairs, min_coverage)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -116,7 +117,7 @@ def assemble(
     return Result(summary, Tables((hidden_tables if hidden else labelled_tables)(work, blocks, scores)))
 
 
-def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None) -> TrackerResult:
+def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, random: bool) -> TrackerResult:
     """The entry of one tracker."""
     config, failure = work.trackers[name], scores.failures.get(name)
     associate = getattr(config, "associate", None)
@@ -129,6 +130,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
         "engine": None if engine is None else engine.engine,
+        "random": random,
         "failed": failure,
     }
     if failure is not None:

@@ -18,6 +18,7 @@ from trackbench.results import Failure
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
+from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
@@ -50,6 +51,8 @@ class Block:
     """By built-in tracker, what computed it."""
     recorded_scans: RecordedScans | None
     """Those of the recorded run, if it is in this block."""
+    random: frozenset[str] = frozenset()
+    """The plug-ins that say that they draw random numbers."""
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates]:
@@ -90,22 +93,26 @@ def run_block(
     noise, kept = work.noise_of(piece.scene), None
     if work.has_recorded_run(piece):
         kept = work.recorded_run - runs.start
+    second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
     trackers: dict[str, LabelledRun | HiddenRun]
     measurements: Measurements | HiddenMeasurements
     if work.cutoff is None:
         measurements = sense(scene.sensors, work.seed, noise, runs)
         targets = Targets(work, piece, measurements)
-        trackers = {name: LabelledRun(work, piece, name, measurements, targets, kept) for name in work.trackers}
+        trackers = {
+            name: LabelledRun(work, piece, name, measurements, targets, kept, second_drives) for name in work.trackers
+        }
         detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
     else:
         measurements = sense_hidden(scene.sensors, work.seed, noise, runs)
-        trackers = {name: HiddenRun(work, piece, name, measurements, kept) for name in work.trackers}
+        trackers = {name: HiddenRun(work, piece, name, measurements, kept, second_drives) for name in work.trackers}
         detections = _detections(measurements)
     recorded = None if kept is None else _recorded_scans(work, measurements, kept)
     _advance(trackers, len(scene.instants()), len(runs), progress, on_recorded_run, recorded)
     outcomes = {name: tracker.close() for name, tracker in trackers.items()}
     engines = {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
-    return Block(piece, outcomes, detections, measurements.digests, engines, recorded)
+    random = frozenset(name for name, tracker in trackers.items() if tracker.random)
+    return Block(piece, outcomes, detections, measurements.digests, engines, recorded, random)
 
 
 def _advance(

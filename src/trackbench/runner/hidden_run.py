@@ -26,6 +26,7 @@ from trackbench.metrics.traffic import (
 from trackbench.metrics.traffic.assignment import NO_DETECTION
 from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
+from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
@@ -69,9 +70,18 @@ class HiddenRun(TrackerRun[Tracks]):
         name: of the tracker.
         hidden: the detections of the block.
         kept: number of the recorded run in this block, if it is there.
+        second_drives: as of ``TrackerRun``.
     """
 
-    def __init__(self, work: Work, piece: BlockRuns, name: str, hidden: HiddenMeasurements, kept: int | None) -> None:
+    def __init__(
+        self,
+        work: Work,
+        piece: BlockRuns,
+        name: str,
+        hidden: HiddenMeasurements,
+        kept: int | None,
+        second_drives: SecondDrives | None,
+    ) -> None:
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._hidden, self._due, self._kept = hidden, scene.due, kept
         self._truth = scene.truth
@@ -84,7 +94,7 @@ class HiddenRun(TrackerRun[Tracks]):
             origins=[np.stack(both) for both in zip(hidden.origins, hidden.merged, strict=True)],
             before=self._predict,
         )
-        super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps])
+        super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps], second_drives)
         self._tracks_at: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
         self._predicted_runs = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
@@ -102,7 +112,8 @@ class HiddenRun(TrackerRun[Tracks]):
         super().advance()
         if self.failure is None and len(self._tracks_at) == self.chunk:
             self.end()
-            self._outcome = self._scored()
+            if self.failure is None:
+                self._outcome = self._scored()
             # Several trackers' tracks of all instants at once may not fit the memory.
             self._tracks_at, self._taken, self._predicted = [], [], {}
 

@@ -17,6 +17,7 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.recorded import ModeSums, RecordedEstimates
+from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
@@ -55,6 +56,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         measurements: those of the block.
         targets: what trackers are held against.
         kept: number of the recorded run in this block, if it is there.
+        second_drives: as of ``TrackerRun``.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         measurements: Measurements,
         targets: Targets,
         kept: int | None,
+        second_drives: SecondDrives | None,
     ) -> None:
         config, scene, scans = work.trackers[name], work.scenes[piece.scene], measurements.scans
         self._target, self._scene, self._kept = targets.of(config), scene, kept
@@ -75,7 +78,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             engine=work.engine_here,
             each_measurement=scene.each_measurement,
         )
-        super().__init__(work, piece, name, drive, self._target.time)
+        super().__init__(work, piece, name, drive, self._target.time, second_drives)
         self.scorer = Scorer(
             self._target,
             targets.conditions(config),

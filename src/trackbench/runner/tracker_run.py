@@ -9,8 +9,10 @@ from typing import Generic
 from trackbench.base.types import Array, Gaussian
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
+from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
 
 
@@ -23,14 +25,27 @@ class TrackerRun(ABC, Generic[Answer]):
         name: of the tracker.
         drive: takes it through the scans of the block.
         time: ``(instants,)`` s.
+        second_drives: gives the second drive of a plug-in, if the block is the one that has them.
     """
 
-    def __init__(self, work: Work, piece: BlockRuns, name: str, drive: TrackerDrive[Answer], time: Array) -> None:
+    def __init__(
+        self,
+        work: Work,
+        piece: BlockRuns,
+        name: str,
+        drive: TrackerDrive[Answer],
+        time: Array,
+        second_drives: SecondDrives | None,
+    ) -> None:
         self.name = name
         self.failure: Failure | None = None
         self.engine: EngineUsed | None = None
         """Known once it is closed, of a built-in tracker."""
+        self.random = False
+        """Whether it says that it draws random numbers; known once it is started."""
         self._work, self._piece, self._drive, self._time = work, piece, drive, time
+        self._second_drives = second_drives
+        self._second: SecondDrive | None = None
         self._instants = self._through()
 
     @property
@@ -47,8 +62,12 @@ class TrackerRun(ABC, Generic[Answer]):
         return None if self.failure is not None else next(self._instants, None)
 
     def end(self) -> None:
-        """End the tracker."""
+        """End the tracker, and note what its second drive found where nothing else was wrong."""
         self._instants.close()
+        if self._second is not None:
+            self._second.close()
+            if self.failure is None and self._second.disagreement is not None:
+                self.fail(*self._second.disagreement)
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
@@ -71,7 +90,12 @@ class TrackerRun(ABC, Generic[Answer]):
         drive = self._drive
         try:
             with drive:
+                self.random = drive.traits.random
+                if self._second_drives is not None:
+                    self._second = self._second_drives.start(self._work.trackers[self.name], drive.traits)
                 for step in drive:
+                    if self._second is not None:
+                        self._second.take(step)
                     estimate = self._take(step)
                     if step.last:
                         yield estimate

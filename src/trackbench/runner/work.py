@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, Truth
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
@@ -102,6 +103,8 @@ class Work:
     """Where identities are hidden, how long an object may be missed for the cost of a switch, s."""
     engine: Engine = "numpy"
     """What computes, wherever it can be had."""
+    driven_twice: BlockRuns | None = None
+    """The block through which plug-ins are driven a second time."""
 
     @property
     def steps(self) -> int:
@@ -247,4 +250,13 @@ def work_of(
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,
     )
-    return replace(work, engine=chosen(engine, work.steps))
+    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work))
+
+
+def _drawn_block(work: Work) -> BlockRuns:
+    """The block of a run that is drawn by the seed, so that a block is as likely as it is large."""
+    number = int(
+        stream(work.seed, work.scenario, 0, "block of the second drive").integers(work.runs * len(work.scenes))
+    )
+    scene, run = divmod(number, work.runs)
+    return next(piece for piece in work.pieces() if piece.scene == scene and run in piece.runs)

@@ -29,7 +29,7 @@ PROBABILITY_ROUNDING = 1e-6
 class Tracker(Protocol):
     """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements.
 
-    One that draws random numbers, such as a particle filter, says so by a class attribute ``stochastic = True``.
+    One that draws random numbers, such as a particle filter, says so by a class attribute ``random = True``.
     """
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
@@ -43,6 +43,11 @@ class Tracker(Protocol):
 
 class TrackerFault(Exception):
     """Invalid output of a tracker."""
+
+
+def is_random(tracker: Any) -> bool:
+    """Whether it says ``random = True``; another attribute of that name, such as a generator, says nothing."""
+    return any(getattr(of, "random", None) is True for of in (type(tracker), tracker))
 
 
 def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:

@@ -139,7 +139,7 @@ def test_a_constant_error_that_a_tracker_estimates_is_known(name: str, learned: 
 
 def test_a_filter_that_says_that_it_draws_may_draw() -> None:
     few = type("Few", (EnsembleFilter,), {"count": 200})
-    silent = type("Silent", (few,), {"stochastic": False})
+    silent = type("Silent", (few,), {"random": False})
     assert repeatability(_under_test(few)).findings == []
     (finding,) = repeatability(_under_test(silent)).findings
     assert finding.fault == "not_deterministic"

@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
 from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
 from trackbench.subjects.doctor.trial import Trial, averaged
-from trackbench.trackers.answers import Tracker
+from trackbench.trackers.answers import Tracker, is_random
 
 #: How long a probe's target is followed before time 0, s.
 WARM_UP = 3.0
@@ -264,9 +264,9 @@ class TrackerUnderTest:
         return False
 
     @cached_property
-    def stochastic(self) -> bool:
-        """Whether the tracker says that it draws random numbers, by an attribute ``stochastic = True``."""
-        return bool(getattr(self.make(), "stochastic", False))
+    def random(self) -> bool:
+        """Whether the tracker says that it draws random numbers, by an attribute ``random = True``."""
+        return is_random(self.make())
 
     @cached_property
     def memoryless(self) -> bool:

@@ -195,7 +195,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
         return PartResult().add("repeatable", True, f"three fresh trackers agree to the last bit{copied}")
     text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
-    if tracker.stochastic:
+    if tracker.random:
         noise = _noise(runs, sigmas)
         text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
         if noise < SAMPLES:
@@ -238,7 +238,7 @@ REPEATABILITY_CHECK = DoctorCheck(
             "the same measurements give another estimate",
             "At random numbers without a seed, and at values kept in the class or module instead of the state.",
             "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
-            "says stochastic = True.",
+            "says random = True.",
             Role(rank=1, always="every", drive="uneven_steps"),
         ),
     },
