@@ -16,8 +16,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 63_660
-MOST_FILES = 380
+MOST_LINES = 64_090
+MOST_FILES = 382
 
 
 def lines_of(file: Path) -> int:

@@ -197,6 +197,8 @@ def _gap(value: Array, again: Array) -> Array:
     """
     axes = tuple(range(value.ndim - 1))
     same = (value == again) | (np.isnan(value) & np.isnan(again))
+    if same.all():
+        return np.zeros(value.shape[-1])
     with np.errstate(invalid="ignore"):
         apart = np.where(same, 0.0, np.nan_to_num(np.abs(value - again), nan=np.inf)).max(axis=axes, initial=0.0)
     largest = np.maximum(np.nan_to_num(np.abs(value)), np.nan_to_num(np.abs(again))).max(axis=axes, initial=0.0)
