@@ -120,3 +120,29 @@ def test_the_command_line_says_what_a_difference_rests_on(run: Run, tmp_path: Pa
     outcome = cli("compare", "before/log", "worse/log", "--fail-on-regression", "velocity_rmse:10")
     assert outcome.status == 1
     assert "paired over 4 stretches of time of 1 run" in " ".join(outcome.out.split())
+
+
+def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    for number, lines in enumerate((400, 250)):
+        (tmp_path / "logs" / f"{number}.txt").write_text("\n".join(synthetic_lines(lines, number)))
+    results = []
+    for q in (3, 60):
+        file = tmp_path / "both.yaml"
+        file.write_text(SCENARIO.replace("NAME", "both").replace("PATH", "logs").replace("Q", str(q)))
+        results.append(tb.run(file))
+    found = outcomes([[result] for result in results])
+    assert found == {("both", "ekf"): "failed", ("both", "raw"): "passed"}
+    comparison = compare([[result] for result in results], trackers=["ekf"])
+    (item,) = comparison.differences
+    assert (item.paired_runs, item.stretches, item.scenes) == (2, 4 + 3, 2)
+    table = results[0].tables.stretches.to_pandas().query("tracker == 'ekf'")
+    assert table["run"].tolist() == [0] * 4 + [1] * 3
+    runs = results[0].tables.runs.to_pandas().query("tracker == 'ekf'")
+    assert table.groupby("run")["count"].sum().tolist() == runs["count"].tolist()
+    # Of each log by itself the stretches are the same.
+    alone = tb.run(
+        tb.load(tmp_path / "both.yaml", {"truth.path": "logs/1.txt", "trackers.ekf.acceleration_sigma_mps2": 3})
+    )
+    ours = alone.tables.stretches.to_pandas().query("tracker == 'ekf'")
+    np.testing.assert_allclose(table["velocity_rmse_mps"][-3:], ours["velocity_rmse_mps"], rtol=1e-12)

@@ -103,7 +103,7 @@ class PairDifference(ResultModel):
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
     stretches: int | None = None
-    """Number of stretches of time of a single run, where these are what is independent."""
+    """Number of stretches of time of a single run or of few logs, where these are what is independent."""
     without_charged: float | None = None
     """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
     for missing ones. Neither is called better where this has the other sign."""

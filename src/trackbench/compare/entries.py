@@ -17,6 +17,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.subjects import kind_of, offered
 from trackbench.base.types import Array
 from trackbench.metrics import Interval, Metric, clustered
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.sums import SHORTEST
 from trackbench.results import MetricValue, Result
 from trackbench.scenario.config import ScenarioConfig
@@ -95,7 +96,12 @@ class Entry:
     def without_interval(self, metric: Metric) -> str:
         """Why a metric has no interval here, and what would give one; empty where it may have one."""
         summary = self.result.summary
-        if summary.runs > 1 or (self.stretches > 1 and self.over_stretches(metric)):
+        scenes = len(summary.truth.scenes)
+        if self.stretches > 1 and self.over_stretches(metric):
+            return ""
+        if 0 < scenes < FEWEST_SCENES:
+            return f"{scenes} scenes give no interval of {metric.path}: take {FEWEST_SCENES} or more"
+        if summary.runs > 1:
             return ""
         if self.stretches > 1:
             return f"a single run gives no interval of {metric.path}, which has one value in a run: pool several logs"

@@ -105,6 +105,7 @@ class _Summing:
             duration=self._duration,
             seconds=self._seconds,
             steps=self._steps,
+            single_runs=() if self._scope.single else None,
         )
 
     def _cells(self, per_class: Array) -> Cells:

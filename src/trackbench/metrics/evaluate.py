@@ -96,41 +96,47 @@ def evaluate(sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT
 def scores_of(merged: BlockScores, scene: Indices) -> Scores:
     """What the metrics of a tracker are made of.
 
-    Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run is cut
-    into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of simulation output").
+    Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run, and
+    each of few logs, is cut into stretches of time (batch means: Schmeiser 1982, "Batch size effects in the analysis of
+    simulation output").
 
     Args:
         merged: its sums over all runs.
         scene: ``(runs,)`` number of the scene of each run.
     """
-    sums, scenes, runs = merged.errors, int(scene[-1]) + 1, len(scene)
+    sums, over_scenes = merged.errors, bool(scene[-1] > 0) and merged.single_runs is None
     per_part, charged, cells, nis = sums.per_run, sums.charged_per_run, sums.cells, merged.nis
-    if scenes > 1:
+    if merged.single_runs is not None:
+        runs = merged.single_runs or (merged,)
+        per_part, charged = (
+            np.concatenate([_added(getattr(run.errors, name), run.stretch) for run in runs], axis=1)
+            for name in ("per_step", "charged_per_step")
+        )
+        nis = {name: replace(item, per_run=_nis_in_stretches(runs, name)) for name, item in nis.items()}
+    elif over_scenes:
         per_part, charged = _added(per_part, scene), _added(charged, scene)
         cells = replace(cells, part=scene[cells.part])
         nis = {name: replace(item, per_run=_added(item.per_run, scene)) for name, item in nis.items()}
-    elif runs == 1:
-        per_part = _in_stretches(sums.per_step, merged.duration)
-        charged = _in_stretches(sums.charged_per_step, merged.duration)
-        nis = {name: replace(item, per_run=_in_stretches(item.per_step, merged.duration)) for name, item in nis.items()}
     return Scores(
         per_step=sums.per_step,
         per_run=sums.per_run,
         per_part=per_part,
         charged=charged,
-        scenes=scenes > 1,
+        scenes=over_scenes,
         given=merged.given,
         due=float(merged.due.sum()),
         nis=nis,
-        classes=class_sums(cells, per_part.shape[1], scenes > 1),
+        classes=class_sums(cells, per_part.shape[1], over_scenes),
         spread=merged.spread,
         seconds=merged.seconds,
         steps=merged.steps,
     )
 
 
-def _in_stretches(per_step: Array, duration: float) -> Array:
-    return _added(per_step, stretches(per_step.shape[1], duration))
+def _nis_in_stretches(runs: Sequence[BlockScores], sensor: str) -> Array:
+    """``(7, stretches)`` sums over the innovations of a sensor in single runs."""
+    each = [(run.nis[sensor].per_step, run.duration) for run in runs]
+    return np.concatenate([_added(sums, stretches(sums.shape[1], duration)) for sums, duration in each], axis=1)
 
 
 def _added(sums: Array, part: Indices) -> Array:

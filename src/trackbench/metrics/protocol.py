@@ -60,7 +60,7 @@ class Scope:
     first: bool
     """Whether it is the first block."""
     single: bool
-    """Whether there is no other run."""
+    """Whether it is a run whose stretches of time stand for independent runs."""
     chunk: int
     """Largest number of instants in a chunk."""
     compute: Compute = by_numpy

@@ -60,7 +60,7 @@ class Scorer:
             measurements: how many instants each sensor has.
             tracker: whose estimates they are.
             first: whether it is the first block, whose percentiles are kept.
-            single: whether there is no other run.
+            single: whether it is a run whose stretches of time stand for independent runs.
             metrics: what is to be computed.
             compute: how equations are computed.
             measured: gives ``(2, instants, batch)`` the latest measured position at each instant, m; called where the

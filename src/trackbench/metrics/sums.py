@@ -111,6 +111,13 @@ class BlockScores:
     """Time spent in the tracker."""
     steps: int
     """Number of steps of single objects that it took."""
+    single_runs: tuple[BlockScores, ...] | None = None
+    """Each run by itself, where stretches of time stand for independent runs; of one that is not merged yet ``()``."""
+
+    @property
+    def stretch(self) -> Indices:
+        """``(instants,)`` number of the stretch of time of each instant of a single run."""
+        return stretches(self.errors.per_step.shape[1], self.duration)
 
     @property
     def given(self) -> float:
@@ -144,7 +151,8 @@ class ClassSums:
 class Scores:
     """What the built-in metrics are made of: the sums of one tracker over all runs.
 
-    The parts are independent of each other: scenes; where there is one, runs; of a single run, stretches of time.
+    The parts are independent of each other: scenes; where there is one, runs; of a single run, and of few logs, the
+    stretches of time.
     """
 
     per_step: Array
@@ -174,7 +182,7 @@ class Scores:
 def merge(blocks: Sequence[BlockScores]) -> BlockScores:
     """The scores of consecutive blocks of runs, added in their order; later scenes may be shorter."""
     first = blocks[0]
-    runs = np.cumsum([0, *(len(block.due) for block in blocks)])
+    parts = [len(block.due) if block.single_runs is None else block.stretch[-1] + 1 for block in blocks]
     errors = [block.errors for block in blocks]
     longest = max(block.spread.shape[1] for block in blocks)
     return BlockScores(
@@ -183,7 +191,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
             per_run=np.concatenate([sums.per_run for sums in errors], axis=1),
             charged_per_step=_total([sums.charged_per_step for sums in errors]),
             charged_per_run=np.concatenate([sums.charged_per_run for sums in errors], axis=1),
-            cells=_joined([sums.cells for sums in errors], runs[:-1].tolist()),
+            cells=_joined([sums.cells for sums in errors], np.cumsum([0, *parts[:-1]]).tolist()),
         ),
         due=np.concatenate([block.due for block in blocks]),
         diverged=np.concatenate([block.diverged for block in blocks]),
@@ -201,11 +209,12 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
         duration=max(block.duration for block in blocks),
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
+        single_runs=None if first.single_runs is None else tuple(blocks),
     )
 
 
 def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:
-    """All of them; ``first``: the number of the first run of each."""
+    """All of them; ``first``: the number of the first run or stretch of each."""
     return Cells(
         np.concatenate([item.code for item in cells]),
         np.concatenate([item.part + at for item, at in zip(cells, first, strict=True)]),

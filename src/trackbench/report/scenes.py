@@ -24,6 +24,8 @@ def runs_in_words(result: Result) -> str:
 def basis_of_intervals(result: Result) -> str:
     """What the intervals rest on, and so what they speak of."""
     summary = result.summary
+    if summary.truth.scenes and len(result.tables.if_there("stretches")):
+        return f"over stretches of the time of {len(summary.truth.scenes)} logs"
     if summary.truth.scenes:
         return f"over {len(summary.truth.scenes)} scenes"
     if summary.runs == 1:
@@ -36,7 +38,7 @@ def basis_of_intervals(result: Result) -> str:
 def values_of_few_scenes(result: Result) -> list[str]:
     """What stands in the place of intervals where there are too few scenes for one; empty where there are enough."""
     every = result.summary.truth.scenes
-    if not 0 < len(every) < FEWEST_SCENES:
+    if not 0 < len(every) < FEWEST_SCENES or len(result.tables.if_there("stretches")):
         return []
     places = decimals([value for scene in every for value in scene.error.values()], 3)
     lines = [f"no ± with fewer than {FEWEST_SCENES} scenes; {result.summary.headline_name} of each scene, m:"]

@@ -160,7 +160,7 @@ LABELLED = {
         ],
     ),
     "stretches": _table(
-        "of a single run: errors of each tracker in each stretch of time, which stand for independent runs",
+        "of a single run or few logs: errors of each tracker in each stretch of time, which stand for independent runs",
         ["tracker"],
         [
             *_numbers("run", "stretch", "count", "course_count", GIVEN, *ERRORS),

@@ -66,7 +66,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         **_mode_records(work, blocks, list(evaluations)),
     }
     if work.over_stretches:
-        records["stretches"] = [_stretch_record(name, item) for name, item in evaluations.items()]
+        records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
     more = {"runs": [run_column(path) for path in own_paths]}
     return {name: LABELLED[name].written(parts, more.get(name, ())) for name, parts in records.items()}
 
@@ -176,11 +176,12 @@ def _run_record(name: str, evaluation: Evaluation, scores: BlockScores, work: Wo
     }
 
 
-def _stretch_record(name: str, evaluation: Evaluation) -> Record:
-    """Errors in each stretch of time of a single run."""
+def _stretch_record(name: str, evaluation: Evaluation, scores: BlockScores) -> Record:
+    """Errors in each stretch of time of a single run, or of few logs."""
     sums = evaluation.scores.per_part
-    stretch = np.arange(sums.shape[1], dtype=float)
-    return {"tracker": name, "run": np.zeros_like(stretch), "stretch": stretch, **dict(zip(ERROR, sums, strict=True))}
+    run = np.concatenate([[number] * (each.stretch[-1] + 1) for number, each in enumerate(scores.single_runs or ())])
+    keys = {"tracker": name, "run": run.astype(float), "stretch": np.arange(len(run), dtype=float)}
+    return {**keys, **dict(zip(ERROR, sums, strict=True))}
 
 
 def run_keys(name: str, work: Work) -> Record:

@@ -18,6 +18,7 @@ from trackbench.engine.choice import Engine, EngineName, chosen
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.metrics.registry import built_in_metrics, headline
 from trackbench.metrics.traffic import TRACK_METRICS
@@ -169,8 +170,9 @@ class Work:
 
     @property
     def over_stretches(self) -> bool:
-        """Whether intervals rest on stretches of time: there is a single run."""
-        return self.runs == len(self.scenes) == 1
+        """Whether intervals rest on stretches of time: of a single run, or of few logs."""
+        recorded = self.scenes[0].truth.source.get("source") == "recording"
+        return self.runs == 1 and (len(self.scenes) == 1 or (recorded and len(self.scenes) < FEWEST_SCENES))
 
     @property
     def longest_scene(self) -> Scene:
