@@ -143,15 +143,6 @@ def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> Non
     assert np.exp(density).sum() * step**2 == pytest.approx(1.0, abs=1e-3)
 
 
-def test_a_trial_with_fewer_estimates_than_the_start_does_not_count(scenario: Scenario) -> None:
-    evaluate = evaluator(scenario, "ekf")
-    (start,), (late,) = evaluate([{}, {"initial.skip": 5}])
-    assert start.sums is not None
-    assert late.sums is not None
-    assert "estimates" in str(late.sums.lacking(start.sums))
-    assert start.sums.lacking(start.sums) is None
-
-
 def test_values_that_do_not_go_together_fail_alone(scenario: Scenario) -> None:
     good, bad = evaluator(scenario, "ekf")([{"initial.skip": 0}, {"initial.skip": -1}])
     assert good[0].sums is not None

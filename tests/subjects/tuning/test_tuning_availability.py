@@ -1,4 +1,4 @@
-"""Trials are compared on the same estimates and innovations: those that the start gives."""
+"""Trials are compared by the errors of all that is due, and by the innovations that the start gives."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import trackbench as tb
 from trackbench.api.scenario import load
 from trackbench.base.execution import InProcess
 from trackbench.runner.work import BlockRuns, work_of
@@ -15,7 +16,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.subjects.tuning import evaluation
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
 from trackbench.subjects.tuning.held_out import compare_held_out
-from trackbench.subjects.tuning.labelled import Availability, PackedAvailability, score_labelled
+from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
@@ -61,10 +62,9 @@ def sums_of(evaluate: Evaluator, point: dict[str, Any]) -> Sums:
 def test_what_a_trial_gives_beyond_the_start_does_not_count(scenario: Scenario) -> None:
     early, late = evaluator(scenario, "early"), evaluator(scenario, "late")
     start, trial, all_of_it = (sums_of(*of) for of in ((late, {}), (late, {"initial.skip": 0}), (early, {})))
-    for name in ("log_likelihood", "position_rmse", "nees"):
-        np.testing.assert_array_equal(trial.values[name][1], start.values[name][1])
-        assert (trial.values[name][1] < all_of_it.values[name][1]).all()
-        assert (trial.values[name][0] != all_of_it.values[name][0]).all()
+    np.testing.assert_array_equal(trial.values["log_likelihood"][1], start.values["log_likelihood"][1])
+    assert (trial.values["log_likelihood"][1] < all_of_it.values["log_likelihood"][1]).all()
+    assert (trial.values["log_likelihood"][0] != all_of_it.values["log_likelihood"][0]).all()
     found = trial_of(OBJECTIVES["likelihood"], {"initial.skip": 0}, late([{"initial.skip": 0}])[0], [start])
     assert found.parts["likelihood"] == pytest.approx(-trial.value("log_likelihood"), rel=1e-12)
 
@@ -78,28 +78,36 @@ def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scen
         f"it gives {counts[0]:.0f} of the {counts[1]:.0f} innovations that the start gives"
     )
     held_out = compare_held_out(evaluate, {"initial.skip": 5})
-    assert held_out.comparisons == ()
-    assert {one.measure for one in held_out.not_compared} == {
-        "position_rmse",
-        "velocity_rmse",
-        "nees",
-        "log_likelihood",
-    }
+    assert {one.measure for one in held_out.not_compared} == {"nees", "log_likelihood"}
+    verdicts = {one.measure: one.verdict for one in held_out.comparisons}
+    assert verdicts == {"position_rmse": "undecided", "velocity_rmse": "worse"}
     assert not compare_held_out(evaluate, {"acceleration_sigma_mps2": 3.0}).not_compared
+
+
+def test_an_error_is_charged_for_missing_estimates_as_in_a_run(scenario: Scenario) -> None:
+    """Of a trial that starts late: no more than what a run charges, which no start lacks."""
+    trial = sums_of(evaluator(scenario, "early"), {"initial.skip": 5})
+    late = tb.run(load(SCENARIO, trackers=["late"]))["late"]
+    start = evaluator(scenario, "early").start[0].sums
+    assert start is not None
+    assert late.velocity_rmse.charged_share > 0.5
+    for name in ("position_rmse", "velocity_rmse"):
+        np.testing.assert_array_equal(trial.values[name][1], start.values[name][1])
+        assert trial.value(name) == pytest.approx(late.metrics[name].value, rel=1e-12)
+        assert trial.value(name) > start.value(name)
+    assert trial.lacking(start, ["position_rmse", "velocity_rmse"]) is None
+    assert "estimates that the start gives" in str(trial.lacking(start, ["nees"]))
 
 
 def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Scenario) -> None:
     work, entry = work_of(scenario, truths_of(scenario)), scenario.config.trackers["early"]
     piece = BlockRuns(0, range(4))
-    (whole,), given, _ = score_labelled(work, piece, entry)
-    random = np.random.default_rng(1)
-    some = Availability(*(random.random(mask.shape) < 0.5 for mask in given))
-    others = Availability(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
-    halves = [score_labelled(work, piece, entry, 1, counted)[0][0] for counted in (some, others)]
-    for name in whole.values:
-        total = halves[0].values[name] + halves[1].values[name]
-        assert (halves[0].values[name][1] < whole.values[name][1]).any() or not whole.values[name][1].any(), name
-        np.testing.assert_allclose(total, whole.values[name], rtol=1e-12, atol=1e-12, err_msg=name)
+    (whole,), innovations, _ = score_labelled(work, piece, entry)
+    some = np.random.default_rng(1).random(innovations.shape) < 0.5
+    halves = [score_labelled(work, piece, entry, 1, counted)[0][0] for counted in (some, ~some & innovations)]
+    total = halves[0].values["log_likelihood"] + halves[1].values["log_likelihood"]
+    assert (halves[0].values["log_likelihood"][1] < whole.values["log_likelihood"][1]).any()
+    np.testing.assert_allclose(total, whole.values["log_likelihood"], rtol=1e-12, atol=1e-12)
 
 
 def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,11 +133,8 @@ def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch:
 
 
 def test_masks_are_packed_and_unpacked() -> None:
-    random = np.random.default_rng(0)
-    coverage = Availability(random.random((13, 2, 5)) < 0.5, random.random((21, 2, 5)) < 0.5)
-    parts = [Availability(*(mask[..., runs] for mask in coverage)) for runs in (slice(0, 2), slice(2, 5))]
-    joined = PackedAvailability.joined([PackedAvailability.of(part) for part in parts])
-    for found, expected in zip(joined.unpacked(), coverage, strict=True):
-        np.testing.assert_array_equal(found, expected)
-    for found, expected in zip(joined.of_runs(range(1, 4)).unpacked(), coverage, strict=True):
-        np.testing.assert_array_equal(found, expected[..., 1:4])
+    mask = np.random.default_rng(0).random((21, 2, 5)) < 0.5
+    parts = [PackedAvailability.of(mask[..., runs]) for runs in (slice(0, 2), slice(2, 5))]
+    joined = PackedAvailability.joined(parts)
+    np.testing.assert_array_equal(joined.unpacked(), mask)
+    np.testing.assert_array_equal(joined.of_runs(range(1, 4)).unpacked(), mask[..., 1:4])

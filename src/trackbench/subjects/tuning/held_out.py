@@ -196,7 +196,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         for number, (other, own) in enumerate(zip(*sides, strict=True)):
             if not other.has(measure):
                 continue
-            lacking = own.lacking(other, [measure if measure == "log_likelihood" else "position_rmse"])
+            lacking = own.lacking(other, [measure])
             if lacking is None:
                 pairs.append((number, own, other))
             else:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,8 @@ import numpy.typing as npt
 from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import TrackerDrive, scans_read
 from trackbench.engine.equations import EngineUsed
-from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.silence import charged_states
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.prepare import stepper_of
@@ -27,51 +28,35 @@ from trackbench.trackers.filtered import log_likelihood
 Bytes = npt.NDArray[np.uint8]
 
 
-class Availability(NamedTuple):
-    """Of which objects and runs of one scene there is an estimate at an instant, and an innovation of a scan.
+class PackedAvailability(NamedTuple):
+    """Of which objects and runs of one scene there is an innovation of a scan, in bits, as it is sent to processes.
 
     Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
     a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the true
     values.
     """
 
-    estimates: Mask
-    """``(instants, objects, runs)``"""
-    innovations: Mask
-    """``(scans, objects, runs)``, the scans in the order in which they were taken."""
-
-
-class PackedAvailability(NamedTuple):
-    """The same in an eighth of the memory, as it is kept of all runs and sent to other processes."""
-
-    estimates: Bytes
-    """``(instants / 8, objects, runs)`` of bytes."""
     innovations: Bytes
-    """``(scans / 8, objects, runs)`` of bytes."""
-    instants: int
+    """``(scans / 8, objects, runs)`` of bytes, the scans in the order in which they were taken."""
     scans: int
 
     @classmethod
-    def of(cls, masks: Availability) -> PackedAvailability:
-        """The packed masks."""
-        estimates, innovations = (np.packbits(mask, axis=0) for mask in masks)
-        return cls(estimates, innovations, len(masks.estimates), len(masks.innovations))
+    def of(cls, innovations: Mask) -> PackedAvailability:
+        """The packed mask ``(scans, objects, runs)``."""
+        return cls(np.packbits(innovations, axis=0), len(innovations))
 
     @classmethod
     def joined(cls, parts: Sequence[PackedAvailability]) -> PackedAvailability:
         """Those of consecutive runs of a scene as one."""
-        estimates, innovations = (np.concatenate([part[field] for part in parts], axis=-1) for field in (0, 1))
-        return cls(estimates, innovations, parts[0].instants, parts[0].scans)
+        return cls(np.concatenate([part.innovations for part in parts], axis=-1), parts[0].scans)
 
     def of_runs(self, runs: range) -> PackedAvailability:
         """Of some runs alone."""
-        here = slice(runs.start, runs.stop)
-        return self._replace(estimates=self.estimates[..., here], innovations=self.innovations[..., here])
+        return self._replace(innovations=self.innovations[..., runs.start : runs.stop])
 
-    def unpacked(self) -> Availability:
-        """The masks."""
-        sizes = (self.estimates, self.instants), (self.innovations, self.scans)
-        return Availability(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))
+    def unpacked(self) -> Mask:
+        """The mask."""
+        return np.unpackbits(self.innovations, axis=0, count=self.scans).view(bool)
 
 
 def score_labelled(
@@ -79,9 +64,9 @@ def score_labelled(
     piece: BlockRuns,
     entry: Entry,
     trials: int = 1,
-    counted: Availability | None = None,
+    counted: Mask | None = None,
     log_time: LogTime | None = None,
-) -> tuple[list[Sums], Availability, EngineUsed | None]:
+) -> tuple[list[Sums], Mask, EngineUsed | None]:
     """The sums of several trials over some runs of one scene, and what computed them.
 
     Args:
@@ -89,8 +74,8 @@ def score_labelled(
         piece: the runs.
         entry: of the tracker; its noise levels may be arrays ``(trials * objects * runs,)``.
         trials: how many there are.
-        counted: the estimates and innovations that are summed, where a trial gives them; unless given, those that the
-            first trial gives, which are returned.
+        counted: ``(scans, objects, runs)`` the innovations that are summed, where a trial gives them; unless given,
+            those that the first trial gives, which are returned.
         log_time: of a single run, the stretches of time that are summed, each by itself in place of the run.
 
     Raises:
@@ -103,7 +88,7 @@ def score_labelled(
     sensors, scans = entry.sensors_used, measurements.scans
     shape = trials, len(scene.truth.ids), len(piece.runs)
     stretch = None if log_time is None else log_time.stretch(scene.truth.time[scene.instants()])
-    sums = _Sums(targets, targets.conditions(entry), shape, len(scans), counted, stretch)
+    sums = _Sums(targets, entry, shape, len(scans), counted, stretch)
     # Trials are tiled scan by scan: all scans of all of them at once may not fit the memory.
     drive = TrackerDrive[Estimate | None](
         lambda: stepper_of(work, piece, entry, (_tiled(scan, trials) for scan in scans_read(scans, sensors)), trials),
@@ -115,9 +100,7 @@ def score_labelled(
     with np.errstate(all="ignore"), drive:
         for step in drive:
             estimate = step.answer
-            if estimate is None:
-                continue
-            if step.number is not None:
+            if step.number is not None and estimate is not None:
                 sums.add_innovation(step.instant, step.number, step.scan, estimate)
             if step.last:
                 sums.add_error(step.instant, estimate)
@@ -137,34 +120,43 @@ class _Sums:
     def __init__(
         self,
         targets: Targets,
-        classes: Classes,
+        entry: Entry,
         shape: tuple[int, int, int],
         scans: int,
-        counted: Availability | None,
+        counted: Mask | None,
         stretch: Indices | None,
     ) -> None:
-        self._state, self._due = targets.state, targets.due
+        self._targets, self._entry = targets, entry
+        self._state, self._due, self._in_view = targets.state, targets.due, targets.due | targets.starting
+        self._latest = np.full((4, *shape), np.nan)
         self._shape, self._counted = shape, counted
         self._stretch, parts = stretch, shape[2]
         if stretch is not None:
             self._due, parts = self._due & (stretch >= 0)[:, None, None], int(stretch.max()) + 1
-        self.available = Availability(*(np.zeros((size, *shape[1:]), dtype=bool) for size in (len(self._due), scans)))
-        """Of the first trial; filled in where nothing says what counts."""
+        self.available = np.zeros((scans, *shape[1:]), dtype=bool)
+        """Innovations of the first trial; filled in where nothing says what counts."""
         sums = *shape[:2], parts
         self._sums = {name: (np.zeros(sums), np.zeros(sums)) for name in (*OF_ALL, *HALVES)}
-        self._member = condition_members(classes)
+        self._member = condition_members(targets.conditions(entry))
         self._nees = np.zeros((2, len(CONDITIONS), shape[0], parts))
 
-    def add_error(self, instant: int, estimate: Estimate) -> None:
-        mean = estimate.mean.reshape(4, *self._shape)
-        error = mean - self._state[:, instant, None]
-        summed = self._that_count(np.asarray(np.isfinite(error).all(axis=0)), instant, "estimates", instant)
+    def add_error(self, instant: int, estimate: Estimate | None) -> None:
+        """Of what is due; a missing estimate is charged as in a run, and has no NEES."""
+        missing = np.full((4, 1), np.nan), np.full((4, 4, 1), np.nan)
+        mean, covariance = missing if estimate is None else (estimate.mean, estimate.covariance)
+        mean, covariance = (
+            np.broadcast_to(each.reshape(*lead, -1), (*lead, math.prod(self._shape))).reshape(*lead, *self._shape)
+            for each, lead in ((mean, (4,)), (covariance, (4, 4)))
+        )
+        given = np.asarray(np.isfinite(mean).all(axis=0))
+        error = self._charged(instant, mean, given) - self._state[:, instant, None]
+        scored = np.asarray(self._due[instant] & np.isfinite(error).all(axis=0))
+        summed = scored & given
         square = error * error
-        covariance = estimate.covariance.reshape(4, 4, *self._shape)
         nees, whitened, positive = normalised_square(error, covariance)
         part = self._part(instant)
-        self._add("position_rmse", square[0] + square[1], summed, part)
-        self._add("velocity_rmse", square[2] + square[3], summed, part)
+        self._add("position_rmse", square[0] + square[1], scored, part)
+        self._add("velocity_rmse", square[2] + square[3], scored, part)
         self._add("nees", np.where(positive, nees, np.nan), summed, part)
         # The factor is triangular: its first rows are those of the position by itself.
         self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), summed, part)
@@ -172,12 +164,30 @@ class _Sums:
         counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, self._shape)])
         self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
 
+    def _charged(self, instant: int, mean: Array, given: Mask) -> Array:
+        """The estimates, where they are missing what stands for them (:mod:`trackbench.metrics.silence`)."""
+        in_view = np.broadcast_to(self._in_view[instant], self._shape)
+        self._latest = np.where(in_view, np.where(given, mean, self._latest), np.nan)
+        missing = in_view & ~given
+        if not missing.any():
+            return mean
+        measured = self._targets.measured(self._entry)[:, instant].reshape(2, 1, *self._shape[1:])
+        states = (self._state[:, instant, None], measured)
+        truth, measured = (np.broadcast_to(each, (len(each), *self._shape))[:, missing] for each in states)
+        mean = mean.copy()
+        mean[:, missing] = charged_states(truth, measured, self._latest[:, missing])
+        return mean
+
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
         log_density = log_likelihood(estimate)
         if log_density is not None:
             log_density = log_density.reshape(self._shape)
             predicted = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
-            summed = self._that_count(predicted, instant, "innovations", number)
+            if self._counted is None:
+                summed = np.asarray(predicted & self._due[instant])
+                self.available[number] = summed[0]
+            else:
+                summed = predicted & self._counted[number]
             self._add("log_likelihood", log_density, summed, self._part(instant))
 
     def of_trials(self) -> list[Sums]:
@@ -187,14 +197,6 @@ class _Sums:
             Sums({name: np.stack([total[trial], count[trial]]) for name, (total, count) in by_run.items()})
             for trial in range(self._shape[0])
         ]
-
-    def _that_count(self, there: Mask, instant: int, what: Literal["estimates", "innovations"], number: int) -> Mask:
-        """Those of the available values that are summed."""
-        if self._counted is not None:
-            return np.asarray(there & getattr(self._counted, what)[number])
-        due = np.asarray(there & self._due[instant])
-        getattr(self.available, what)[number] = due[0]
-        return due
 
     def _part(self, instant: int) -> slice:
         """The sums that an instant belongs to: those of all runs, or of its stretch."""

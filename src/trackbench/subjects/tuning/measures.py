@@ -17,7 +17,7 @@ from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.traffic.table import run_ratio
-from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, SMALLEST_SHARE
+from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, LEAST_COVERAGE, SMALLEST_SHARE
 
 #: By name, what the sums of a run tell, beside the metric of the objective.
 MEASURES: dict[str, Metric] = {
@@ -99,11 +99,13 @@ class Sums:
         interval = self.interval(name, np.zeros(runs, dtype=np.intp))
         return np.nan if interval is None else interval.value
 
-    def lacking(self, start: Sums, measures: Sequence[str] = ("position_rmse", "log_likelihood")) -> str | None:
+    def lacking(self, start: Sums, measures: Sequence[str]) -> str | None:
         """What there is less of than with the start's values, or is not finite, so that the two cannot be compared.
 
+        An error is charged for a missing estimate, a likelihood and a NEES are not.
+
         Args:
-            start: of the tracker as it is; of labelled objects nothing else was summed than what it gives.
+            start: of the tracker as it is; no other innovations of labelled objects were summed than those it gives.
             measures: by which the two are to be compared.
         """
         for name in measures:
@@ -111,10 +113,9 @@ class Sums:
                 continue
             own, other = self.values[name][1], start.values[name][1]
             word = "innovations" if name == "log_likelihood" else "estimates"
-            if (own < other).any():
-                return (
-                    f"it gives {np.minimum(own, other).sum():.0f} of the {other.sum():.0f} {word} that the start gives"
-                )
+            fewer = name == "nees" and own.sum() < LEAST_COVERAGE * other.sum()
+            if fewer or (name == "log_likelihood" and (own < other).any()):
+                return f"it gives {own.sum():.0f} of the {other.sum():.0f} {word} that the start gives"
             if not np.isfinite(self.values[name][0]).all():
                 return f"its {word} are not finite"
         return None

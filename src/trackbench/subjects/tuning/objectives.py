@@ -81,7 +81,7 @@ class Objective:
         for outcome, other in zip(outcomes, start, strict=True):
             if outcome.sums is None:
                 return outcome.failed
-            lacking = outcome.sums.lacking(other)
+            lacking = outcome.sums.lacking(other, [self.measure, *(["nees"] if self.parts is _error_and_nees else [])])
             if lacking is not None:
                 return lacking
             sums.append(outcome.sums)
