@@ -119,7 +119,6 @@ def test_cars_come_to_the_crossing_and_go() -> None:
     assert ((status[-1] == OPTIONAL) & (status == DUE).any(axis=0)).any()
 
 
-def test_cars_at_the_roundabout_hide_each_other() -> None:
-    of = scene("roundabout", "truth.seeds=[4]", "truth.duration_s=5")
-    between = [name for name in of.truth.ids if len(of.intervals(name, DUE)) > 1]
-    assert between
+def test_cars_at_the_crossing_hide_each_other() -> None:
+    of = scene("intersection", "truth.seeds=[2]")
+    assert [name for name in of.truth.ids if len(of.intervals(name, DUE)) > 1]
