@@ -44,8 +44,27 @@ def test_rows_agree_with_numpy():
         nees = [e[part] @ np.linalg.solve(p[part, part], e[part]) for part in map(slice, (0, 0, 2), (4, 2, 4))]
         towards = np.array([-5.0, 0.0]) @ given["mean"][2:, *place] / np.linalg.norm(given["mean"][2:, *place]) / 5.0
         course = [1.0, np.arccos(towards) ** 2] if place[1] == 0 else [0.0, 0.0]
-        expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], 0.25, 0.25, 1.0]) * (place != (1, 0, 2))
+        # The first object moves against x; the other stands, and is taken to point along it.
+        directions = e[:2] ** 2 / np.diag(p)[:2]
+        expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], *directions, 0.25, 0.25, 1.0]) * (
+            place != (1, 0, 2)
+        )
         np.testing.assert_allclose(found["rows"][:, *place], expected, rtol=1e-9, err_msg=str(place))
+
+
+def test_errors_along_and_across_the_motion():
+    """With the covariance rotated into the course."""
+    given = estimates(4)
+    angle = np.random.default_rng(4).uniform(-np.pi, np.pi, given["truth"].shape[1:])
+    given["truth"][2:] = 8.0 * np.stack([np.cos(angle), np.sin(angle)])
+    found = by_numpy(ERRORS, given)["rows"]
+    for place in np.ndindex(BATCH):
+        e, p = (given["mean"] - given["truth"])[:2, *place], given["covariance"][:2, :2, *place]
+        (c,), (s,) = np.cos(angle[place[:2]]), np.sin(angle[place[:2]])
+        turned = np.array([[c, s], [-s, c]])
+        expected = (turned @ e) ** 2 / np.diag(turned @ p @ turned.T)
+        rows = [ERROR["nees_along"], ERROR["nees_across"]]
+        np.testing.assert_allclose(found[rows, *place], expected, rtol=1e-9)
 
 
 def test_what_is_wrong_with_an_estimate():
@@ -120,7 +139,9 @@ def test_what_a_metric_is_shown_agrees_with_what_is_summed():
     np.testing.assert_array_equal(seen["mean"], mean)
     np.testing.assert_array_equal(seen["covariance"], covariance)
     np.testing.assert_array_equal(seen["error"], error)
-    np.testing.assert_array_equal(seen["values"], by_numpy(ERRORS, given)["rows"].reshape(13, instants, -1))
+    np.testing.assert_array_equal(
+        seen["values"], by_numpy(ERRORS, given)["rows"].reshape(len(ERROR_FIELDS), instants, -1)
+    )
     np.testing.assert_array_equal(seen["nees"], seen["values"][ERROR["nees"]])
     np.testing.assert_allclose((seen["whitened"] ** 2).sum(axis=0), seen["nees"], rtol=1e-12)
     factor = np.linalg.cholesky(np.moveaxis(covariance, (0, 1), (-2, -1)))

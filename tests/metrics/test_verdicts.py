@@ -7,7 +7,7 @@ import pytest
 from benchmarks.calibration.verdicts import RIGHT_ON_AVERAGE, right_on_average
 
 from trackbench.metrics.intervals import ratio
-from trackbench.metrics.verdicts import condition_verdict, conditions_off, judged, together, verdict, whiteness_verdict
+from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, what_is_off, whiteness_verdict
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
 
 
@@ -160,5 +160,5 @@ def test_a_mixed_verdict_that_is_off_nowhere_names_what_is_furthest_apart() -> N
         for name, mean in (("turning", 5.0), ("straight", 3.1), ("braking", 3.4))
     ]
     found = MetricValue(value=3.2, unit="1", dof=4, verdict="mixed", conditions=tuple(conditions))
-    assert conditions_off(found) == "straight 3.1, turning 5.0"
-    assert conditions_off(found.model_copy(update={"verdict": "consistent"})) == ""
+    assert what_is_off(found) == "straight 3.1, turning 5.0"
+    assert what_is_off(found.model_copy(update={"verdict": "consistent"})) == ""

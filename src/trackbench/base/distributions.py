@@ -1,4 +1,4 @@
-"""Quantiles and probabilities of Student's t, chi-square and the normal distribution.
+"""Quantiles and probabilities of Student's t, chi-square, beta and the normal distribution.
 
 From ``scipy.special``, whose functions ``scipy.stats`` wraps.
 """
@@ -45,3 +45,13 @@ def t_probability(x: Array, freedom: float) -> Array:
 def chi_square_quantile(probability: float, freedom: Array | float) -> Array:
     """``(...)`` of chi-square, for degrees of freedom ``(...)``, which need not be whole."""
     return np.asarray(2 * _special("gammaincinv")(np.asarray(freedom) / 2, probability))
+
+
+def chi_square_beyond(x: float, freedom: float) -> float:
+    """The probability that a chi-square variable is above ``x``."""
+    return float(_special("gammaincc")(freedom / 2, x / 2))
+
+
+def beta_quantile(probability: float, a: float, b: float) -> float:
+    """Of the beta distribution."""
+    return float(_special("betaincinv")(a, b, probability))

@@ -10,7 +10,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
-from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
+from trackbench.metrics.consistency import BEYOND
+from trackbench.metrics.intervals import Parts, effective_number, positive_ends, reach_of_ratio, share_interval
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
@@ -23,9 +24,15 @@ FIELDS = {
     "nees": ("nees",),
     "nees_position": ("nees_position",),
     "nees_velocity": ("nees_velocity",),
+    "nees_along": ("nees_along",),
+    "nees_across": ("nees_across",),
 }
+#: Rows of the sums of a class: those, and how many NEES are beyond each point of chi-square.
+ROWS = (*FIELDS, *BEYOND)
 #: Degrees of freedom of the parts of the NEES, which are means over the estimates that the tracker gave.
-DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
+DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2, "nees_along": 1, "nees_across": 1}
+#: The share beyond a point is stated where at least so many independent estimates are expected beyond it.
+LEAST_BEYOND = 10
 
 # Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none, and each manoeuvre in each band.
 _MANOEUVRE = 1
@@ -35,7 +42,7 @@ _JUMP = _AGE + len(AGES)
 _CELL = _JUMP + len(JUMPS)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 #: Row of the number of which each is a mean.
-_NUMBER = [1 if name in DOF else 0 for name in FIELDS]
+_NUMBER = [1 if name in DOF or name in BEYOND else 0 for name in ROWS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
@@ -55,11 +62,11 @@ def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
     """The sums of each condition over independent parts.
 
     Args:
-        cells: with rows ``FIELDS``.
+        cells: with rows ``ROWS``.
         parts: how many there are.
         scenes: whether they are scenes.
     """
-    total, square, product = np.zeros((3, len(FIELDS), _COLUMNS))
+    total, square, product = np.zeros((3, len(ROWS), _COLUMNS))
     sums = ClassSums(total, square, product, np.zeros((1, _COLUMNS)), scenes)
     codes, place = np.unique(cells.code, return_inverse=True)
     counted = columns(codes)
@@ -99,7 +106,7 @@ def cells(sums: ClassSums) -> Iterator[dict[str, Any]]:
     """Each manoeuvre in each range band that occurred, as a row of a table."""
     for cell in np.flatnonzero(sums.total[0, _CELL:]):
         manoeuvre, band = divmod(int(cell), BANDS)
-        total = dict(zip(FIELDS, sums.total[:, _CELL + cell].tolist(), strict=True))
+        total = dict(zip(ROWS, sums.total[:, _CELL + cell].tolist(), strict=True))
         count, given = total.pop("count"), total.pop("given")
         yield {
             "manoeuvre": MANOEUVRES[manoeuvre],
@@ -132,7 +139,13 @@ def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: flo
     }
     count, given = (int(number) for number in sums.total[:2, column])
     return ConditionScores(
-        count=count, given=given, runs=int(sums.parts[0, column]), from_m=from_m, to_m=to_m, **values
+        count=count,
+        given=given,
+        runs=int(sums.parts[0, column]),
+        from_m=from_m,
+        to_m=to_m,
+        beyond=_beyond(sums, column),
+        **values,
     )
 
 
@@ -141,21 +154,51 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
     if not sums.total[number, column]:
         return MetricValue(unit="1", dof=DOF[name], reason="no estimate was given")
     mean = float(sums.total[row, column] / sums.total[number, column])
-    parts = Parts(int(sums.parts[0, column]), sums.scenes)
-    reach = reach_of_ratio(
-        total=sums.total[row, column],
-        count=sums.total[number, column],
-        square=sums.square[row, column],
-        product=sums.product[row, column],
-        count_square=sums.square[number, column],
-        runs=parts.number,
-    )
+    parts, reach = _parts(sums, column), _reach(sums, row, column)
     if name in DOF:
         return _with_reach(mean, reach, parts, unit="1", dof=DOF[name])
     error = math.sqrt(mean)
     # The root's interval by the delta method.
     slope = 0.5 / error if error > 0 else 0.0
     return _with_reach(error, slope * reach, parts, unit="m" if name == "position" else "m/s")
+
+
+def _parts(sums: ClassSums, column: int) -> Parts:
+    return Parts(int(sums.parts[0, column]), sums.scenes)
+
+
+def _reach(sums: ClassSums, row: int, column: int) -> float:
+    number = _NUMBER[row]
+    return reach_of_ratio(
+        total=sums.total[row, column],
+        count=sums.total[number, column],
+        square=sums.square[row, column],
+        product=sums.product[row, column],
+        count_square=sums.square[number, column],
+        runs=int(sums.parts[0, column]),
+    )
+
+
+def _beyond(sums: ClassSums, column: int) -> dict[str, MetricValue]:
+    """By point, the share of the NEES beyond it, where enough are expected.
+
+    The variance of a rare share is known badly, and too small where few happen to be beyond: its design effect is taken
+    for at least that at the nearest point. Of errors that are normal it is less, since extremes depend less.
+    """
+    shares: dict[str, MetricValue] = {}
+    given, parts = sums.total[1, column], _parts(sums, column)
+    if not given or parts.too_few:
+        return shares
+    effective = given
+    for row, (point, expected) in enumerate(BEYOND.items(), len(FIELDS)):
+        share = float(sums.total[row, column] / given)
+        own = effective_number(share, given, parts.stretch.difference * _reach(sums, row, column))
+        if own or not shares:
+            effective = min(effective, own)
+        if effective * expected < LEAST_BEYOND:
+            break
+        shares[point] = MetricValue(value=share, unit="1", ci95=share_interval(share, effective))
+    return shares
 
 
 def _with_reach(value: float, reach: float, parts: Parts, **more: Any) -> MetricValue:

@@ -49,6 +49,16 @@ def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     return low, high
 
 
+#: The points of chi-square beyond which a NEES is counted, by name, with the share that lies beyond.
+BEYOND = {"95 %": 0.05, "99 %": 0.01, "99.9 %": 0.001}
+
+
+@cache
+def beyond_points(dof: int) -> tuple[float, ...]:
+    """Those points."""
+    return tuple(float(chi_square_quantile(1.0 - share, dof)) for share in BEYOND.values())
+
+
 @cache
 def point95(dof: int) -> float:
     """The 95 % point of chi-square."""

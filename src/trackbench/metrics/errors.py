@@ -16,7 +16,8 @@ from trackbench.metrics.sums import OVERFLOW
 MOVING = 1.0
 #: Root mean square error of a course that is drawn at random, rad.
 NO_COURSE = math.pi / math.sqrt(3.0)
-#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
+#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for, and of their
+#: sum that the variance in a direction is: rounding.
 SMALLEST_DETERMINANT = 1e-14
 
 
@@ -51,10 +52,11 @@ def _errors(values: Values) -> Values:
     nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
     nees_of_velocity = _nees_of_velocity(error * error, error[2] * error[3], covariance)
+    along, across = _nees_of_directions(error, truth, covariance)
     given = np.where(values["finite"], 1.0, 0.0)
     if not np.all(values["finite"]):
-        nees, nees_of_position, nees_of_velocity = (
-            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity)
+        nees, nees_of_position, nees_of_velocity, along, across = (
+            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, along, across)
         )
     squares = error * error
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
@@ -68,6 +70,8 @@ def _errors(values: Values) -> Values:
             course * course * moving,
             nees_of_position,
             nees_of_velocity,
+            along,
+            across,
             *values["reference"],
             given,
         ]
@@ -84,6 +88,20 @@ def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Arra
     determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
     nees: Array = (d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant
     return nees
+
+
+def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> tuple[Array, Array]:
+    """Squared position errors along and across the true velocity over their variances: the covariance, rotated. An
+    object that stands is taken to point along x."""
+    speed = np.sqrt(truth[2] * truth[2] + truth[3] * truth[3])
+    moves = speed > 0
+    over = 1.0 / np.where(moves, speed, 1.0)
+    c, s = np.where(moves, truth[2] * over, 1.0), truth[3] * over
+    along, across = c * error[0] + s * error[1], c * error[1] - s * error[0]
+    total = covariance[0, 0] + covariance[1, 1]
+    variance = (c * c) * covariance[0, 0] + (2.0 * c * s) * covariance[1, 0] + (s * s) * covariance[1, 1]
+    least = SMALLEST_DETERMINANT * total
+    return along * along / np.maximum(variance, least), across * across / np.maximum(total - variance, least)
 
 
 #: Of an estimate that is ``finite``, or that another stands for, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackbench.base.distributions import t_probability, t_quantile
+from trackbench.base.distributions import beta_quantile, normal_quantile, t_probability, t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.results import MetricValue
 
@@ -189,6 +189,31 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
     return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+
+
+def effective_number(share: float, count: float, reach: float) -> float:
+    """How many independent trials would tell as much of a share as ``count`` dependent ones; at most ``count``.
+
+    The number over the design effect, with fewer for a variance that is known from few runs: Korn and Graubard (1998),
+    "Confidence intervals for proportions with small expected number of positive counts estimated from cluster samples".
+    0 where the share is the same in every run, which says nothing of its variance.
+
+    Args:
+        share: of the trials.
+        count: number of trials.
+        reach: of the share, as :func:`reach_of_ratio` gives it.
+    """
+    variance = (reach / normal_quantile(0.975)) ** 2
+    return min(share * (1.0 - share) / variance, count) if variance > 0 else 0.0
+
+
+def share_interval(share: float, number: float) -> tuple[float, float]:
+    """The exact 95 % interval of a share of so many independent trials, which need not be whole: Clopper and Pearson
+    (1934), "The use of confidence or fiducial limits illustrated in the case of the binomial"."""
+    hits = share * number
+    misses = number - hits
+    low = beta_quantile(0.025, hits, misses + 1) if hits > 0 else 0.0
+    return low, beta_quantile(0.975, hits + 1, misses) if misses > 0 else 1.0
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:

@@ -12,7 +12,8 @@ from trackbench.base.types import Array, Indices
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
 #: Rows of the sums of errors: number of errors, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves; the reference of the squared errors; and how many of the
+#: the NEES of the position and of the velocity by themselves, and of the position along and across the true velocity,
+#: by itself (1 degree of freedom); the reference of the squared errors; and how many of the
 #: errors are of an estimate that the tracker gave, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
@@ -25,6 +26,8 @@ ERROR_FIELDS = (
     "course",
     "nees_position",
     "nees_velocity",
+    "nees_along",
+    "nees_across",
     "position_reference",
     "velocity_reference",
     "given",
@@ -72,7 +75,7 @@ class Cells:
     part: Indices
     """``(cells,)`` number of the run or stretch."""
     values: Array
-    """``(6, cells)`` sums, rows ``FIELDS`` of the breakdown."""
+    """``(12, cells)`` sums, rows ``FIELDS`` of the breakdown."""
 
 
 @dataclass
@@ -80,9 +83,9 @@ class ErrorSums:
     """Sums over the estimates of one tracker."""
 
     per_step: Array
-    """``(13, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(15, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(13, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     charged_per_step: Array
     """Those of ``per_step`` that the tracker is charged with where it gave no estimate."""
     charged_per_run: Array
@@ -156,13 +159,13 @@ class Scores:
     """
 
     per_step: Array
-    """``(13, instants)`` rows ``ERROR_FIELDS``."""
+    """``(15, instants)`` rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(13, runs)`` rows ``ERROR_FIELDS``."""
+    """``(15, runs)`` rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(13, parts)`` rows ``ERROR_FIELDS``."""
+    """``(15, parts)`` rows ``ERROR_FIELDS``."""
     charged: Array
-    """``(13, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
+    """``(15, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
     scenes: bool
     """Whether the parts are scenes."""
     given: float

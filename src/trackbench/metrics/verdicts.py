@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 
+from trackbench.base.distributions import chi_square_beyond
 from trackbench.metrics.conditions import AGES
-from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
+from trackbench.metrics.consistency import BEYOND, beyond_points
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
+#: Of a NEES, which is judged by its tails and under each condition too.
+TRUST = (*CONSISTENCY, "mixed", "heavy-tailed")
 WHITENESS = ("white", "coloured", "undecided")
 
 #: How far the mean of a NEES or NIS may be from its degrees of freedom without consequence, as a share of them. A
 #: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
 TOLERANCE = 0.1
+#: How far above it may be for the share beyond the farthest point that is judged: where ten are expected beyond it, a
+#: matched filter is shown to be within this in 95 % of all cases, and within ``TOLERANCE`` in 86 %.
+FAR_TOLERANCE = 0.2
 #: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
 #: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
 #: straights up to 15 % below, as the calibration measures.
 BELOW, ABOVE = 0.25, 0.5
 #: The parts of the NEES, which are judged too.
 HALVES = ("position alone", "velocity alone")
+#: Those of the position.
+DIRECTIONS = ("along the motion", "across the motion")
+#: The point of chi-square beyond which a share can be too small as well.
+NEAR = "95 %"
 #: A NEES or NIS is judged where this share of the estimates or innovations that there should be is given: the missing
 #: ones may be the large ones. Without the worst 1 % a NEES of 4.00 becomes 3.88; without the worst 5 %, 3.59.
 LEAST_COVERAGE = 0.99
@@ -52,10 +64,59 @@ def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
     return _consistency(ci95, dof * (1 - BELOW), dof * (1 + ABOVE))
 
 
+@cache
+def tail_limits(point: str, under_condition: bool = False) -> tuple[float, float]:
+    """Between which the share of the NEES beyond a point of chi-square may be: where it is if the covariance is right
+    but for a factor that is tolerated. Beyond the 99 % and 99.9 % points too few change nothing.
+
+    Args:
+        point: of ``BEYOND``.
+        under_condition: with ``BELOW`` and ``ABOVE``.
+    """
+    place = dict(zip(BEYOND, beyond_points(4), strict=True))[point]
+    below, above = (BELOW, ABOVE) if under_condition else (TOLERANCE, TOLERANCE if point == NEAR else FAR_TOLERANCE)
+    low = chi_square_beyond(place / (1 - below), 4) if point == NEAR else 0.0
+    return low, chi_square_beyond(place / (1 + above), 4)
+
+
+def tail_verdict(ci95: tuple[float, float], point: str, under_condition: bool = False) -> str:
+    """What the interval of the share of the NEES beyond a point says of the covariance: ``heavy-tailed`` and
+    ``pessimistic`` where it is shown to be above and below :func:`tail_limits`; else as in ``verdict``."""
+    word = _consistency(ci95, *tail_limits(point, under_condition))
+    return "heavy-tailed" if word == "optimistic" else word
+
+
 def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
     """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``, as in ``verdict``."""
     side = _side(ci95, -WHITENESS_TOLERANCE, WHITENESS_TOLERANCE)
     return "undecided" if side is None else "coloured" if side else "white"
+
+
+def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list[PartVerdict]:
+    """The share of the NEES beyond the 95 % point and beyond the farthest point of which the share is stated, and the
+    NEES along and across the motion. None where the first is not stated: there are too few estimates.
+
+    Args:
+        scores: under one condition, or of all estimates.
+        under_condition: whether they are those of one.
+    """
+    complete, beyond = _is_complete(scores), scores.beyond or {}
+    parts = [
+        PartVerdict(
+            name=f"beyond the {point} point",
+            value=share.value,
+            expected=BEYOND[point],
+            ci95=share.ci95,
+            verdict=tail_verdict(share.ci95, point, under_condition) if complete else "undecided",
+        )
+        for point, share in beyond.items()
+        if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None
+    ]
+    for name, nees in zip(DIRECTIONS, (scores.nees_along, scores.nees_across), strict=True):
+        if parts and nees and nees.value is not None and nees.ci95:
+            word = condition_verdict(nees.ci95, 1) if complete else "undecided"
+            parts.append(PartVerdict(name=name, value=nees.value, expected=1.0, ci95=nees.ci95, verdict=word))
+    return parts
 
 
 def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
@@ -66,7 +127,7 @@ def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
     return [*_judged(conditions.items(), breakdown.all.count), *_halves(breakdown.all)]
 
 
-def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) -> str:
+def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict] = ()) -> str:
     """The verdict on a covariance from that over all estimates and those under each condition.
 
     ``consistent``: so over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
@@ -74,15 +135,21 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
     and consistent over all estimates; or consistent under some condition, with a mean that differs from that over all
     estimates by more than is allowed for under a condition. The first second does not count for the last: it rests on
     the covariance that a track starts from, and may be right where the process noise is wrong everywhere; nor do
-    position and velocity alone, which no fault need touch alike.
+    position and velocity alone, which no fault need touch alike. ``heavy-tailed``: none of these, and too many of the
+    NEES are far out, over all estimates or under some condition. What is undecided of the tails and directions under a
+    condition, which take more estimates than its mean, counts neither for nor against.
 
     Args:
         mean: over all estimates.
         whole: the verdict on it.
         conditions: those that are judged.
+        parts: those over all estimates.
     """
-    verdicts = {whole, *(condition.verdict for condition in conditions)}
+    under = {part.verdict for condition in conditions for part in condition.parts} - {"undecided"}
+    verdicts = {whole, *(part.verdict for part in parts), *(condition.verdict for condition in conditions), *under}
     off = verdicts & {"optimistic", "pessimistic"}
+    if not off and "heavy-tailed" in verdicts:
+        return "heavy-tailed"
     if not off:
         return "undecided" if "undecided" in verdicts else "consistent"
     apart = any(
@@ -97,8 +164,7 @@ def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
     """The NEES of the position and of the velocity by themselves: one too large may hide the other, too small."""
     for name, nees in zip(HALVES, (scores.nees_position, scores.nees_velocity), strict=True):
         if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
-            complete = scores.given is None or scores.given >= LEAST_COVERAGE * scores.count
-            word = condition_verdict(nees.ci95, nees.dof) if complete else "undecided"
+            word = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
             # Twice as much, to stand beside the others, of which 4 is right.
             low, high = nees.ci95
             yield ConditionVerdict(name=name, mean=2 * nees.value, ci95=(2 * low, 2 * high), verdict=word)
@@ -110,9 +176,13 @@ def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> It
         if nees is None or nees.value is None or nees.dof is None or nees.ci95 is None:
             continue
         if scores.count >= SMALLEST_SHARE * count and scores.runs >= FEWEST_RUNS:
-            complete = scores.given is None or scores.given >= LEAST_COVERAGE * scores.count
-            word = condition_verdict(nees.ci95, nees.dof) if complete else "undecided"
-            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=word)
+            word = condition_verdict(nees.ci95, nees.dof) if _is_complete(scores) else "undecided"
+            parts = tuple(judged_parts(scores, under_condition=True))
+            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=word, parts=parts)
+
+
+def _is_complete(scores: ConditionScores) -> bool:
+    return scores.given is None or scores.given >= LEAST_COVERAGE * scores.count
 
 
 def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> str:
@@ -131,28 +201,60 @@ def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | No
 
 #: What a reader is told of a verdict on a covariance.
 MEANING = {
-    "consistent": "the errors are as large as its covariance states, under each condition",
+    "consistent": "the errors are as large as its covariance states, under each condition and in the tails",
     "optimistic": "the errors are larger than its covariance states",
     "pessimistic": "the errors are smaller than its covariance states",
     "mixed": "the errors are larger or smaller than its covariance states, depending on the condition",
+    "heavy-tailed": "large errors are more frequent than its covariance states; the mean NEES does not show it",
     "undecided": "too few runs or scenes to say whether the errors are as large as its covariance states",
 }
 
 
-def conditions_off(nees: MetricValue, most: int = 4) -> str:
-    """Where a mean is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+#: The verdicts of which a reader must know where or by how much, as a heading.
+NAMED = {
+    "mixed": "errors larger or smaller than stated, by condition (NEES, 4 expected)",
+    "heavy-tailed": "large errors more frequent than stated, by share beyond a point of the NEES",
+}
 
-    Of a mixed one that is off nowhere, the conditions that are furthest apart.
+
+def what_is_off(nees: MetricValue, most: int = 4) -> str:
+    """What is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+
+    The conditions under which the mean is; of a mixed one, where there are none, those that are furthest apart; and of
+    a heavy-tailed one, or where no mean is off, "15 % beyond the 95 % point (5 % expected)".
     """
     off = [condition for condition in nees.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
+    if nees.verdict == "heavy-tailed" or not off:
+        texts = _parts_off(nees)
+        if texts:
+            return _first(texts, most)
     dof = nees.dof or 1
     if nees.verdict == "mixed" and not off:
         means = sorted(nees.conditions or (), key=lambda condition: condition.mean)
         off = [means[0], means[-1]]
     off.sort(key=lambda condition: -abs(math.log(max(condition.mean, 1e-9) / dof)))
-    named = [f"{condition.name} {mean_text(condition.mean)}" for condition in off[:most]]
-    more = [f"{len(off) - most} more"] if len(off) > most else []
-    return ", ".join(named + more)
+    return _first([f"{condition.name} {mean_text(condition.mean)}" for condition in off], most)
+
+
+def _parts_off(nees: MetricValue) -> list[str]:
+    """Those over all estimates first."""
+    every = [("", nees.parts or ()), *((f"{item.name} ", item.parts) for item in nees.conditions or ())]
+    words = {"heavy-tailed"} if nees.verdict == "heavy-tailed" else {"optimistic", "pessimistic"}
+    off = [(condition, part) for condition, parts in every for part in parts if part.verdict in words]
+    off.sort(key=lambda item: (item[0] != "", -abs(math.log(max(item[1].value, 1e-9) / item[1].expected))))
+    return [f"{condition}{part_text(part)}" for condition, part in off]
+
+
+def part_text(part: PartVerdict) -> str:
+    """ "15 % beyond the 95 % point (5 % expected)", "1.9 along the motion (1 expected)"."""
+    if part.name in DIRECTIONS:
+        return f"{mean_text(part.value)} {part.name} (1 expected)"
+    return f"{100 * part.value:.2g} % {part.name} ({100 * part.expected:g} % expected)"
+
+
+def _first(texts: Sequence[str], most: int) -> str:
+    more = [f"{len(texts) - most} more"] if len(texts) > most else []
+    return ", ".join([*texts[:most], *more])
 
 
 def mean_text(mean: float) -> str:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
-from trackbench.metrics.verdicts import LEAST_COVERAGE, conditions_off, mean_text
+from trackbench.metrics.verdicts import LEAST_COVERAGE, NAMED, mean_text, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
 from trackbench.report.pairs import letters
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
@@ -245,9 +245,10 @@ def _notes(result: Result) -> list[str]:
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
-    if mixed := [(name, metric) for name, metric in nees if metric.verdict == "mixed"]:
-        notes.append("mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):")
-        notes += [f"  {name}: {conditions_off(metric, 3)}" for name, metric in mixed]
+    for word, means in NAMED.items():
+        if named := [(name, metric) for name, metric in nees if metric.verdict == word]:
+            notes.append(f"{word}: {means}:")
+            notes += [f"  {name}: {what_is_off(metric, 3)}" for name, metric in named]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):

@@ -319,7 +319,7 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
         *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
     ]
-    numbers = (tables.nees_by_condition(result), *tables.innovations(result))
+    numbers = (tables.nees_by_condition(result), tables.nees_parts(result), *tables.innovations(result))
     yield from _figures("Consistency", figures, numbers, _VERDICTS)
 
 
@@ -327,7 +327,8 @@ _VERDICTS = (
     f"Consistent: the 95 % interval of the mean is within {percent(TOLERANCE)} of what is right; optimistic above, "
     f"pessimistic below, undecided where it is neither. The NEES must be so under each condition too, from "
     f"{percent(BELOW)} below to {percent(ABOVE)} above, if the condition has {percent(SMALLEST_SHARE)} of the "
-    "estimates; mixed: it is under some conditions and not under others. Innovations are white where the interval of "
+    "estimates; mixed: it is under some conditions and not under others; heavy-tailed: more of the NEES are beyond the "
+    "95 %, 99 % or 99.9 % point than a mean so far off would explain. Innovations are white where the interval of "
     f"their autocorrelation is within {WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
 )
 

@@ -12,7 +12,7 @@ from trackbench.results.folder import (
     write_file,
     write_text,
 )
-from trackbench.results.metric_value import ConditionVerdict, MetricValue
+from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict
 from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.scenario_summary import TruthSummary
 from trackbench.results.summary import (
@@ -39,6 +39,7 @@ __all__ = [
     "Failure",
     "Health",
     "MetricValue",
+    "PartVerdict",
     "PrecisionReached",
     "Result",
     "Summary",

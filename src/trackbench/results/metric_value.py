@@ -18,6 +18,19 @@ class ResultModel(BaseModel):
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class PartVerdict(ResultModel):
+    """What the errors are judged by beside the mean NEES: its tails, and the errors along and across the motion."""
+
+    name: str
+    """Such as ``beyond the 95 % point`` or ``along the motion``."""
+    value: float
+    """The share of the estimates, or the mean NEES."""
+    expected: float
+    """What it is of a consistent tracker."""
+    ci95: tuple[float, float]
+    verdict: str
+
+
 class ConditionVerdict(ResultModel):
     """The mean of a chi-square statistic under one condition, and what it says."""
 
@@ -26,6 +39,9 @@ class ConditionVerdict(ResultModel):
     mean: float
     ci95: tuple[float, float]
     verdict: str
+    """On the mean."""
+    parts: tuple[PartVerdict, ...] = ()
+    """Where there are enough estimates for them."""
 
 
 class MetricValue(ResultModel):
@@ -57,6 +73,8 @@ class MetricValue(ResultModel):
     """The value over the estimates that were given alone."""
     conditions: tuple[ConditionVerdict, ...] | None = None
     """Those under which the statistic was judged, which the verdict takes into account."""
+    parts: tuple[PartVerdict, ...] | None = None
+    """Those over all estimates, which the verdict takes into account."""
 
     @property
     def mean(self) -> float | None:

@@ -68,6 +68,12 @@ class ConditionScores(ResultModel):
     nees: MetricValue | None = None
     nees_position: MetricValue | None = None
     nees_velocity: MetricValue | None = None
+    nees_along: MetricValue | None = None
+    """Of the position error along the true velocity."""
+    nees_across: MetricValue | None = None
+    """Of the position error across the true velocity."""
+    beyond: dict[str, MetricValue] | None = None
+    """By point of chi-square, such as ``95 %``, the share of the NEES beyond it, where there are enough estimates."""
     from_m: float | None = None
     """Of a range band."""
     to_m: float | None = None

@@ -18,9 +18,11 @@ from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
     CONSISTENCY,
     LEAST_COVERAGE,
+    TRUST,
     WHITENESS,
     WHITENESS_TOLERANCE,
     judged,
+    judged_parts,
     together,
     verdict,
     whiteness_verdict,
@@ -119,8 +121,9 @@ class Nees(EstimateMetric):
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
         Field(
             "verdict",
-            "whether the errors are as large as stated; mixed: larger or smaller, depending on the condition",
-            (*CONSISTENCY, "mixed"),
+            "whether the errors are as large as stated; mixed: larger or smaller, depending on the condition; "
+            "heavy-tailed: too many are large",
+            TRUST,
         ),
     )
 
@@ -139,10 +142,14 @@ class Nees(EstimateMetric):
         inside = _inside(sums.per_step[ERROR["given"]], sums.per_step[ERROR["nees"]], 4)
         mean = ratio(total, count, at_least=0.0, scenes=sums.scenes)
         value = _chi_square(mean, 4, inside)
-        conditions = judged(breakdown(sums.classes))
+        scores = breakdown(sums.classes)
+        conditions, parts = judged(scores), judged_parts(scores.all)
         whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
-        word = together(mean.value, whole or "undecided", conditions)
-        return value.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
+        if whole is None or (whole == "consistent" and not parts):
+            # Too few to tell anything of the tails.
+            whole = "undecided"
+        word = together(mean.value, whole, conditions, parts)
+        return value.model_copy(update={"verdict": word, "conditions": tuple(conditions), "parts": tuple(parts)})
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)

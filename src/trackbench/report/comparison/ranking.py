@@ -10,7 +10,7 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
-from trackbench.metrics.verdicts import conditions_off
+from trackbench.metrics.verdicts import NAMED, what_is_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval
 from trackbench.report.tables import TONE
@@ -21,7 +21,8 @@ _RANKED = (
 )
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
-    "off under the conditions that are named and not under others; undecided: too few runs or scenes to say."
+    "off under the conditions that are named and not under others; heavy-tailed: too many errors "
+    "are large; undecided: too few runs or scenes to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."
 
@@ -180,8 +181,8 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     nees = score.metrics.get("nees")
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
-    conditions = conditions_off(nees, 2) if nees.verdict == "mixed" else ""
-    details = tuple(text for text in (nees.verdict, conditions) if text)
+    off = what_is_off(nees, 2) if nees.verdict in NAMED else ""
+    details = tuple(text for text in (nees.verdict, off) if text)
     return Cell(fixed(nees.value, 1), details, TONE.get(nees.verdict, ""))
 
 

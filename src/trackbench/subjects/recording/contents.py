@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
-from trackbench.metrics.verdicts import MEANING, conditions_off
+from trackbench.metrics.verdicts import NAMED, what_is_off
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
@@ -231,10 +231,11 @@ def ranking(result: Result) -> str:
         lines += _failed({tracker.name: result.why_unscored(tracker) for tracker in result.unscored})
     else:
         lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
-        mixed = [tracker for tracker in result.scored if tracker.nees.verdict == "mixed"]
-        if mixed:
-            lines += ["", f"*mixed*: {MEANING['mixed']}. NEES where {mixed[0].nees.dof} is right:", ""]
-            lines += [f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in mixed]
+        for word, means in NAMED.items():
+            named = [tracker for tracker in result.scored if tracker.nees.verdict == word]
+            if named:
+                lines += ["", f"*{word}*: {means}:", ""]
+                lines += [f"- **{tracker.name}**: {what_is_off(tracker.nees)}" for tracker in named]
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
         lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]

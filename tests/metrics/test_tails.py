@@ -1,0 +1,138 @@
+"""Verdicts on the tails of the NEES, and on errors along and across the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.calibration.tails import alternating, beyond, matched, nees_of, small
+
+from trackbench.base.distributions import chi_square_quantile
+from trackbench.metrics.intervals import effective_number, reach_of_ratio, share_interval
+from trackbench.metrics.verdicts import NAMED, judged_parts, tail_limits, tail_verdict, together, what_is_off
+from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
+
+
+def judged(filtered, runs, over_time=0.5, common=0.0, seed=1):
+    return nees_of(filtered, np.random.default_rng(seed), runs, over_time, common)
+
+
+@pytest.mark.parametrize("over_time", [0.0, 0.5, 0.9])
+@pytest.mark.parametrize("runs", [10, 20, 100])
+def test_a_matched_filter_is_consistent(runs, over_time):
+    nees = judged(matched, runs, over_time)
+    assert nees.verdict == "consistent"
+    names = [part.name for part in nees.parts]
+    assert names[0] == "beyond the 95 % point"
+    # Ten runs whose errors last are too few for the 99.9 % point.
+    assert names[1] == f"beyond the {'99' if runs * (1 - over_time**2) < 9 else '99.9'} % point"
+    assert names[2:] == ["along the motion", "across the motion"]
+
+
+@pytest.mark.parametrize(("over_time", "common"), [(0.0, 0.0), (0.9, 0.0), (0.9, 0.9)])
+@pytest.mark.parametrize(
+    ("filtered", "mean", "verdict"),
+    [(alternating, 3.97, "heavy-tailed"), (beyond, 4.0, "heavy-tailed"), (small, 5.33, "optimistic")],
+)
+def test_what_the_mean_hides_is_shown_by_a_hundred_runs(filtered, mean, verdict, over_time, common):
+    nees = judged(filtered, 100, over_time, common)
+    assert nees.mean == pytest.approx(mean, rel=0.05)
+    assert nees.verdict == verdict
+    tail = nees.parts[0]
+    assert (tail.name, tail.verdict) == ("beyond the 95 % point", "heavy-tailed")
+    assert tail.ci95[0] > tail.expected
+
+
+def test_a_heavy_tail_is_named_with_its_share():
+    nees = judged(alternating, 100)
+    assert {condition.verdict for condition in nees.conditions} == {"consistent"}
+    assert what_is_off(nees, 1).startswith("2.6 % beyond the 99.9 % point (0.1 % expected)")
+    assert "15 % beyond the 95 % point (5 % expected)" in what_is_off(nees)
+    assert set(NAMED) == {"mixed", "heavy-tailed"}
+
+
+def test_errors_too_large_along_and_too_small_across_are_mixed():
+    def turned(errors):
+        """Along and across are what they are whatever the course, so that the error is scaled in the fixed frame of an
+        object that moves along x."""
+        return errors * np.reshape([1.45, 0.5, 1.0, 1.0], (4, 1, 1, 1)), np.ones(errors.shape[1])
+
+    nees = nees_of(turned, np.random.default_rng(1), 100, 0.5, course=0.0)
+    assert nees.verdict == "mixed"
+    along, across = nees.parts[2:]
+    assert (along.verdict, across.verdict) == ("optimistic", "pessimistic")
+    assert along.value == pytest.approx(1.45**2, rel=0.03)
+    assert across.value == pytest.approx(0.25, rel=0.03)
+    assert "along the motion (1 expected)" in what_is_off(nees) or "position" in what_is_off(nees)
+
+
+@pytest.mark.parametrize("point", [("95 %", 0.0336, 0.0737), ("99 %", 0.0, 0.0255), ("99.9 %", 0.0, 0.0039)])
+def test_limits_of_a_share_are_those_of_a_covariance_off_by_what_is_tolerated(point):
+    name, low, high = point
+    assert tail_limits(name) == pytest.approx((low, high), abs=6e-5)
+    random = np.random.default_rng(0)
+    expected = np.mean(1.5 * random.chisquare(4, 400_000) > chi_square_quantile(float(name[:-2]) / 100, 4))
+    assert tail_limits(name, under_condition=True)[1] == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("ci95", "point", "expected"),
+    [
+        ((0.04, 0.07), "95 %", "consistent"),
+        ((0.06, 0.08), "95 %", "undecided"),
+        ((0.08, 0.12), "95 %", "heavy-tailed"),
+        ((0.01, 0.03), "95 %", "pessimistic"),
+        ((0.0, 0.0002), "99.9 %", "consistent"),
+        ((0.003, 0.006), "99.9 %", "undecided"),
+        ((0.004, 0.006), "99.9 %", "heavy-tailed"),
+    ],
+)
+def test_verdicts_on_a_share(ci95, point, expected):
+    assert tail_verdict(ci95, point) == expected
+
+
+def part(verdict):
+    return PartVerdict(name="beyond the 95 % point", value=0.1, expected=0.05, ci95=(0.09, 0.11), verdict=verdict)
+
+
+@pytest.mark.parametrize(
+    ("whole", "over_all", "under", "expected"),
+    [
+        ("consistent", "consistent", "consistent", "consistent"),
+        ("consistent", "undecided", "consistent", "undecided"),
+        ("consistent", "consistent", "undecided", "consistent"),
+        ("consistent", "heavy-tailed", "consistent", "heavy-tailed"),
+        ("undecided", "heavy-tailed", "undecided", "heavy-tailed"),
+        ("consistent", "consistent", "heavy-tailed", "heavy-tailed"),
+        ("optimistic", "heavy-tailed", "heavy-tailed", "optimistic"),
+        ("pessimistic", "heavy-tailed", "consistent", "pessimistic"),
+        ("consistent", "pessimistic", "consistent", "mixed"),
+        ("consistent", "heavy-tailed", "optimistic", "mixed"),
+    ],
+)
+def test_the_mean_comes_before_mixed_and_mixed_before_the_tails(whole, over_all, under, expected):
+    condition = ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict="consistent", parts=(part(under),))
+    assert together(4.0, whole, [condition], [part(over_all)]) == expected
+
+
+def test_the_tails_count_only_where_most_estimates_are_given():
+    share = MetricValue(value=0.1, unit="1", ci95=(0.09, 0.11))
+    scores = ConditionScores(count=1000, given=980, runs=10, beyond={"95 %": share})
+    assert [part.verdict for part in judged_parts(scores)] == ["undecided"]
+    assert judged_parts(ConditionScores(count=1000, runs=10)) == []
+
+
+def test_the_effective_number_of_clusters_is_that_of_clusters():
+    """Runs of 50 estimates that are all beyond or all not tell as much as one estimate each."""
+    random = np.random.default_rng(2)
+    beyond = 50.0 * (random.random(4000) < 0.2)
+    each = np.full(4000, 50.0)
+    reach = reach_of_ratio(beyond.sum(), each.sum(), (beyond**2).sum(), (beyond * each).sum(), (each**2).sum(), 4000)
+    share = beyond.sum() / each.sum()
+    assert effective_number(share, each.sum(), reach) == pytest.approx(4000, rel=0.01)
+    assert effective_number(0.0, each.sum(), 0.0) == 0
+
+
+@pytest.mark.parametrize(("hits", "ci95"), [(0, (0.0, 0.3085)), (3, (0.0667, 0.6525)), (10, (0.6915, 1.0))])
+def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(hits, ci95):
+    """Of ten trials, as published tables have it."""
+    assert share_interval(hits / 10, 10) == pytest.approx(ci95, abs=1e-4)
