@@ -76,7 +76,11 @@ def nees_of(
         shared = np.repeat(_errors(random, 1, number, over_time), each, axis=3)
         own = np.sqrt(1.0 - common) * own + np.sqrt(common) * shared
     errors, variances = filtered(own)
-    angle = random.uniform(-np.pi, np.pi, (INSTANTS, OBJECTS, 1)) if course is None else np.full((INSTANTS, OBJECTS, 1), course)
+    angle = (
+        random.uniform(-np.pi, np.pi, (INSTANTS, OBJECTS, 1))
+        if course is None
+        else np.full((INSTANTS, OBJECTS, 1), course)
+    )
     truth = np.stack([0 * angle, 0 * angle, 10 * np.cos(angle), 10 * np.sin(angle)])
     target = Target(
         time=np.arange(INSTANTS) * DT,

@@ -20,7 +20,7 @@ WHITENESS = ("white", "coloured", "undecided")
 #: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
 TOLERANCE = 0.1
 #: How far above it may be for the share beyond the farthest point that is judged: where ten are expected beyond it, a
-#: matched filter is shown to be within this in 95 % of all cases, and within ``TOLERANCE`` in 86 %.
+#: matched filter is shown to be within this in 97 % of all cases or more, and within ``TOLERANCE`` in 33 to 79 %.
 FAR_TOLERANCE = 0.2
 #: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
 #: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
