@@ -9,10 +9,10 @@ from typing import Literal
 
 from trackbench.document import Cell, Column, Table
 from trackbench.metrics.conditions import JUMPS
-from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict
+from trackbench.metrics.verdicts import ABOVE, BELOW, DIRECTIONS, SMALLEST_SHARE, condition_verdict, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
-from trackbench.report.tables import INTERVAL, TRACKER, VERDICT, estimate_cell
-from trackbench.results import Breakdown, ConditionScores, MetricValue, TrackerResult
+from trackbench.report.tables import INTERVAL, TRACKER, VERDICT, estimate_cell, metric_of, tracker_table
+from trackbench.results import Breakdown, ConditionScores, MetricValue, PartVerdict, Result, TrackerResult
 
 #: Beyond these an error is not as large as stated, in standard deviations.
 LIMITS = math.sqrt(1 - BELOW), math.sqrt(1 + ABOVE)
@@ -188,3 +188,43 @@ def _squares(scores: ConditionScores) -> float:
 
 def _share(share: float) -> str:
     return percent(share) if share >= 0.01 else f"less than {percent(0.01)}"
+
+
+_UNJUDGED = Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
+
+
+def nees_by_condition(result: Result) -> Table | None:
+    """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
+    judged = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in result.scored]
+    columns = []
+    for name in dict.fromkeys(name for items in judged for name in items):
+        verdicts = [items.get(name) for items in judged]
+        cells = [_UNJUDGED if v is None else estimate_cell(mean_text(v.mean), v.ci95, 1, v.verdict) for v in verdicts]
+        columns.append((Column(name, details=VERDICT), cells))
+    caption = "Mean NEES under each condition, 4 expected"
+    return tracker_table("nees-by-condition", result.scored, columns, caption) if columns else None
+
+
+def nees_parts(result: Result) -> Table | None:
+    """Share of the NEES beyond two points of chi-square, and the NEES along and across the motion, of each tracker;
+    None where no tracker has enough estimates."""
+    judged = [{item.name: item for item in metric_of(tracker, "nees").parts or ()} for tracker in result.scored]
+    caption = "Tails of the NEES, and NEES by direction"
+    columns = [
+        (Column(_heading(part), details=VERDICT), [_part(items.get(name)) for items in judged])
+        for name, part in {name: part for items in judged for name, part in items.items()}.items()
+    ]
+    return tracker_table("nees-parts", result.scored, columns, caption) if columns else None
+
+
+def _heading(part: PartVerdict) -> str:
+    share = part.name not in DIRECTIONS
+    return f"{part.name}, {100 * part.expected:g} % expected" if share else f"{part.name}, {part.expected:g} expected"
+
+
+def _part(part: PartVerdict | None) -> Cell:
+    """A mean of about 1, or a share in percent."""
+    if part is None:
+        return _UNJUDGED
+    value, low, high = (each if part.name in DIRECTIONS else 100 * each for each in (part.value, *part.ci95))
+    return estimate_cell(fixed(value, 2), (low, high), 2, part.verdict)

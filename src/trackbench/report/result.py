@@ -36,6 +36,8 @@ from trackbench.report.calibration import (
     calibrations,
     classes,
     errors,
+    nees_by_condition,
+    nees_parts,
     shares,
 )
 from trackbench.report.figures.accuracy import cost_against_accuracy, error_over_time, errors_by_class, spread
@@ -319,7 +321,7 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
         *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
     ]
-    numbers = (tables.nees_by_condition(result), tables.nees_parts(result), *tables.innovations(result))
+    numbers = (nees_by_condition(result), nees_parts(result), *tables.innovations(result))
     yield from _figures("Consistency", figures, numbers, _VERDICTS)
 
 

@@ -9,10 +9,10 @@ from typing import TypeVar
 
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import DIRECTIONS, LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_text
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
 from trackbench.report.pairs import Pair, Pairs, letters
-from trackbench.results import MetricValue, PartVerdict, Result, TrackerResult, sensor_words
+from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 from trackbench.results.summary import Summary
 
 INTERVAL = "95 % interval"
@@ -250,44 +250,6 @@ def innovations(result: Result) -> list[Table]:
             columns.insert(1, (Column("taken in, %", taken_in), [Cell(_percents(m.coverage)) for m in nis]))
         tables.append(tracker_table(f"innovations-{number}", trackers, columns, f"Innovations of {sensor}"))
     return tables
-
-
-def nees_by_condition(result: Result) -> Table | None:
-    """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
-    judged = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in result.scored]
-    unjudged = Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
-    columns = []
-    for name in dict.fromkeys(name for items in judged for name in items):
-        verdicts = [items.get(name) for items in judged]
-        cells = [unjudged if v is None else estimate_cell(mean_text(v.mean), v.ci95, 1, v.verdict) for v in verdicts]
-        columns.append((Column(name, details=VERDICT), cells))
-    caption = "Mean NEES under each condition, 4 expected"
-    return tracker_table("nees-by-condition", result.scored, columns, caption) if columns else None
-
-
-def nees_parts(result: Result) -> Table | None:
-    """Share of the NEES beyond two points of chi-square, and the NEES along and across the motion, of each tracker;
-    None where no tracker has enough estimates."""
-    judged = [{item.name: item for item in metric_of(tracker, "nees").parts or ()} for tracker in result.scored]
-    columns = []
-    for name, part in {name: part for items in judged for name, part in items.items()}.items():
-        share = name not in DIRECTIONS
-        times, unit = (100.0, " %") if share else (1.0, "")
-        places = decimals([times * part.expected], 2)
-
-        def cell(part: PartVerdict | None, times: float = times, places: int = places) -> Cell:
-            if part is None:
-                return Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
-            low, high = part.ci95
-            return estimate_cell(fixed(times * part.value, places), (times * low, times * high), places, part.verdict)
-
-        heading = f"{name}, {times * part.expected:g}{unit} expected"
-        columns.append((Column(heading, details=VERDICT), [cell(items.get(name)) for items in judged]))
-    return (
-        tracker_table("nees-parts", result.scored, columns, "Tails of the NEES, and NEES by direction")
-        if columns
-        else None
-    )
 
 
 def key_differences(result: Result) -> Table:
