@@ -12,7 +12,7 @@ from tests.support.places import DOCS
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.testing import TrackerCheckError, check_tracker
-from trackbench.testing.tracker import RULES
+from trackbench.testing.tracker import REPEATING, RULES
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
 
@@ -23,7 +23,7 @@ SIGMAS = {
     "ctrv": {"acceleration_sigma_mps2": 3, "yaw_acceleration_sigma_radps2": 0.5},
     "ctra": {"jerk_sigma_mps3": 5, "yaw_acceleration_sigma_radps2": 0.5},
 }
-KEPT = list(RULES)
+KEPT = [*RULES, *REPEATING]
 (FORM, FOLLOWS, MOVING, MISSES, INSTANT, UNEVEN, LIDAR, RADAR, SAME, LEAVES, ALONE, BATCH) = KEPT
 
 
@@ -171,6 +171,8 @@ def test_chance() -> None:
             return state, answer and (answer[0] + random.normal(0, 0.01, 4), answer[1])
 
     assert "different estimates of the same measurements" in broken(Guesses)[SAME]
+    says_so = type("SaysSo", (Guesses,), {"random": True})
+    assert [check.rule for check in check_tracker(says_so)] == [*RULES]
 
 
 def test_nan_on_a_missed_measurement() -> None:

@@ -26,7 +26,7 @@ from trackbench.testing.rules import (
     require_state_kept,
     side_by_side,
 )
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, is_random
 from trackbench.trackers.published import create
 
 Make = Callable[[], Tracker]
@@ -50,7 +50,7 @@ def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "kn
         options: what a scenario would give it.
 
     Returns:
-        Every rule, all of them kept.
+        Every rule, all of them kept; of a tracker that draws random numbers (``random = True``) those that this allows.
 
     Raises:
         TrackerCheckError: rules are broken; says which and how.
@@ -58,7 +58,9 @@ def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "kn
     """
     require_known(identities)
     make = create(use, options) if isinstance(use, str) else partial(use, **options)
-    rules = RULES if identities == "known" else tracks.RULES
+    rules, repeating = (RULES, REPEATING) if identities == "known" else (tracks.RULES, tracks.REPEATING)
+    if not _draws(make):
+        rules = rules | repeating
     checks = [Check(rule, _problem(test, make)) for rule, test in rules.items()]
     broken: dict[str, list[str]] = {}
     for check in checks:
@@ -71,6 +73,13 @@ def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "kn
         lines = [f"- {'; '.join(names)}: {problem}" for problem, names in broken.items()]
         raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(lines))
     return checks
+
+
+def _draws(make: Make) -> bool:
+    try:
+        return is_random(make())
+    except (Exception, SystemExit):
+        return False
 
 
 def _of_other_kind(make: Make, identities: Identities) -> bool:
@@ -228,6 +237,9 @@ RULES: dict[str, Callable[[Make], object]] = {
     "takes uneven time steps": _bears(lambda: drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])),
     "works with lidar alone": _bears(lambda: drive(["lidar"] * 60, [0.05 * i for i in range(60)])),
     "works with radar alone": _bears(lambda: drive(["radar"] * 60, [0.05 * i for i in range(60)])),
+}
+#: Those that compare two answers to the same.
+REPEATING: dict[str, Callable[[Make], object]] = {
     "gives the same estimates every time": _is_deterministic,
     "leaves the state that it is given as it is": lambda make: require_state_kept(
         make(), _usual()[:40], checked, "estimate", "another estimate"

@@ -173,8 +173,11 @@ RULES: dict[str, Callable[[Make], object]] = {
     "follows them through missed detections and false alarms": _follows(clutter=1.0, probability=0.9),
     "takes scans without a detection": lambda make: list(_answers(make, _with_gaps(range(10), range(60, 80)))),
     "predicts its tracks to scans without a detection": _predicts_to_empty_scans,
-    "gives the same tracks whatever the order of the detections": _order_means_nothing,
     "uses no id again": _never_reuses,
+}
+#: Those that compare two answers to the same.
+REPEATING: dict[str, Callable[[Make], object]] = {
+    "gives the same tracks whatever the order of the detections": _order_means_nothing,
     "gives the same tracks every time": _is_deterministic,
     "leaves the state that it is given as it is": lambda make: require_state_kept(
         make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks"
