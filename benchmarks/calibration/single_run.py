@@ -1,34 +1,109 @@
-"""Intervals of a single run"""
+"""Intervals of a single run, and limits on a log"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 import trackbench as tb
+from trackbench.metrics import Metric
+from trackbench.metrics.built_in.basic import Coverage
+from trackbench.metrics.differences import verdict
+from trackbench.metrics.intervals import Interval, paired, ratio, root
+from trackbench.metrics.protocol import Chunk, Scope
+from trackbench.metrics.sums import ERROR, stretches
+from trackbench.runner.block import run_block
+from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.work import BlockRuns, work_of
+from trackbench.scenario.truth import truths_of
 
 from .claim import Claim, rate
 
-SEEDS = 400
-SCENARIO, TRACKERS = "scripted/own_model", ("kf_lidar", "ekf")
-#: The start is the same in every run, and no draw from what comes later.
-SETTLED = {"score.settle_s": 1, "truth.duration_s": 21}
-METRICS = ("position_rmse", "velocity_rmse", "nees")
+SCENARIO = "scripted/own_model"
+#: Single runs, and runs that say what is true.
+RUNS, MANY = 800, 1500
+#: Of a log: two, five and twenty stretches of time.
+SECONDS = (9, 21, 81)
+METRICS = {"position_rmse": ("px", "py"), "velocity_rmse": ("vx", "vy"), "nees": ("nees",)}
+#: Process noise of a version of a tracker, and some with about as large an error: too little noise, and too much.
+KEY, LOW, HIGH = "trackers.ekf.acceleration_sigma_mps2", 1.0, (4.0, 5.0, 6.0, 8.0, 12.0)
+Sums = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def claims() -> Iterator[Claim]:
-    """The interval of one run, from stretches of its time, covers what very many runs give."""
-    results = [tb.run(tb.load(SCENARIO, SETTLED, runs=1, seed=seed, trackers=list(TRACKERS))) for seed in range(SEEDS)]
-    many = tb.run(tb.load(SCENARIO, SETTLED, runs=2000, seed=SEEDS, trackers=list(TRACKERS)))
-    for name in TRACKERS:
-        for metric in METRICS:
-            true = many[name].metrics[metric].value
-            ends = np.array([result[name].metrics[metric].ci95 for result in results])
-            hits = (ends[:, 0] <= true) & (true <= ends[:, 1])
-            yield rate(f"{SCENARIO} {name}, one run: interval of {metric} covers", hits, 0.93, 0.97)
-    better = [result.summary.differences for result in results]
-    true = many[TRACKERS[0]].position_rmse.value - many[TRACKERS[1]].position_rmse.value
-    found = [item.ci95 for items in better for item in items if item.metric == "position_rmse"]
-    hits = [low <= true <= high for low, high in found]
-    yield rate(f"{SCENARIO}, one run: interval of the difference in position covers", hits, 0.93, 0.97)
+    """Intervals over stretches of time cover what very many runs give; of two versions of a tracker that are equally
+    good on such logs neither is called better on one."""
+    for seconds in SECONDS:
+        where = f"{SCENARIO}, one run of {seconds} s"
+        for tracker in ("kf_lidar", "ekf"):
+            single, many = _sums(seconds, tracker, RUNS, 0), _sums(seconds, tracker, MANY, 1)
+            for metric in METRICS:
+                true = _interval(many.sum(axis=1)[:, :, None], metric, 0, slice(None)).value
+                ends = [_interval(single, metric, slice(None), run).ci95 for run in range(RUNS)]
+                hits = [low <= true <= high for low, high in ends]
+                yield rate(f"{where}, {tracker}: interval of {metric} covers", hits, 0.93, 0.97)
+        yield from _versions(seconds, where)
+
+
+def _versions(seconds: int, where: str) -> Iterator[Claim]:
+    """Two versions with the same error over very many runs, held against each other on single runs."""
+    errors = {q: _error(_sums(seconds, "ekf", MANY, 1, q)) for q in (LOW, *HIGH)}
+    equal = float(np.exp(np.interp(errors[LOW], [errors[q] for q in HIGH], np.log(HIGH))))
+    a, b = (_sums(seconds, "ekf", RUNS, 0, q) for q in (LOW, equal))
+    true = _error(_sums(seconds, "ekf", MANY, 1, LOW)) - _error(_sums(seconds, "ekf", MANY, 1, equal))
+    pairs = [paired(*(_interval(side, "position_rmse", slice(None), run) for side in (a, b))) for run in range(RUNS)]
+    hits = [low <= true <= high for low, high in (pair.ci95 for pair in pairs)]
+    yield rate(f"{where}: interval of the difference of two versions covers", hits, 0.93, 0.97)
+    words = [verdict(pair, pair.p_value, "smaller") for pair in pairs]
+    for word in ("better", "worse"):
+        yield rate(f"{where}: of two equal versions the first is called {word}", [w == word for w in words], 0.0, 0.05)
+
+
+class StretchSums(Metric):
+    """Of many runs at once the sums in each stretch of time, as of each run by itself."""
+
+    name = "stretch_sums"
+    unit = "1"
+    meaning = "sums of the errors in each stretch of time of each run"
+
+    def init(self, scope: Scope) -> dict[str, Any]:
+        time = scope.target.time
+        stretch = stretches(len(time), float(time[-1] - time[0]))
+        return {"stretch": stretch, "sums": np.zeros((len(ERROR), stretch[-1] + 1, scope.runs)), "runs": scope.runs}
+
+    def update(self, sums: dict[str, Any], chunk: Chunk) -> dict[str, Any]:
+        values = np.where(chunk.scored, chunk.values, 0.0)
+        by_run = values.reshape(*values.shape[:2], -1, sums["runs"]).sum(axis=2)
+        for number, instant in enumerate(range(len(sums["stretch"]))[chunk.instants]):
+            sums["sums"][:, sums["stretch"][instant]] += by_run[:, number]
+        return sums
+
+    def finish(self, sums: dict[str, Any]) -> None:
+        """It is read as it is."""
+
+
+def _sums(seconds: int, tracker: str, runs: int, seed: int, q: float | None = None) -> Sums:
+    """``(13, stretches, runs)`` sums of a tracker's errors, rows ``ERROR_FIELDS``."""
+    # The start is the same in every run, and no draw from what comes later.
+    changes = {"score.settle_s": 1, "truth.duration_s": seconds, **({} if q is None else {KEY: q})}
+    loaded = tb.load(SCENARIO, changes, runs=runs, seed=seed, trackers=[tracker])
+    work = replace(work_of(loaded, truths_of(loaded)), metrics=(Coverage(), StretchSums()))
+    outcome = run_block(work, BlockRuns(0, range(runs))).outcomes[tracker]
+    assert isinstance(outcome, LabelledOutcome)
+    sums: Sums = outcome.sums[StretchSums.name]["sums"]
+    return sums
+
+
+def _interval(sums: Sums, metric: str, stretch: slice | int, run: slice | int) -> Interval:
+    """A metric of a run, from its stretches; or of many, from these."""
+    rows, count = METRICS[metric], "given" if metric == "nees" else "count"
+    total, number = sum(sums[ERROR[row], stretch, run] for row in rows), sums[ERROR[count], stretch, run]
+    mean = ratio(np.ravel(total), np.ravel(number), at_least=0.0)
+    return mean if metric == "nees" else root(mean)
+
+
+def _error(sums: Sums) -> float:
+    return _interval(sums, "position_rmse", slice(None), slice(None)).value

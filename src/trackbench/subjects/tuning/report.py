@@ -115,6 +115,10 @@ def remarks(tuning: Tuning) -> Iterator[str]:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
     yield from _consistency(tuning)
+    for comparison in tuning.held_out.comparisons:
+        if comparison.verdict == "worse" and comparison.measure != tuning.objective.measure and any(tuning.apart):
+            values = _pair(comparison.tuned.value, comparison.start.value, f" {comparison.unit}".rstrip())
+            yield f"{comparison.scenario}, held out: worse in the {WORDS[comparison.measure]}: {values}"
     lacking: dict[tuple[str, str], list[str]] = {}
     for item in tuning.held_out.not_compared:
         lacking.setdefault((item.scenario, item.why), []).append(WORDS[item.measure])
