@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
-from trackbench.compare.ranking import FEWEST_SCENARIOS, Pairings, interval, ranking, sign_flip
+from trackbench.compare.ranking import FEWEST_SETS, Pairings, interval, ranking, sign_flip
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, differences
 from trackbench.metrics.intervals import holm, ratio, root
@@ -54,7 +54,7 @@ def claims() -> Iterator[Claim]:
     for name, means in FIELDS.items():
         for noise in NOISES:
             expected = _ranks(random, MANY, 1, np.array(means), noise).mean(axis=(0, 1))
-            for scenarios in (count for count in SCENARIOS if count >= FEWEST_SCENARIOS):
+            for scenarios in (count for count in SCENARIOS if count >= FEWEST_SETS):
                 ranks = _ranks(random, TRIALS, scenarios, np.array(means), noise)
                 inside = [_covered(one, expected) for one in ranks]
                 what = f"{name}, {scenarios} scenarios, noise {noise:g}: interval of a mean rank covers"
@@ -78,7 +78,7 @@ def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int) -> b
     pairings = Pairings(found, "position_rmse")
     places = [(str(scenario), name) for scenario in range(scenarios) for name in names]
     scored = [_score(scenario, name, pairings.rank(scenario, name, names)) for scenario, name in places]
-    ranked, pairs = ranking(scored, pairings)
+    ranked, pairs = ranking(scored, pairings, [[str(scenario)] for scenario in range(scenarios)])
     return bool(pairs) and all(item.shown for item in pairs if ranked[0].tracker in (item.a, item.b))
 
 

@@ -167,14 +167,14 @@ def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
         assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
     assert compared.ranking[3].ci95 is None
     assert not any(item.shown for item in compared.rank_differences)
-    assert "Too few scenarios for a claim: with 4 trackers it takes 8." in markdown(compared)
+    assert "Too few sets of scenes for a claim: with 4 trackers it takes 8." in markdown(compared)
 
 
 @pytest.mark.parametrize(
     ("scenarios", "claim"),
     [
-        (3, "Too few scenarios for a claim: with 2 trackers it takes 6."),
-        (5, "Too few scenarios for a claim: with 2 trackers it takes 6."),
+        (3, "Too few sets of scenes for a claim: with 2 trackers it takes 6."),
+        (5, "Too few sets of scenes for a claim: with 2 trackers it takes 6."),
         (6, "That lead is shown (p = 0.031)."),
     ],
 )
@@ -227,7 +227,7 @@ def test_markdown(compared: Comparison) -> None:
 def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
     text = to_html(document(compared, times=True))
     assert "good has the best mean rank" in text
-    assert "Too few scenarios for a claim" in text
+    assert "Too few sets of scenes for a claim" in text
     assert "ValueError: matrix &lt;3&gt; is singular" in text
     assert text.count("<figure") == text.count("<figcaption") == 2
     assert re.search(r'<td data-label="fair" class=" strong">0.510<small>±0.010</small></td>', text)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.compare.comparison import Entrant, EntrantScore
-from trackbench.compare.ranking import ALL_SIGNS, Pairings, fewest_scenarios, interval, ranking, sign_flip
+from trackbench.compare.ranking import ALL_SIGNS, Pairings, fewest_sets, interval, ranking, sets_of_scenes, sign_flip
 
 
 def test_the_p_value_is_that_of_scipy() -> None:
@@ -43,9 +43,9 @@ def test_a_scenario_in_which_both_are_alike_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(("trackers", "fewest"), [(2, 6), (3, 7), (4, 8), (6, 10), (13, 12)])
-def test_fewest_scenarios(trackers: int, fewest: int) -> None:
+def test_fewest_sets(trackers: int, fewest: int) -> None:
     pairs = trackers * (trackers - 1) / 2
-    assert fewest_scenarios(trackers) == fewest
+    assert fewest_sets(trackers) == fewest
     assert pairs * sign_flip(np.ones((1, fewest)))[0] < 0.05
     assert pairs * sign_flip(np.ones((1, fewest - 1)))[0] >= 0.05
 
@@ -71,21 +71,22 @@ def test_no_interval_from_too_few(scenarios: int, trackers: int) -> None:
     assert interval(np.linspace(1, trackers, scenarios), trackers) is None
 
 
-def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
-    def score(scenario: str, name: str, rank: float | None) -> EntrantScore:
-        return EntrantScore(
-            scenario=scenario,
-            entrant=Entrant(tracker=name),
-            metrics={},
-            diverged_runs=0,
-            rank=rank,
-            leading=False,
-            failure="" if rank else "none",
-        )
+def score(scenario: str, name: str, rank: float | None) -> EntrantScore:
+    return EntrantScore(
+        scenario=scenario,
+        entrant=Entrant(tracker=name),
+        metrics={},
+        diverged_runs=0,
+        rank=rank,
+        leading=False,
+        failure="" if rank else "none",
+    )
 
+
+def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
     scored = [score("one", name, rank) for name, rank in zip("abcd", (1.5, 1.5, None, None), strict=True)]
     scored += [score("two", name, rank) for name, rank in zip("abcd", (2, 1, 4, 3), strict=True)]
-    found, pairs = ranking(scored, Pairings([], "position_rmse"))
+    found, pairs = ranking(scored, Pairings([], "position_rmse"), [["one"], ["two"]])
     assert {item.tracker: item.mean_rank for item in found} == {"b": 1.25, "a": 1.75, "d": 3.25, "c": 3.75}
     assert [(item.a, item.b) for item in pairs] == [
         ("b", "a"),
@@ -95,3 +96,36 @@ def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
         ("a", "c"),
         ("d", "c"),
     ]
+
+
+class ByName(Pairings):
+    """In scenarios of one's own the first name is better, in copies the last."""
+
+    def __init__(self) -> None:
+        super().__init__([], "")
+
+    def better(self, scenario: str, a: str, b: str) -> str | None:
+        return min(a, b) if scenario.startswith("own") else max(a, b)
+
+
+def test_scenarios_that_share_scenes_count_once() -> None:
+    """Ten copies of one scenario are no more than one of it."""
+    own, copies = (
+        [score(f"{kind} {number}", name, float(rank)) for number in range(count) for rank, name in enumerate(names, 1)]
+        for kind, count, names in (("own", 9, "abcd"), ("copy", 10, "dcba"))
+    )
+    singles = [[f"own {number}"] for number in range(9)]
+    many = ranking(own + copies, ByName(), [*singles, [f"copy {number}" for number in range(10)]])
+    once = ranking(own + copies[:4], ByName(), [*singles, ["copy 0"]])
+    for item, same in zip(many[0], once[0], strict=True):
+        assert (item.tracker, item.mean_rank) == (same.tracker, pytest.approx(same.mean_rank))
+        assert item.ci95 == pytest.approx(same.ci95)
+    assert many[1] == once[1]
+    assert many[0][0].tracker == "a"
+    apart, _ = ranking(own + copies, ByName(), [*singles, *([f"copy {number}"] for number in range(10))])
+    assert apart[0].tracker == "d"
+
+
+def test_sets_join_what_shares_a_scene_by_way_of_others() -> None:
+    scenes = {"a": ["1", "2"], "b": ["3"], "c": ["4", "5"], "d": ["2", "4"], "e": [], "f": []}
+    assert sets_of_scenes(scenes) == [["a", "c", "d"], ["b"], ["e"], ["f"]]

@@ -20,7 +20,7 @@ from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comp
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.ranking import Pairings, ranking, scores
+from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
 from trackbench.metrics import Metric
 from trackbench.results import Result
 
@@ -123,7 +123,8 @@ def _comparison(
         for number, entry in cell.entries.items()
         for score in scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
     ]
-    order, rank_differences = ranking(scored, pairings) if pairings else ([], [])
+    scenes = sets_of_scenes({cell.scenario: cell.entries[0].result.summary.truth.motion for cell in cells})
+    order, rank_differences = ranking(scored, pairings, scenes) if pairings else ([], [])
     return Comparison(
         sets=sets,
         ranked_by=ranked_by,
@@ -131,6 +132,7 @@ def _comparison(
         scores=scored,
         differences=differing,
         overall=overall(differing) if not single and len(cells) > 1 else [],
+        sets_of_scenes=scenes,
         ranking=order,
         rank_differences=rank_differences,
         gates=held(limits, metrics, differing, missing),

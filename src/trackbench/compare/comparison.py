@@ -164,7 +164,7 @@ class RankedTracker(ResultModel):
     scenarios: int
     mean_rank: float
     ci95: tuple[float, float] | None
-    """Of the mean rank; None where there are too few scenarios or trackers for one."""
+    """Of the mean rank; None where there are too few sets of scenes or trackers for one."""
     won: int
     """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
@@ -222,6 +222,8 @@ class Comparison(ResultModel):
     """Of one set: every pair of trackers. Of several: each entrant against the baseline."""
     overall: list[OverallChange]
     """Of several sets."""
+    sets_of_scenes: list[list[str]]
+    """The scenarios in sets: those that share scenes are one, which the ranking counts once."""
     ranking: list[RankedTracker]
     """Of one set, best first."""
     rank_differences: list[RankDifference]

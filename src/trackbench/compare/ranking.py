@@ -2,19 +2,19 @@
 
 The population are scenarios of the kind of those compared, each with as many runs. The parameter is a tracker's
 expected rank in one of them, as its runs would show it. The ranks of one scenario hold the noise of its runs, and those
-of different scenarios are independent, so the spread over scenarios has both in it: the choice of scenarios, and the
-noise within each.
+of different scenes are independent, so the spread over them has both in it: the choice of scenes, and the noise within
+each. Scenarios that share scenes, such as the same traffic with and without a lidar, are one set, and count once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from trackbench.base.distributions import t_quantile
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Indices
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankDifference, RankedTracker
 from trackbench.compare.entries import Entry
 from trackbench.metrics.differences import LEVEL
@@ -83,29 +83,58 @@ def scores(
     return entrants
 
 
-def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
+def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """The scenarios that share scenes, directly or by way of others, in the order of their first ones.
+
+    Args:
+        scenes: of each scenario, fingerprints of its scenes; one without any is a set of its own.
+    """
+    sets: list[list[str]] = []
+    for name, own in scenes.items():
+        shared = [group for group in sets if any(not set(own).isdisjoint(scenes[other]) for other in group)]
+        if not shared:
+            sets.append([name])
+            continue
+        shared[0].extend([*(other for group in shared[1:] for other in group), name])
+        sets = [group for group in sets if group not in shared[1:]]
+    return sets
+
+
+def ranking(
+    scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
+) -> tuple[list[RankedTracker], list[RankDifference]]:
     """Every tracker of one set of results, by mean rank, and which of the mean ranks are shown to differ.
 
     References stand after the others, which are ranked without them. Trackers without a score in a scenario share its
-    last places. Where a scenario lacks some trackers, the rank is scaled to the whole field.
+    last places. Where a scenario lacks some trackers, the rank is scaled to the whole field. The rank in a set of
+    scenarios is the mean of those in each.
+
+    Args:
+        scored: of every tracker in every scenario.
+        pairings: who is better where.
+        sets: the scenarios that share scenes, see :func:`sets_of_scenes`.
     """
     references = {score.entrant.tracker for score in scored if score.reference}
     competing = [score for score in scored if score.entrant.tracker not in references]
-    ranked, differences = _ranking(competing, pairings)
+    ranked, differences = _ranking(competing, pairings, sets)
     for reference in sorted(references):
         own = [score for score in scored if score.entrant.tracker == reference]
-        beside, _ = _ranking([*competing, *own], pairings)
+        beside, _ = _ranking([*competing, *own], pairings, sets)
         (item,) = (item for item in beside if item.tracker == reference)
         ranked.append(item.model_copy(update={"reference": True, "ci95": None}))
     return ranked, differences
 
 
-def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
+def _ranking(
+    scored: Sequence[EntrantScore], pairings: Pairings, sets: Sequence[Sequence[str]]
+) -> tuple[list[RankedTracker], list[RankDifference]]:
     by_scenario: dict[str, dict[str, EntrantScore]] = {}
     for score in scored:
         by_scenario.setdefault(score.scenario, {})[score.entrant.tracker] = score
     names = list(dict.fromkeys(score.entrant.tracker for score in scored))
-    ranks = np.array([_ranks(scenario, names) for scenario in by_scenario.values()])
+    number = {scenario: number for number, members in enumerate(sets) for scenario in members}
+    member_of = np.array([number[scenario] for scenario in by_scenario])
+    ranks = _by_set(np.array([_ranks(scenario, names) for scenario in by_scenario.values()]), member_of)
     ranked = []
     for i, name in enumerate(names):
         own = [scenario[name] for scenario in by_scenario.values() if name in scenario]
@@ -135,11 +164,21 @@ def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[R
         )
     ranked.sort(key=lambda item: (item.mean_rank, item.tracker))
     order = [item.tracker for item in ranked]
-    return ranked, _rank_differences(order, [*by_scenario.values()], pairings) if len(by_scenario) > 1 else []
+    if len(ranks) < 2:
+        return ranked, []
+    return ranked, _rank_differences(order, [*by_scenario.values()], member_of, pairings)
+
+
+def _by_set(values: Array, member_of: Indices) -> Array:
+    """``(sets, k)`` means of values ``(scenarios, k)`` over the scenarios of each set; NaN where all are NaN."""
+    rows = [values[member_of == number] for number in np.unique(member_of)]
+    counts = np.array([np.isfinite(row).sum(axis=0) for row in rows])
+    totals = np.array([np.nansum(row, axis=0) for row in rows])
+    return np.where(counts > 0, totals / np.maximum(counts, 1), np.nan)
 
 
 def _rank_differences(
-    names: Sequence[str], scenarios: Sequence[dict[str, EntrantScore]], pairings: Pairings
+    names: Sequence[str], scenarios: Sequence[dict[str, EntrantScore]], member_of: Indices, pairings: Pairings
 ) -> list[RankDifference]:
     """Every pair of trackers, by the pairings of these two alone: others in the field change nothing.
 
@@ -149,7 +188,8 @@ def _rank_differences(
     if not pairs:
         return []
     won = {"won": -1.0, "tied": 0.0, "lost": 1.0}
-    outcomes = np.array([[won[_outcome(scenario, a, b, pairings)] for scenario in scenarios] for a, b in pairs])
+    each = np.array([[won[_outcome(scenario, a, b, pairings)] for a, b in pairs] for scenario in scenarios])
+    outcomes = _by_set(each, member_of).T
     return [
         RankDifference(a=a, b=b, p_value=p_value, shown=p_value < LEVEL)
         for (a, b), p_value in zip(pairs, holm(sign_flip(outcomes).tolist()), strict=True)
@@ -180,27 +220,27 @@ def _outcome(scenario: dict[str, EntrantScore], name: str, against: str, pairing
     return "tied" if better is None else "won" if better == name else "lost"
 
 
-#: Of a scenario, in which every tracker has the middle rank, that is added for the interval.
+#: Of a set of scenes, in which every tracker has the middle rank, that is added for the interval.
 PSEUDO = 0.5
 #: Fewer make no interval of 95 %: ranks then take so few values that an interval covers anything from 60 to 100 %.
-FEWEST_SCENARIOS, FEWEST_TRACKERS = 3, 4
-#: With more scenarios the signs are drawn.
+FEWEST_SETS, FEWEST_TRACKERS = 3, 4
+#: With more sets the signs are drawn.
 ALL_SIGNS = 14
 DRAWN_SIGNS = 20_000
 
 
 def interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
-    """The 95 % interval of a tracker's mean rank; None with fewer than 3 scenarios or 4 trackers.
+    """The 95 % interval of a tracker's mean rank; None with fewer than 3 sets of scenes or 4 trackers.
 
-    Student's t with half a scenario added in which the tracker has the middle rank. Without it a tracker that is first
-    in each of a few scenarios would seem to be so in all there are. The idea is that of Agresti and Coull (1998),
+    Student's t with half a set added in which the tracker has the middle rank. Without it a tracker that is first
+    in each of a few sets would seem to be so in all there are. The idea is that of Agresti and Coull (1998),
     "Approximate is better than exact for interval estimation of binomial proportions".
 
     Args:
-        ranks: ``(scenarios,)`` of the tracker.
+        ranks: ``(sets,)`` of the tracker.
         trackers: how many are ranked.
     """
-    if len(ranks) < FEWEST_SCENARIOS or trackers < FEWEST_TRACKERS:
+    if len(ranks) < FEWEST_SETS or trackers < FEWEST_TRACKERS:
         return None
     middle = (trackers + 1) / 2
     size = len(ranks) + PSEUDO
@@ -213,28 +253,28 @@ def interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
 def sign_flip(differences: Array) -> Array:
     """``(pairs,)`` two-sided p-values of the hypothesis that the two trackers of a pair have the same expected rank.
 
-    If they have, which of them is called the first in a scenario does not matter, so each difference could as well have
-    the other sign: the p-value is the share of all choices of signs whose sum is at least as far from zero. That is
-    exact for trackers that are alike, however few scenarios there are, and no smaller than 2 to the power of 1 -
-    scenarios. Source: Fisher (1935), "The Design of Experiments", section 21; with drawn signs Phipson and Smyth
-    (2010), "Permutation p-values should never be zero".
+    If they have, which of them is called the first in a set of scenes does not matter, so each difference could as well
+    have the other sign: the p-value is the share of all choices of signs whose sum is at least as far from zero. That
+    is exact for trackers that are alike, however few sets there are, and no smaller than 2 to the power of 1 - sets.
+    Source: Fisher (1935), "The Design of Experiments", section 21; with drawn signs Phipson and Smyth (2010),
+    "Permutation p-values should never be zero".
 
     Args:
-        differences: ``(pairs, scenarios)`` of the ranks of two trackers; 0 where one of them did not take part.
+        differences: ``(pairs, sets)`` of the ranks of two trackers; 0 where one of them did not take part.
     """
-    scenarios = differences.shape[1]
-    if scenarios <= ALL_SIGNS:
-        signs = 1.0 - 2.0 * (np.arange(2**scenarios)[:, None] >> np.arange(scenarios) & 1)
+    sets = differences.shape[1]
+    if sets <= ALL_SIGNS:
+        signs = 1.0 - 2.0 * (np.arange(2**sets)[:, None] >> np.arange(sets) & 1)
     else:
-        drawn = np.random.default_rng(0).choice([1.0, -1.0], (DRAWN_SIGNS, scenarios))
-        signs = np.vstack([np.ones(scenarios), drawn])
+        drawn = np.random.default_rng(0).choice([1.0, -1.0], (DRAWN_SIGNS, sets))
+        signs = np.vstack([np.ones(sets), drawn])
     observed = np.abs(differences.sum(axis=1, keepdims=True))
     # The same sum in another order must not count as smaller.
     shares: Array = (np.abs(differences @ signs.T) >= observed - 1e-9).mean(axis=1)
     return shares
 
 
-def fewest_scenarios(trackers: int) -> int:
-    """With fewer scenarios no difference can be shown between two of these trackers, whatever the ranks."""
+def fewest_sets(trackers: int) -> int:
+    """With fewer sets of scenes no difference can be shown between two of these trackers, whatever the ranks."""
     pairs = trackers * (trackers - 1) / 2
     return next(count for count in range(1, 100) if pairs * 2.0 ** (1 - count) < LEVEL)

@@ -50,14 +50,14 @@ class Parts(NamedTuple):
         """How much further than Student's an interval over so many reaches.
 
         Few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
-        at once, so that nothing in it warns of the miss. Coverage that is lost to skewness comes back with the root of
-        the number of scenes (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.6), and so shrink these
-        terms. Their sizes are fitted to 150 scenes of highway and of merge: ``benchmarks/calibration/scenes.py``.
+        at once, so that nothing in it warns of the miss. What skewness costs falls with the root of the number of
+        scenes, and with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.3). The terms
+        are fitted to 150 scenes of highway and of merge, for six trackers: ``benchmarks/calibration/scenes.py``.
         """
         if not self.scenes:
             return Stretch()
         root = np.sqrt(self.number)
-        return Stretch(1.0 - 0.6 / root, 1.0 + 2.8 / root, 1.0 + 2.2 / root)
+        return Stretch(1.0 - 0.7 / root, 1.0 + 5.8 / self.number**0.75, 1.0 + 2.2 / root)
 
 
 class Interval(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import platform
 from collections.abc import Sequence
@@ -9,7 +10,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Evaluation, Metric, health, no_metrics, ratio, variance_shares
 from trackbench.metrics.breakdown import breakdown
@@ -219,6 +220,14 @@ def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     return noise
 
 
+def _motion(truth: Truth) -> str:
+    """A fingerprint of the times and of the positions of all objects and of the observer."""
+    digest = hashlib.sha256()
+    for values in (truth.time, truth.px, truth.py, truth.observer.px, truth.observer.py):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()[:16]
+
+
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
     recorded = truths[work.recorded_scene]
     truth, scenes = recorded.truth, []
@@ -249,5 +258,6 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
         "scenes": scenes,
+        "motion": [_motion(item.truth) for item in truths],
     }
     return TruthSummary.model_validate({**truth.source, **entries})

@@ -8,7 +8,7 @@ from dataclasses import replace
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
-from trackbench.compare.ranking import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
+from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import NAMED, what_is_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
@@ -44,8 +44,11 @@ _OF_TRACKS = {
 
 def lead(comparison: Comparison) -> str:
     """What was compared, who is ahead, and how certain that is."""
-    ranking, scenarios = competitors(comparison), len(comparison.scenarios)
-    compared = f"{counted(len(ranking), 'tracker')} over {counted(scenarios, 'scenario')}. "
+    ranking, sets = competitors(comparison), comparison.sets_of_scenes
+    compared = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}. "
+    if shared := [" and ".join([", ".join(names[:-1]), names[-1]]) for names in sets if len(names) > 1]:
+        count = counted(len(sets), "set")
+        compared = f"{compared[:-2]} in {count} of scenes: {'; '.join(shared)} share theirs, and count as one. "
     if len(ranking) < 2:
         return compared
     first, second = ranking[:2]
@@ -55,9 +58,9 @@ def lead(comparison: Comparison) -> str:
             f"{compared}{', '.join(ahead[:-1])} and {ahead[-1]} share the best mean rank, {fixed(first.mean_rank, 2)}."
         )
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
-    wanted = fewest_scenarios(len(ranking))
-    certainty = f"Too few scenarios for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
-    if scenarios >= wanted:
+    wanted = fewest_sets(len(ranking))
+    certainty = f"Too few sets of scenes for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
+    if len(sets) >= wanted:
         rivals = [item for item in comparison.rank_differences if first.tracker in (item.a, item.b)]
         shown = "shown" if all(item.shown for item in rivals) else "not shown"
         certainty = f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
@@ -106,10 +109,11 @@ def _tracks(matrix: _Matrix) -> Iterator[Block]:
 _METHOD = (
     "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
     "by more than the margin (paired over runs, 5 % level after Holm), a half for each where neither is. Won, lost and "
-    "tied count the same pairings. The interval, and the p-value of the lead, are about scenarios of this kind, each "
-    "with as many runs: both the choice of scenarios and the noise within them are in the spread of the ranks. Two "
-    "mean ranks differ where few choices of the signs of their differences in the scenarios give as large a sum (exact "
-    f"sign-flip test, Holm over the pairs). No interval with fewer than {FEWEST_SCENARIOS} scenarios or "
+    "tied count the same pairings. Scenarios that share scenes are one set, whose rank is the mean of theirs. The "
+    "interval, and the p-value of the lead, are about sets of this kind, each with as many runs: both the choice of "
+    "scenes and the noise within them are in the spread of the ranks. Two mean ranks differ where few choices of the "
+    "signs of their differences in the sets give as large a sum (exact sign-flip test, Holm over the pairs). No "
+    f"interval with fewer than {FEWEST_SETS} sets or "
     f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose, or later measurements too: the "
     "others are ranked without it, and its rank is that which it would have."
 )
