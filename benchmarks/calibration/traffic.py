@@ -141,7 +141,7 @@ def _equal(random: np.random.Generator, population: Population, size: int) -> It
         called = {path for (path, _, _), verdict in found.items() if verdict.endswith("better")}
         wrong.update(called)
         any_metric += bool(called)
-    for path in ("gospa", "hota", "id_switches", "false_tracks"):
+    for path in ("tgospa", "gospa", "hota", "id_switches", "false_tracks"):
         hits = np.arange(COMPARISONS) < wrong[path]
         what = f"any of three equal trackers called better than another by {path}, {size} {population.name}"
         yield rate(what, hits, 0.0, 0.05)

@@ -112,13 +112,13 @@ def test_a_front_of_error_and_consistency(cli: Cli) -> None:
     ]
 
 
-def test_gate_and_confirmation_are_tuned_for_gospa(cli: Cli, tmp_path: Path) -> None:
+def test_gate_and_confirmation_are_tuned_for_tgospa(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "hidden.yaml").write_text(HIDDEN, encoding="utf-8")
     done = cli("tune", "hidden.yaml", "--trackers", "gnn", "--trials", "4", "--range", "associate.gate=0.9:0.9999",
                "--range", "associate.confirm=[1,1],[3,5]", "--json")  # fmt: skip
     (tracker,) = json.loads(done.out)["trackers"]
     assert set(tracker["tuned"]) == {"associate.gate", "associate.confirm"}
-    assert {item["metric"] for item in tracker["held_out"]} >= {"gospa", "gospa_false", "gospa_missed"}
+    assert {item["metric"] for item in tracker["held_out"]} >= {"tgospa", "gospa", "gospa_false", "gospa_missed"}
 
 
 def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
         (("--trackers", "ekv"), "did you mean 'ekf'"),
         (("--trackers", "raw"), "raw has no options: there is nothing to tune"),
         (("--trackers", "kf", "--range", "jerk_sigma_mps3=1:2"), "motion cv does not use this"),
-        (("--trackers", "kf", "--objective", "gospa"), "own has labelled measurements"),
+        (("--trackers", "kf", "--objective", "tgospa"), "own has labelled measurements"),
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
         (("--trackers", "kf", "--train-scenes", "3"), "own has one scene"),
         (("--trackers", "kf", "--train-seed", "7"), "give another"),

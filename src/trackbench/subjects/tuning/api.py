@@ -61,10 +61,10 @@ class TunePlan:
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """The objective of a name; unless given, GOSPA where there is one, and else the likelihood."""
+    """The objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
     if name is None:
         hidden = any(item.config.sensing.identities == "hidden" and not without_truth(item) for item in scenarios)
-        name = "gospa" if hidden else "likelihood"
+        name = "tgospa" if hidden else "likelihood"
     objectives = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
     if name not in objectives:
         raise InputError(f"no objective {name!r}; {nearest(name, objectives)}", key="--objective")
@@ -217,8 +217,8 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``gospa``, ``pareto`` or a metric of the
-            scenario; unless given, ``gospa`` with hidden identities and a truth, else ``likelihood``.
+        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``tgospa``, ``pareto`` or a metric of the
+            scenario; unless given, ``tgospa`` with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
         train_scenes: scenes that are tuned on.

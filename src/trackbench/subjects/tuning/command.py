@@ -28,8 +28,8 @@ from trackbench.scenario.shipped import scenario_files
 @click.option(
     "--objective",
     metavar="NAME",
-    help="likelihood, position_rmse, consistent_rmse, gospa, pareto, or a metric of the scenario.  [gospa with hidden "
-    "identities and a truth, else likelihood]",
+    help="likelihood, position_rmse, consistent_rmse, tgospa, pareto, or a metric of the scenario.  [tgospa with "
+    "hidden identities and a truth, else likelihood]",
 )
 @click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
 @click.option(

@@ -145,7 +145,7 @@ class Evaluator:
         engine: EngineName = "numpy",
         trials: int = 1,
         metric: Metric | None = None,
-        measure: str = "gospa",
+        measure: str = "tgospa",
     ) -> None:
         self.benches, self.tracker, self.parameters = benches, tracker, parameters
         self._executor = executor

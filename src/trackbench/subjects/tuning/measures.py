@@ -26,7 +26,7 @@ MEASURES: dict[str, Metric] = {
 }
 #: Those of every trial, and those of tracks beside them.
 OF_ALL = ("position_rmse", "velocity_rmse", "nees", "log_likelihood")
-OF_TRACKS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
+OF_TRACKS = ("tgospa", "gospa_switch", "gospa", "gospa_localisation", "gospa_missed", "gospa_false")
 
 
 class _Words(dict[str, str]):
@@ -40,6 +40,8 @@ WORDS = _Words(
     velocity_rmse="velocity RMSE",
     nees="mean NEES",
     log_likelihood="log-likelihood of a measurement",
+    tgospa="T-GOSPA",
+    gospa_switch="T-GOSPA, switches",
     gospa="GOSPA",
     gospa_localisation="GOSPA, localisation",
     gospa_missed="GOSPA, missed",

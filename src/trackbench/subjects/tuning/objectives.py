@@ -216,7 +216,7 @@ OBJECTIVES = {
             _consistent,
             (ERROR_AXIS,),
         ),
-        error_objective("gospa", "smallest GOSPA, for detections of hidden identities", hidden=True),
+        error_objective("tgospa", "smallest T-GOSPA, for detections of hidden identities", hidden=True),
         Objective(
             "pareto",
             "front of position error and consistency of the mean NEES",

@@ -268,7 +268,7 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
         if without_truth(loaded):
             problem = f"{name} has no truth; choose likelihood" if objective.needs_truth else ""
         elif hidden:
-            problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose gospa"
+            problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose tgospa"
         else:
             choices = "likelihood, position_rmse, consistent_rmse or pareto"
             problem = f"{name} has labelled measurements; choose {choices}" if objective.hidden else ""
