@@ -90,10 +90,7 @@ class Place:
 
 
 def result(case: str, *overrides: str, tracker: str | None = None) -> Result:
-    """The result of one case; of one tracker alone it holds all of its estimates, as the published values do.
-
-    Beside others it is scored where all of them gave an estimate.
-    """
+    """The result of one case, of all trackers unless one is named."""
     loaded = load_scenario(SCENARIOS / f"range_3km_{case}.yaml", overrides)
     chosen = loaded if tracker is None else select_trackers(loaded, [tracker])
     return run(chosen, truths_of(chosen))

@@ -68,7 +68,7 @@ def result(name: str) -> Result:
 
 
 def rmse(found: Result, tracker: str, scored: int | None = None) -> Numbers:
-    """RMSE over the first estimates; None: over all. The metrics leave out where another tracker had none yet."""
+    """RMSE over the first estimates; None: over all."""
     columns = ["px_m", "py_m", "vx_mps", "vy_mps"]
     estimates, truth = (found.to_pandas(table).set_index(["object", "time_s"]) for table in ("estimates", "truth"))
     errors = (estimates[estimates["tracker"] == tracker][columns] - truth.loc["cyclist":"cyclist", columns]).to_numpy()
