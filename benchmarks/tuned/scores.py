@@ -93,7 +93,7 @@ def _run(
 
 def _pairs(result: Any) -> list[Any]:
     """The differences of position RMSE."""
-    return [pair for pair in result.summary.differences if pair.metric == "position_rmse"]
+    return [pair for pair in result.differences if pair.metric == "position_rmse"]
 
 
 def _scores(found: Any) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from typing import Any
 import click
 import pytest
 from rich.console import Console
+from tests.support.differences import with_differences
 
 from trackbench.cli.commands import cli as root
 from trackbench.report.console import print_summary
@@ -175,7 +176,7 @@ def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:
     pattern = like["ekf"]
     metrics = {**pattern.metrics, "position_rmse": pattern.position_rmse.model_copy(update={"value": position})}
     trackers = [pattern.model_copy(update={"name": name, "metrics": metrics}) for name in names]
-    return like.updated(trackers=trackers, ranking=names, differences=[])
+    return like.updated(trackers=trackers, ranking=names)
 
 
 @pytest.mark.parametrize("longest", [8, 20, 64])
@@ -194,10 +195,10 @@ def test_the_table_fits_whatever_the_names(tiny_result: Result, longest: int, po
 
 def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: Result) -> None:
     names = [f"t{i}" for i in range(26)]
-    pattern = tiny_result.summary.differences[0]
+    pattern = tiny_result.differences[0]
     # Each differs from its partner alone, which takes a letter for every choice of partners: more than fit.
     pairs = [pattern.model_copy(update={"a": names[i], "b": names[i + 1], "better": names[i]}) for i in range(0, 8, 2)]
-    result = result_of(names, tiny_result).updated(differences=pairs)
+    result = with_differences(result_of(names, tiny_result), pairs)
     console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
     with console.file:
         print_summary(result, console)

@@ -110,7 +110,6 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         "recorded_run": 0,
         "trackers": [*entries, *([failed_tracker()] if failed else [])],
         "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
-        "differences": [],
         "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
         "passed": False,
         "artifacts": {},

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import MOST_WITH_ALL_METRICS, differences, margin_between, verdict
-from trackbench.metrics.intervals import Interval, all_pairs, paired, ratio, root, unpaired
+from trackbench.metrics.differences import Family, differences, margin_between, verdict
+from trackbench.metrics.intervals import Interval, all_paired, holm, paired, ratio, root, unpaired
 from trackbench.results.score_summary import MarginSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
@@ -95,6 +95,9 @@ def test_more_runs_lead_from_undecided_to_a_verdict_and_not_from_one_to_another(
         assert set(seen) == {"undecided", end}
 
 
+PAIRS = list(combinations([f"t{i}" for i in range(4)], 2))
+
+
 @pytest.mark.parametrize("runs", [1, 2, 37])
 def test_all_pairs_at_once_are_each_pair_bit_for_bit(runs: int) -> None:
     random = np.random.default_rng(runs)
@@ -105,17 +108,37 @@ def test_all_pairs_at_once_are_each_pair_bit_for_bit(runs: int) -> None:
         return 0.01 * min(a.value, b.value)
 
     each = [paired(a, b, margin(a, b)) for a, b in combinations(several, 2)]
-    assert all_pairs(several, margin) == each
+    assert all_paired(several, list(combinations(range(6), 2)), margin) == each
     assert len({found.p_value for found in each}) > (5 if runs > 1 else 0)
 
 
-def test_a_sweep_lists_the_pairs_of_what_ranks_and_of_what_is_expected() -> None:
-    def listed(trackers: int, *wanted: str) -> dict[str, int]:
-        both = {f"t{i}": {"position_rmse": of(i, 1.0), "velocity_rmse": of(2 * i, 1.0)} for i in range(1, trackers + 1)}
-        found = differences(both, BUILT_IN, MARGIN, {name: {} for name in both}, wanted)
-        return {metric: sum(item.metric == metric for item in found) for metric in ("position_rmse", "velocity_rmse")}
+def test_the_family_is_of_what_ranks_and_of_what_is_expected() -> None:
+    random = np.random.default_rng(4)
+    values = {
+        f"t{i}": {
+            path: ratio(random.normal(1.0 + 0.3 * i, 0.3, 20), ONES) for path in ("position_rmse", "velocity_rmse")
+        }
+        for i in range(4)
+    }
 
-    few, many = MOST_WITH_ALL_METRICS, MOST_WITH_ALL_METRICS + 1
-    assert listed(few) == dict.fromkeys(("position_rmse", "velocity_rmse"), few * (few - 1) // 2)
-    assert listed(many) == {"position_rmse": many * few // 2, "velocity_rmse": 0}
-    assert listed(many, "velocity_rmse") == dict.fromkeys(("position_rmse", "velocity_rmse"), many * few // 2)
+    def judged(family: Family) -> dict[tuple[str, str, str], float]:
+        items = differences(values, BUILT_IN, MARGIN, {name: {} for name in values}, family)
+        assert {item.verdict is None for item in items if item.p_value is None} == {True}
+        return {(item.metric, item.a, item.b): item.p_value for item in items if item.p_value is not None}
+
+    position = {name: own["position_rmse"] for name, own in values.items()}
+    margins = {(a, b): 0.01 * min(position[a].value, position[b].value) for a, b in PAIRS}
+    alone = {(a, b): paired(position[a], position[b], margin).p_value for (a, b), margin in margins.items()}
+    every = judged(Family())
+    assert list(every) == [("position_rmse", *pair) for pair in PAIRS]
+    assert list(every.values()) == pytest.approx(holm(list(alone.values())))
+    stated = Family(expected=[("velocity_rmse", frozenset(("t3", "t1")))])
+    assert list(judged(stated))[-1] == ("velocity_rmse", "t1", "t3")
+    assert min(judged(stated).values()) == pytest.approx(7 * min(alone.values()))
+    baseline = judged(Family("t1"))
+    assert list(baseline) == [("position_rmse", "t1", name) for name in ("t0", "t2", "t3")]
+    assert baseline["position_rmse", "t1", "t3"] == pytest.approx(3 * alone["t1", "t3"])
+    # As of all pairs at first: 4 trackers, each of which may be worse than any of 3.
+    best = judged(Family("t0", selected=True))
+    assert best["position_rmse", "t0", "t3"] == pytest.approx(6 * alone["t0", "t3"])
+    assert best["position_rmse", "t0", "t2"] == pytest.approx(3 * 3 / 2 * alone["t0", "t2"])

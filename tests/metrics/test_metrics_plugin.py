@@ -117,9 +117,9 @@ def test_it_stands_in_the_result(found: Result, tmp_path: Path) -> None:
 
 def test_expectations_name_it_and_its_direction_decides_who_is_better(found: Result) -> None:
     assert [item.passed for item in found.summary.expectations] == [True, True, True, False, True]
-    winners = {item.metric: item.better for item in found.summary.differences}
+    winners = {item.metric: item.better for item in found.differences}
     assert winners["square"] == winners["within"] == "ekf"
-    within = next(item for item in found.summary.differences if item.metric == "within")
+    within = next(item for item in found.differences if item.metric == "within")
     assert (within.a, within.b, within.verdict) == ("raw", "ekf", "ekf better")
     assert within.value < 0
     assert "largest.radar" not in winners
@@ -156,7 +156,7 @@ def test_one_that_raises_has_no_value_and_says_why(
     for tracker in result.summary.trackers:
         assert (tracker.square.value, tracker.square.reason) == (None, "RuntimeError: no luck")
         assert tracker.position_rmse.value is not None
-    assert {item.metric for item in result.summary.differences}.isdisjoint({"square"})
+    assert {item.metric for item in result.differences}.isdisjoint({"square"})
 
 
 @pytest.mark.parametrize("value", ["float('nan')", "None", "'high'"])

@@ -62,7 +62,7 @@ def test_a_run_has_it_and_expects_something_of_it(folder: Path, name: str) -> No
     assert value.value is not None
     assert value.ci95 is not None
     assert [item.passed for item in result.summary.expectations if item.metric == name] == [True, True]
-    assert [item.better for item in result.summary.differences if item.metric == name] == ["ekf"]
+    assert [item.better for item in result.differences if item.metric == name] == ["ekf"]
     assert result.tables.runs[f"{name}_per_run"].to_numpy().mean() > 0
 
 

@@ -10,7 +10,16 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
-from tests.support.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
+from tests.support.differences import with_differences
+from tests.support.example_result import (
+    RMSE,
+    breakdown,
+    failed_tracker,
+    make_differences,
+    make_result,
+    make_summary,
+    make_tables,
+)
 
 from trackbench.document.html import to_html
 from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
@@ -267,12 +276,16 @@ def test_text_is_escaped() -> None:
 
 def test_every_tracker_failed() -> None:
     summary = make_summary()
-    summary |= {"trackers": [failed_tracker()], "ranking": ["mine"], "differences": []}
+    summary |= {"trackers": [failed_tracker()], "ranking": ["mine"]}
     empty = pa.table({})
     page = Page(
         render(
             Result.from_json(
-                summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty, "autocorrelation": empty}
+                summary,
+                {
+                    **make_tables(),
+                    **dict.fromkeys(("steps", "nis", "estimates", "autocorrelation", "differences"), empty),
+                },
             )
         )
     )
@@ -287,9 +300,9 @@ def test_one_run_gives_no_intervals() -> None:
         for value in entry["metrics"].values():
             if isinstance(value, dict) and "ci95" in value:
                 value["ci95"] = None
-    for entry in summary["differences"]:
-        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
-    page = Page(render(Result.from_json(summary, make_tables())))
+    unshown = {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
+    pairs = [item.model_copy(update=unshown) for item in make_differences()]
+    page = Page(render(with_differences(Result.from_json(summary, make_tables()), pairs)))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text
 
@@ -308,13 +321,15 @@ def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
 
 def test_what_is_charged_for_missing_estimates_is_told() -> None:
     summary = make_summary()
-    for entry in summary["differences"]:
-        if entry["b"] == "ekf_cv" and entry["a"] in ("ukf_ctrv", "ekf_ctrv"):
-            entry |= {"better": None, "verdict": "smaller", "without_charged": -entry["value"]}
+    pairs = make_differences()
+    for place, item in enumerate(pairs):
+        if item.b == "ekf_cv" and item.a in ("ukf_ctrv", "ekf_ctrv"):
+            update = {"better": None, "verdict": "smaller", "without_charged": -item.value}
+            pairs[place] = item.model_copy(update=update)
     for entry in summary["trackers"]:
         if entry["name"] == "ekf_cv":
             entry["metrics"]["position_rmse"] |= {"charged_share": 0.42, "without_charged": 0.1234}
-    result = Result.from_json(summary, make_tables())
+    result = with_differences(Result.from_json(summary, make_tables()), pairs)
     page, console = Page(render(result)), Console(file=io.StringIO(), width=80)
     print_summary(result, console)
     terminal = console.file.getvalue()
@@ -330,11 +345,6 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
     assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     assert "Smaller and larger: shown to differ" in page.text
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
-        pair = Pairs(result.summary).get(a, b)
+        pair = Pairs(result).get(a, b)
         assert pair is not None
         assert pair.verdict == verdict
-
-
-def test_a_result_without_reasons_is_still_read() -> None:
-    assert all("without_charged" not in entry for entry in make_summary()["differences"])
-    assert "not called better" not in Page(render(make_result())).text

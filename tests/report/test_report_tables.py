@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import io
-from types import SimpleNamespace
+from collections.abc import Collection, Sequence
+from itertools import combinations
 from typing import Any
 
 import pytest
 from rich.console import Console
+from tests.support.differences import with_differences
 from tests.support.example_result import RMSE, make_result
 
 from trackbench.document.markdown import to_markdown
+from trackbench.metrics.differences import MOST_PAIRED
 from trackbench.report.console import print_summary
-from trackbench.report.pairs import Pairs, groups
+from trackbench.report.pairs import Pairs, groups, letter
 from trackbench.report.result import result_document
-from trackbench.results import Difference, Result
+from trackbench.results import Result
 
 
 @pytest.fixture(scope="module")
@@ -81,27 +84,31 @@ def test_terminal_colours_only_where_wanted(result: Result, monkeypatch: pytest.
     assert "31m" not in printed()
 
 
-def test_letters_say_exactly_who_differs() -> None:
+def pairs_of(names: Sequence[str], differ: Collection[tuple[str, str]], result: Result) -> Pairs:
+    """Of trackers of which the first of each pair in ``differ`` is better."""
+    pattern = result.differences[0]
+    differences = [
+        pattern.model_copy(update={"a": a, "b": b, "better": a if (a, b) in differ else None, "verdict": "undecided"})
+        for a, b in combinations(names, 2)
+    ]
+    return Pairs(with_differences(result, differences))
+
+
+def test_letters_say_exactly_who_differs(result: Result) -> None:
     names = ["a", "b", "c", "d"]
     differ = {("a", "c"), ("a", "d"), ("b", "d")}
-    entries = [
-        Difference(
-            a=x,
-            b=y,
-            metric="position_rmse",
-            unit="m",
-            value=-1.0,
-            ci95=(-2.0, 0.0),
-            margin=0.005,
-            p_value=0.01,
-            better=x if (x, y) in differ else None,
-            verdict=f"{x} better" if (x, y) in differ else "undecided",
-        )
-        for i, x in enumerate(names)
-        for y in names[i + 1 :]
-    ]
-    found = groups(names, Pairs(SimpleNamespace(headline="position_rmse", differences=entries)))
-    for i, x in enumerate(names):
-        for y in names[i + 1 :]:
-            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in differ)
-    assert found == {"a": "a", "b": "ab", "c": "bc", "d": "c"}
+    shown = groups(names, pairs_of(names, differ, result))
+    for a, b in combinations(names, 2):
+        assert bool(set(shown[a]) & set(shown[b])) == ((a, b) not in differ)
+    assert shown == {"a": "a", "b": "ab", "c": "bc", "d": "c"}
+
+
+def test_more_groups_than_letters_are_told_apart(result: Result) -> None:
+    names = [f"t{i}" for i in range(MOST_PAIRED)]
+    # Neighbours alone share a group, of which there are 29.
+    differ = {(a, b) for (i, a), (j, b) in combinations(enumerate(names), 2) if j - i > 1}
+    shown = {name: set(cell.split()) for name, cell in groups(names, pairs_of(names, differ, result)).items()}
+    assert len(set().union(*shown.values())) == MOST_PAIRED - 1
+    for a, b in combinations(names, 2):
+        assert bool(shown[a] & shown[b]) == ((a, b) not in differ)
+    assert [letter(i) for i in (0, 25, 26, 51, 52, 701, 702)] == ["a", "z", "aa", "az", "ba", "zz", "aaa"]

@@ -83,7 +83,6 @@ SMALL = Result.from_json(
             }
         ],
         "ranking": ["ekf"],
-        "differences": [],
         "expectations": [],
         "passed": True,
         "artifacts": {},

@@ -271,7 +271,7 @@ def expected(run_tiny: Run, request: pytest.FixtureRequest) -> Result:
 
 def test_one_run_of_a_second_shows_no_difference(run_tiny: Run) -> None:
     result = run_tiny("monte_carlo.runs=1", "truth.duration_s=1.5", "expect=[]", "score.min_coverage=0")
-    assert {item["verdict"] for item in result.json()["differences"]} == {"undecided"}
+    assert {item.verdict for item in result.differences if item.metric == "position_rmse"} == {"undecided"}
     metric = tracker(result, "ekf")["metrics"]["position_rmse"]
     assert metric["ci95"] is None
     assert metric["reason"] == "too short for an interval"
@@ -387,16 +387,19 @@ def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_pat
 def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
     ukf = "trackers.ukf={filter: ukf, motion: cv, acceleration_sigma_mps2: 3}"
     result = run_tiny(ukf, "monte_carlo.runs=8", "score.settle_s=0.5")
-    pairs = [(item["a"], item["b"]) for item in result.json()["differences"] if item["metric"] == "position_rmse"]
+    pairs = [(item.a, item.b) for item in result.differences if item.metric == "position_rmse"]
     assert pairs == [("raw", "ekf"), ("raw", "ukf"), ("ekf", "ukf")]
     values = {entry["name"]: entry["metrics"]["position_rmse"]["value"] for entry in result.json()["trackers"]}
-    for item in result.json()["differences"]:
-        if item["metric"] == "position_rmse":
-            assert item["value"] == pytest.approx(values[item["a"]] - values[item["b"]], rel=1e-12)
-    found = {(i["a"], i["b"]): i["verdict"] for i in result.json()["differences"] if i["metric"] == "position_rmse"}
+    for item in result.differences:
+        if item.metric == "position_rmse":
+            assert item.value == pytest.approx(values[item.a] - values[item.b], rel=1e-12)
+        else:
+            # No expectation names it, so it is in no family.
+            assert (item.better, item.verdict, item.p_value) == (None, None, None)
+    found = {(i.a, i.b): i.verdict for i in result.differences if i.metric == "position_rmse"}
     compared = ["position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
     compared += ["position_p95", "velocity_p95", "start_delay", "start_position_rmse"]
-    assert list(dict.fromkeys(item.metric for item in result.summary.differences)) == compared
+    assert list(dict.fromkeys(item.metric for item in result.differences)) == compared
     assert found["raw", "ekf"] == "ekf better"
     assert result.json()["ranking"][-1] == "raw"
 

@@ -68,10 +68,11 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
 
 
 def test_it_stops_as_soon_as_the_interval_is_that_narrow(tiny: Path) -> None:
-    found = until(tiny, 0.02, 2000).json()
-    (difference,) = (item for item in found["differences"] if item["metric"] == "position_rmse")
+    result = until(tiny, 0.02, 2000)
+    found = result.json()
+    (difference,) = (item for item in result.differences if item.metric == "position_rmse")
     best = next(item for item in found["trackers"] if item["name"] == found["ranking"][0])
-    low, high = difference["ci95"]
+    low, high = difference.ci95
     precision = found["precision"]
     assert precision["half_width"] == pytest.approx((high - low) / 2 / best["metrics"]["position_rmse"]["value"])
     assert precision["half_width"] <= 0.02

@@ -152,8 +152,8 @@ BAD = [
         "score: {settle_s: 2}",
         "score: 2",
         [
-            "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, divergence_m, lost_after_s, "
-            "cutoff_m, switch_costs_s, min_coverage, margin, reference, metrics)"
+            "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, each, divergence_m, "
+            "lost_after_s, cutoff_m, switch_costs_s, min_coverage, margin, baseline, reference, metrics)"
         ],
     ),
     ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),

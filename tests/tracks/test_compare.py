@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.differences import with_differences
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -27,9 +28,7 @@ def test_trackers_are_compared_by_tgospa(traffic_result: Result) -> None:
         assert ours is not None
         assert theirs is not None
         assert item.difference == pytest.approx(ours - theirs)
-    (stored,) = (
-        d for d in traffic_result.summary.differences if (d.metric, d.a, d.b) == ("tgospa", *_pair(traffic_result))
-    )
+    (stored,) = (d for d in traffic_result.differences if (d.metric, d.a, d.b) == ("tgospa", *_pair(traffic_result)))
     (item,) = (d for d in found.differences if (d.entrant.tracker, d.against.tracker) == _pair(traffic_result))
     assert item.ci95 == pytest.approx(stored.ci95)
 
@@ -75,9 +74,11 @@ def test_a_reference_is_shown_and_never_the_best(traffic_result: Result) -> None
     # With no error at all it would be far ahead.
     perfect = [
         found.model_copy(update={"better": "oracle"}) if "oracle" in (found.a, found.b) else found
-        for found in traffic_result.summary.differences
+        for found in traffic_result.differences
     ]
-    first = traffic_result.updated(differences=perfect, ranking=["oracle", *alone(traffic_result).summary.ranking])
+    first = with_differences(traffic_result, perfect).updated(
+        ranking=["oracle", *alone(traffic_result).summary.ranking]
+    )
     assert first.contenders[0].name != "oracle"
     found = compare([[first, renamed(first, "again")]])
     without = compare([[alone(first), alone(renamed(first, "again"))]])

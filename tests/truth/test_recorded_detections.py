@@ -218,7 +218,7 @@ def test_the_result_says_what_can_be_told_and_what_cannot(tmp_path: Path) -> Non
     found = result(write(tmp_path, scenario()))
     summary = found.summary
     assert (summary.identities, summary.truth.known, summary.truth.objects) == ("hidden", False, [])
-    assert summary.differences == []
+    assert found.differences == []
     metrics = found["gnn"].metrics
     for path in TRACK_METRICS:
         assert (metrics[path].value, metrics[path].reason) == (None, "there is no truth")

@@ -114,7 +114,7 @@ def _comparison(
     if single:
         # Which tracker is better where, whatever metrics are compared.
         by_rank = differing
-        if ranked_by not in wanted:
+        if wanted != [ranked_by]:
             by_rank, _ = differences(matches, [metrics[ranked_by]], over_scenarios=False)
         pairings = Pairings(by_rank, ranked_by)
     scored = [

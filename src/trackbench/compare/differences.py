@@ -5,14 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
+from typing import NamedTuple
 
 from trackbench.compare.comparability import Comparability
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import UNDECIDED, difference_without_charged, margin_between, shown
-from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
+from trackbench.metrics.differences import (
+    MOST_PAIRED,
+    UNDECIDED,
+    corrected,
+    difference_without_charged,
+    margin_between,
+    shown,
+)
+from trackbench.metrics.intervals import Contrast, Interval, paired, unpaired
 
 #: Share of the estimates by which one tracker must give fewer than the other for a note on it.
 NOTED = 0.01
@@ -29,6 +37,12 @@ class Match:
     """Of the set of the first; the other is of the first set."""
     how: Comparability
     pairs: tuple[tuple[str, str], ...]
+    selected: bool = False
+    """Whether the others are held against the tracker that is the best of them in the same data."""
+
+    def choices(self, metric: Metric) -> float:
+        """As of :func:`trackbench.metrics.differences.corrected`."""
+        return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
         """Each tracker with its set."""
@@ -36,9 +50,15 @@ class Match:
 
 
 def within(entry: Entry, trackers: Sequence[str]) -> Match:
-    """The trackers of one result, pair by pair, best first."""
-    how = Comparability.of_all(entry.result.summary.runs, "")
-    return Match(entry.result.name, entry, entry, 0, how, tuple(combinations(trackers, 2)))
+    """The trackers of one result, best first: pair by pair, or each against the baseline, or of many the best."""
+    how, score = Comparability.of_all(entry.result.summary.runs, ""), entry.result.summary.score
+    names, against = list(trackers), score.baseline if score.baseline in trackers else None
+    selected = against is None and len(names) > MOST_PAIRED
+    if selected:
+        contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in names]
+        names, against = (contenders, contenders[0]) if contenders else (names, names[0])
+    pairs = combinations(names, 2) if against is None else ((name, against) for name in names if name != against)
+    return Match(entry.result.name, entry, entry, 0, how, tuple(pairs), selected)
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -57,7 +77,7 @@ def differences(
 ) -> tuple[list[PairDifference], list[NotCompared]]:
     """Every pair of every match by every metric, and what has no value to compare.
 
-    The p-values of a metric are corrected for their number: in all scenarios, or within each one.
+    The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one.
 
     Args:
         matches: what is compared.
@@ -65,21 +85,36 @@ def differences(
         over_scenarios: whether all scenarios are corrected together.
         limits: by metric, the percentage of the reference that the margin is not more than.
     """
-    compared: list[PairDifference] = []
+    compared: list[_Uncorrected] = []
     missing: list[NotCompared] = []
-    for metric in metrics:
-        limit = (limits or {}).get(metric.path)
-        outcomes = [[*_compare(match, metric, limit)] for match in matches]
-        missing += [item for part in outcomes for item in part if isinstance(item, NotCompared)]
-        families = [[item for item in part if isinstance(item, tuple)] for part in outcomes]
-        if over_scenarios:
-            families = [[item for family in families for item in family]]
-        compared += [item for family in families for item in _corrected(family, metric)]
-    return compared, missing
+    families: dict[str, list[int]] = {}
+    for metric, match in product(metrics, matches):
+        for outcome in _compare(match, metric, (limits or {}).get(metric.path)):
+            if isinstance(outcome, NotCompared):
+                missing.append(outcome)
+            else:
+                families.setdefault("" if over_scenarios else match.scenario, []).append(len(compared))
+                compared.append(outcome)
+    p_values: dict[int, float] = {}
+    for places in families.values():
+        members = [compared[place] for place in places]
+        own = corrected([member.item.p_value for member in members], [member.choices for member in members])
+        p_values |= dict(zip(places, own, strict=True))
+    return [each.judged(p_values[place]) for place, each in enumerate(compared)], missing
 
 
-#: A difference whose p-value is still as it is alone.
-_Uncorrected = tuple[PairDifference, Contrast]
+class _Uncorrected(NamedTuple):
+    """A difference whose p-value is still as it is alone, and what its correction needs."""
+
+    item: PairDifference
+    contrast: Contrast
+    metric: Metric
+    choices: float
+
+    def judged(self, p_value: float) -> PairDifference:
+        """With its corrected p-value, and the verdict."""
+        word = shown(self.contrast, p_value, self.metric.better, self.item.without_charged)
+        return self.item.model_copy(update={"p_value": p_value, "verdict": word})
 
 
 def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Uncorrected | NotCompared]:
@@ -131,13 +166,7 @@ def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Unc
         )
         # The rest of rounding is another on each machine.
         update = {"difference": 0.0, "ci95": item.ci95 and (0.0, 0.0)} if item.identical else {}
-        yield item.model_copy(update=update), result
-
-
-def _corrected(family: Sequence[_Uncorrected], metric: Metric) -> Iterator[PairDifference]:
-    for (item, contrast), p_value in zip(family, holm([item.p_value for item, _ in family]), strict=True):
-        word = shown(contrast, p_value, metric.better, item.without_charged)
-        yield item.model_copy(update={"p_value": p_value, "verdict": word})
+        yield _Uncorrected(item.model_copy(update=update), result, metric, match.choices(metric))
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:

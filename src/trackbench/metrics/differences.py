@@ -1,20 +1,23 @@
-"""Differences between trackers on the same noise: tested run by run, corrected for their number, put into words."""
+"""Differences between trackers on the same noise: tested run by run, corrected for their number, put into words.
+
+The family of the correction is stated by :class:`Family`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations
+from dataclasses import dataclass
+from itertools import combinations, compress
 
-from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
+from trackbench.metrics.intervals import Contrast, Interval, all_paired, holm
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, MetricValue
 from trackbench.results.score_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05
-#: More trackers than this are a sweep: the number of pairs, which grows with the square, is written for the metric that
-#: ranks alone.
-MOST_WITH_ALL_METRICS = 30
+#: Of more trackers each is compared with the best alone: the number of pairs grows with the square.
+MOST_PAIRED = 30
 #: Share of a squared error that is charged for missing estimates above which a difference is looked at without it too.
 MOST_CHARGED = 0.1
 EQUIVALENT, UNDECIDED = "equivalent", "undecided"
@@ -22,67 +25,131 @@ EQUIVALENT, UNDECIDED = "equivalent", "undecided"
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
+@dataclass(frozen=True)
+class Family:
+    """Which differences are tested together, so that 5 % is the risk of a single wrong word among all of them.
+
+    They are those of the metric that ranks and those that an expectation names: what the page of a run calls better.
+    """
+
+    against: str | None = None
+    """The tracker that all others are held against; None: every pair."""
+    selected: bool = False
+    """Whether it is the one with the best value, and so was found in the same data."""
+    expected: Collection[tuple[str, frozenset[str]]] = ()
+    """Metric and pair of each expectation that compares two trackers."""
+
+    def pairs(self, names: Sequence[str], path: str) -> list[tuple[str, str]]:
+        """Those of some trackers that are compared by a metric."""
+        if self.against is None:
+            return [*combinations(names, 2)]
+        own = [(self.against, name) for name in names if self.against in names and name != self.against]
+        stated = {pair for metric, pair in self.expected if metric == path and self.against not in pair}
+        others = [(a, b) for a, b in map(sorted, stated) if a in names and b in names]
+        return [*own, *others]
+
+
+def corrected(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
+    """P-values corrected for their number.
+
+    A tracker is called worse than the best only where it is so whichever of the others is the best: its one-sided
+    p-value is multiplied by the number of the others, as any of them may have become the best by chance; then comes
+    Holm's correction over all trackers. So in 95 % of the cases no tracker that is as good as the best is called worse.
+    Source: Hsu (1984), "Constrained simultaneous confidence intervals for multiple comparisons with the best", Annals
+    of Statistics 12, with Bonferroni's bound in place of equal variances.
+
+    Args:
+        p_values: two-sided.
+        choices: by what each is multiplied before: half the number of the others where one of the two was chosen for
+            its value of this metric, the number where for that of another metric, 0 where neither was chosen.
+    """
+    selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
+    # Of the best too it might have been rejected that it is as good as the best.
+    return holm([*selected, *([1.0] if any(choices) else [])])[: len(p_values)]
+
+
+EVERY_PAIR = Family()
+#: Path, metric, the two trackers, and their difference.
+_Compared = tuple[str, Metric, str, str, Contrast]
+
+
 def differences(
     trackers: Mapping[str, Mapping[str, Interval]],
     metrics: Sequence[Metric],
     margin: MarginSummary,
     values: Mapping[str, Mapping[str, MetricValue]],
-    wanted: Collection[str] = (),
+    family: Family = EVERY_PAIR,
 ) -> list[Difference]:
-    """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
-
-    With more than ``MOST_WITH_ALL_METRICS`` trackers by the metric that ranks and the metrics ``wanted`` alone.
+    """The pairs of the trackers by every metric that is compared; those in the family have a verdict.
 
     Args:
         trackers: by name, the metrics that are means over runs, by path.
         metrics: all that there are.
         margin: what does not matter.
         values: by name, all metrics by path.
-        wanted: paths of metrics that an expectation compares.
+        family: which pairs are compared, and which of them are judged.
     """
     paths = list(dict.fromkeys(path for intervals in trackers.values() for path in intervals))
-    by_path = [
-        (path, metric)
+    compared = [
+        item
         for metric in metrics
         if metric.compared and metric.better is not None
         # The metric itself, or that of each sensor.
         for path in paths
         if path == metric.name or path.startswith(f"{metric.name}.")
-        if len(trackers) <= MOST_WITH_ALL_METRICS or metric.ranks or path in wanted
+        for item in _by(path, metric, trackers, margin, family)
     ]
-    return [item for path, metric in by_path for item in _by(path, metric, trackers, margin, values)]
+    judged = [metric.ranks or (path, frozenset((a, b))) in family.expected for path, metric, a, b, _ in compared]
+    tested = list(compress(compared, judged))
+    of_best = [family.selected and metric.ranks and a == family.against for _, metric, a, _, _ in tested]
+    choices = [own * sum(of_best) / 2 for own in of_best]
+    p_values = iter(corrected([contrast.p_value for *_, contrast in tested], choices))
+    return [
+        _difference(*item, values, next(p_values) if own else None) for item, own in zip(compared, judged, strict=True)
+    ]
 
 
 def _by(
+    path: str, metric: Metric, trackers: Mapping[str, Mapping[str, Interval]], margin: MarginSummary, family: Family
+) -> Iterator[_Compared]:
+    """The pairs of the trackers that have the metric."""
+    names = [name for name, intervals in trackers.items() if path in intervals]
+    pairs, place = family.pairs(names, path), {name: number for number, name in enumerate(names)}
+    contrasts = all_paired(
+        [trackers[name][path] for name in names],
+        [(place[a], place[b]) for a, b in pairs],
+        lambda a, b: margin_between(a, b, metric.unit, metric.better, margin),
+    )
+    for (a, b), contrast in zip(pairs, contrasts, strict=True):
+        yield path, metric, a, b, contrast
+
+
+def _difference(
     path: str,
     metric: Metric,
-    trackers: Mapping[str, Mapping[str, Interval]],
-    margin: MarginSummary,
+    a: str,
+    b: str,
+    contrast: Contrast,
     values: Mapping[str, Mapping[str, MetricValue]],
-) -> Iterator[Difference]:
-    """Every pair of the trackers that have the metric."""
-    names = [name for name, intervals in trackers.items() if path in intervals]
-    contrasts = all_pairs(
-        [trackers[name][path] for name in names], lambda a, b: margin_between(a, b, metric.unit, metric.better, margin)
+    p_value: float | None,
+) -> Difference:
+    """With a verdict if there is a corrected p-value."""
+    alone = difference_without_charged(values[a].get(path), values[b].get(path))
+    word = None if p_value is None else shown(contrast, p_value, metric.better, alone)
+    better = {"better": a, "worse": b}.get(word or "")
+    return Difference(
+        a=a,
+        b=b,
+        metric=path,
+        unit=metric.unit,
+        value=contrast.value,
+        ci95=contrast.ci95,
+        margin=contrast.margin,
+        p_value=p_value,
+        better=better,
+        verdict=word if better is None else f"{better} better",
+        without_charged=alone,
     )
-    corrected = holm([item.p_value for item in contrasts])
-    for (a, b), item, p_value in zip(combinations(names, 2), contrasts, corrected, strict=True):
-        alone = difference_without_charged(values[a].get(path), values[b].get(path))
-        word = shown(item, p_value, metric.better, alone)
-        better = {"better": a, "worse": b}.get(word)
-        yield Difference(
-            a=a,
-            b=b,
-            metric=path,
-            unit=metric.unit,
-            value=item.value,
-            ci95=item.ci95,
-            margin=item.margin,
-            p_value=p_value,
-            better=better,
-            verdict=word if better is None else f"{better} better",
-            without_charged=alone,
-        )
 
 
 def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> float | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -295,29 +297,32 @@ class Contrast(NamedTuple):
 
 def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    (contrast,) = all_pairs([a, b], lambda *_: margin)
+    (contrast,) = all_paired([a, b], [(0, 1)], lambda *_: margin)
     return contrast
 
 
-def all_pairs(intervals: Sequence[Interval], margin: Callable[[Interval, Interval], float]) -> list[Contrast]:
-    """The same of every two of them, in the order of ``itertools.combinations``.
+def all_paired(
+    intervals: Sequence[Interval], pairs: Sequence[tuple[int, int]], margin: Callable[[Interval, Interval], float]
+) -> list[Contrast]:
+    """The same of many pairs; those of one first interval are computed together where they follow each other.
 
     Args:
         intervals: from the same runs.
+        pairs: by their places.
         margin: of two of them.
     """
     values = np.array([item.value for item in intervals])
     influences = np.array([item.corrected for item in intervals])
     constant = np.array([item.constant for item in intervals])
     contrasts: list[Contrast] = []
-    for first, interval in enumerate(intervals):
-        others = slice(first + 1, None)
-        margins = np.array([margin(interval, other) for other in intervals[others]])
-        freedom, errors = influences.shape[1] - 1, None
-        if not interval.parts.too_few:
-            errors = interval.parts.stretch.difference * _standard_errors(influences[first] - influences[others])
+    for first, own in groupby(pairs, key=itemgetter(0)):
+        others = np.array([other for _, other in own])
+        margins = np.array([margin(intervals[first], intervals[other]) for other in others])
+        freedom, errors, parts = influences.shape[1] - 1, None, intervals[first].parts
+        if not parts.too_few:
+            errors = parts.stretch.difference * _standard_errors(influences[first] - influences[others])
         varies = ~(constant[first] & constant[others])
-        contrasts += _tested(interval.value, values[others], errors, freedom, margins, varies)
+        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies)
     return contrasts
 
 

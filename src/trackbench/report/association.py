@@ -19,7 +19,7 @@ def against_oracle(result: Result) -> Iterator[str]:
 
     Each is held against the best of the trackers that share its filter.
     """
-    pairs, scored = Pairs(result.summary), result.scored
+    pairs, scored = Pairs(result), result.scored
     for oracle in (tracker for tracker in scored if tracker.association == ORACLE):
         others = [
             other.name
@@ -89,7 +89,7 @@ def _table(result: Result, part: Choice, caption: str, trackers: list[TrackerRes
         (Column(f"{result.summary.headline_name}, m", details="95 % interval"), values(trackers, metric)),
         (
             Column(f"minus {best}, m", details=VERDICT),
-            [Cell(""), *differences_of(result.summary, [tracker.name for tracker in trackers[1:]], best)],
+            [Cell(""), *differences_of(result, [tracker.name for tracker in trackers[1:]], best)],
         ),
     ]
     return Table.of_columns(f"{part}-{best}", columns, caption[0].upper() + caption[1:])

@@ -10,8 +10,8 @@ from rich.text import Text
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.verdicts import LEAST_COVERAGE, NAMED, mean_text, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, margin_words
-from trackbench.report.pairs import letters
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
+from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
     drawing_random,
@@ -178,8 +178,8 @@ def _table_lines(result: Result, width: int) -> Iterator[Text]:
     """The table; a name that its column has no room for stands on a line of its own."""
     left = ("group", "NEES") if result.summary.identities == "known" else ("group",)
     columns = track_values(result)
-    if groups := _groups(result):
-        columns.insert(1, ("group", list(map(Text, groups))))
+    if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
+        columns.insert(1, (shown.short, list(map(Text, shown.cells))))
     widths = [max(len(heading), *(cell.cell_len for cell in cells)) for heading, cells in columns]
     room = width - sum(1 + each for each in widths)
     names = [Text(tracker.name + "*" * tracker.is_reference, style="bold") for tracker in result.scored]
@@ -202,21 +202,17 @@ def _table_lines(result: Result, width: int) -> Iterator[Text]:
         yield line([name if fits else Text(), *(cells[i] for _, cells in columns)])
 
 
-def _groups(result: Result) -> list[str]:
-    """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
-    if not result.summary.truth.known:
-        return []
-    groups = letters(result)
-    return groups if max(map(len, groups)) <= _MOST_LETTERS else []
+def _too_many_groups(shown: Standing) -> bool:
+    """Whether there are so many letters that they say nothing at a glance."""
+    return max(map(len, shown.cells)) > _MOST_LETTERS
 
 
 def _note_on_groups(result: Result) -> list[str]:
     """What the letters mean."""
-    if not _groups(result):
-        return ["group: too many groups for this table; report.html has them"]
-    margin = margin_words(result.summary.score.margin, "m")
-    shared = f"group: no difference over {margin} shown between those that share a letter"
-    return [shared] if len(result.scored) > 1 else []
+    shown = standing(result)
+    if _too_many_groups(shown):
+        return [f"{shown.short}: too many groups for this table; report.html has them"]
+    return [f"{shown.short}: {shown.meaning}"] if len(result.scored) > 1 else []
 
 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:

@@ -1,14 +1,14 @@
-"""Groups of what was not shown to differ."""
+"""Which trackers are better than others: pairs, looked up by name, and the column of the ranking that says so."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from string import ascii_lowercase, ascii_uppercase
+from string import ascii_lowercase
 
 from trackbench.metrics.differences import size
+from trackbench.report.numbers import margin_words
 from trackbench.results import Result
-from trackbench.results.summary import Summary
 
 
 def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[frozenset[str]]:
@@ -28,7 +28,10 @@ def groups_of(names: Sequence[str], differ: Callable[[str, str], bool]) -> list[
     return sorted(groups, key=lambda g: sorted(names.index(name) for name in g))
 
 
-_LETTERS = ascii_lowercase + ascii_uppercase
+def letter(number: int) -> str:
+    """ "a" to "z", then "aa", "ab" and so on, of the groups from 0 on."""
+    before, last = divmod(number, len(ascii_lowercase))
+    return (letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,13 @@ class Pair:
 
 
 class Pairs:
-    """All pairs of a result, looked up in either order."""
+    """The judged pairs of a result by the metric that ranks, looked up in either order."""
 
-    def __init__(self, summary: Summary, metric: str | None = None) -> None:
-        """``metric``: the one that ranks, unless given."""
-        path = metric or summary.headline
-        self._items = {(item.a, item.b): item for item in summary.differences if item.metric == path}
+    def __init__(self, result: Result) -> None:
+        path = result.summary.headline
+        self._items = {
+            (item.a, item.b): item for item in result.differences if item.metric == path and item.verdict is not None
+        }
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
@@ -64,7 +68,7 @@ class Pairs:
             item, sign = self._items.get((b, a)), -1.0
         if item is None:
             return None
-        word = item.verdict if item.better is None else "better" if item.better == a else "worse"
+        word = item.verdict or "" if item.better is None else "better" if item.better == a else "worse"
         if item.turned:
             word = size(sign * item.value)
         ci95 = item.ci95 if item.ci95 is None or sign > 0 else (-item.ci95[1], -item.ci95[0])
@@ -79,7 +83,7 @@ class Pairs:
         """By tracker, those of ``names`` than which it is not called better: for missing estimates alone it is."""
         others: dict[str, list[str]] = {}
         for (a, b), item in self._items.items():
-            if item.turned and {a, b} <= set(names):
+            if item.turned and a in names and b in names:
                 smaller, larger = (a, b) if item.value < 0 else (b, a)
                 others.setdefault(smaller, []).append(larger)
         return others
@@ -91,16 +95,38 @@ def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     ``names`` are in order of rank, so "a" is the best.
     """
     sets = groups_of(names, pairs.differ)
-    return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(sets) if name in g) for name in names}
+    gap = " " if len(sets) > len(ascii_lowercase) else ""
+    return {name: gap.join(letter(i) for i, g in enumerate(sets) if name in g) for name in names}
 
 
-def letters(result: Result, metric: str | None = None) -> list[str]:
-    """The groups of each scored tracker by the metric that ranks, or another one.
+@dataclass(frozen=True)
+class Standing:
+    """A column of the ranking: which of the differences from others were shown."""
 
-    A reference or a smoother is no competitor and is in none.
+    heading: str
+    short: str
+    """The same for a terminal."""
+    meaning: str
+    cells: list[str]
+    """Of each scored tracker."""
+
+
+def standing(result: Result) -> Standing:
+    """Letters where every pair is compared, else what was shown of each tracker and the one that it is held against.
+
+    A reference or a smoother is no competitor and has none.
     """
-    names = [tracker.name for tracker in result.contenders]
-    if metric is not None:
-        names.sort(key=lambda name: result[name].metrics[metric].value or 0.0)
-    by_name = groups(names, Pairs(result.summary, metric))
-    return [by_name.get(tracker.name, "") for tracker in result.scored]
+    score, pairs = result.summary.score, Pairs(result)
+    margin, names = margin_words(score.margin, "m"), [tracker.name for tracker in result.contenders]
+    if score.against is None:
+        heading = short = "group"
+        meaning, cells = f"no difference over {margin} shown between those that share a letter", groups(names, pairs)
+    else:
+        words = {name: pair.verdict for name in names if (pair := pairs.get(name, score.against))}
+        heading, short, cells = f"against {score.against}", "against", {score.against: "baseline", **words}
+        meaning = f"better or worse than {score.against}: shown by over {margin}"
+    if score.best is not None:
+        heading, short = "not shown worse than the best", "best?"
+        meaning = f"not shown over {margin} worse than {score.best}, the best of {len(names)}"
+        cells = {name: "" if words.get(name) == "worse" else "yes" for name in names}
+    return Standing(heading, short, meaning, [cells.get(tracker.name, "") for tracker in result.scored])

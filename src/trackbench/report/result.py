@@ -46,6 +46,7 @@ from trackbench.report.figures.over_time import autocorrelation, modes_over_time
 from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined, margin_words, percent
+from trackbench.report.pairs import standing
 from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_scenes
 from trackbench.report.sentences import (
     SWITCH_COSTS,
@@ -202,16 +203,17 @@ _WITHOUT_TRUTH: dict[str, tuple[str, tuple[str, ...]]] = {
 
 def _ranking(result: Result, others: Table | None) -> Section:
     summary, trackers, drawn = result.summary, result.scored, result.drawn
-    margin, references = margin_words(summary.score.margin, "m"), any(tracker.is_reference for tracker in trackers)
+    references = any(tracker.is_reference for tracker in trackers)
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
         basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
     random = drawing_random(result)
     basis += f" {random}." if random else ""
-    shown = "was shown between trackers that share a letter under “group”"
+    column = standing(result)
+    shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":
         metric, costs = summary.headline_name, summary.score.switch_costs_s or 0.0
-        note = f"{basis} No difference of {metric} over {margin} {shown}." + (_ORACLES if references else "")
+        note = f"By {metric}. {shown}. {basis}" + (_ORACLES if references else "")
         headings = {path: f"{factor * costs:g} s" for path, factor in SWITCH_COSTS.items()}
         table = tables.by_switch_costs(result, headings)
         other_costs = Section(
@@ -219,7 +221,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         )
         return Section("Ranking", (Paragraph(note), tables.ranking(result), other_costs))
     note = (
-        f"By position RMSE. No difference over {margin} {shown}. {basis}"
+        f"By position RMSE. {shown}. {basis}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
         + (f" {_SMOOTHERS}" if references else "")
     )
@@ -242,21 +244,41 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
     summary, drawn = result.summary, result.drawn
     cost = cost_against_accuracy(drawn, styles, summary.headline)
     beside = Row((tables.key_differences(result), *([cost] if cost else [])))
-    text = _DIFFERENCES.format(metric=summary.headline_name, margin=margin_words(summary.score.margin, "m"))
+    text = _DIFFERENCES.format(
+        metric=summary.headline_name, margin=margin_words(summary.score.margin, "m"), family=_family(result)
+    )
     title = "All pairs"
     if summary.identities == "known":
-        text += _NOT_BETTER if any(item.turned for item in summary.differences) else ""
+        text += _NOT_BETTER if any(item.turned for item in result.differences) else ""
         title += "" if len(drawn) == len(result.scored) else f" of the best {len(drawn)}"
-    pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
-    return Section("Differences between trackers", (Paragraph(text), beside, pairs))
+    blocks: list[Block] = [Paragraph(text), beside]
+    if summary.score.against is None:
+        blocks.append(Section(title, (tables.all_differences(result, drawn),), folded=True))
+    return Section("Differences between trackers", tuple(blocks))
 
 
 _DIFFERENCES = (
     "Differences of {metric}, paired: every tracker saw the same truth and the same noise. Negative means smaller "
-    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
-    "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
-    "or scenes would tell. Each interval is that of its pair alone, without the correction."
+    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two. {family} Equivalent: the "
+    "interval lies within that margin; undecided: neither, more runs or scenes would tell. Each interval is that of "
+    "its pair alone, without the correction. By other metrics no tracker is called better unless an expectation names "
+    "them."
 )
+
+
+def _family(result: Result) -> str:
+    """Over which differences the risk of a wrong word is 5 %."""
+    score, expected = result.summary.score, any(item.operator == "better_than" for item in result.summary.expectations)
+    beside = " and of what the expectations name" if expected else ""
+    if score.best is not None:
+        return (
+            f"The risk is 5 % that any tracker as good as the best is called worse than {score.best}, which was chosen "
+            f"from the same data: p-values are corrected for that and, after Holm, for the number of trackers{beside}."
+        )
+    pairs = "all pairs" if score.baseline is None else f"all trackers against {score.baseline}"
+    return f"The risk that any is called so wrongly is 5 %: p-values are corrected after Holm for {pairs}{beside}."
+
+
 _NOT_BETTER = (
     " Smaller and larger: shown to differ by more than the margin too, but the difference turns without what is "
     "charged for missing estimates, and neither is called better."

@@ -180,7 +180,7 @@ def missing_estimates(result: Result) -> list[str]:
                 sentences.append(
                     f"{tracker.name}: {charged} for missing estimates ({_without_charged(metric)} without)"
                 )
-    turned = Pairs(result.summary).turned([tracker.name for tracker in result.contenders])
+    turned = Pairs(result).turned([tracker.name for tracker in result.contenders])
     for name, others in turned.items():
         sentences.append(
             f"{name} is not called better than {joined(others)}: its errors are smaller only with what is charged"
@@ -219,8 +219,10 @@ def headline(result: Result) -> str:
     value = fixed(metric.value, places)
     lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
     text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
-    pairs = Pairs(summary)
+    pairs = Pairs(result)
     verdicts = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+    if summary.score.baseline is not None and verdicts.get(summary.score.baseline) == "better":
+        text += f"; it is better than {summary.score.baseline}, the baseline"
     equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
     if equivalent:
         text += f"; equivalent to {_listed(equivalent)} (within {margin_words(summary.score.margin, 'm')})"

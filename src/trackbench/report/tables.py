@@ -10,10 +10,9 @@ from typing import TypeVar
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, margin_words, percent, signed
-from trackbench.report.pairs import Pair, Pairs, letters
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
+from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
-from trackbench.results.summary import Summary
 
 INTERVAL = "95 % interval"
 VERDICT = "verdict, 95 % interval"
@@ -136,14 +135,12 @@ def unit_of(unit: str) -> str:
 
 
 def ranking(result: Result) -> Table:
-    """Every scored tracker, best first, with intervals and the letters of those that were not shown to differ."""
-    trackers = result.scored
-    groups = list(map(Cell, letters(result)))
+    """Every scored tracker, best first, with intervals and which differences were shown."""
+    trackers, shown = result.scored, standing(result)
+    differing = Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells))
     if result.summary.identities == "hidden":
-        return track_table("Ranking", trackers, RANKING_OF_TRACKS, (Column("group", left=True), groups))
+        return track_table("Ranking", trackers, RANKING_OF_TRACKS, differing)
     label, order = result.summary.held_against.label, [tracker.name for tracker in result.contenders]
-    margin = margin_words(result.summary.score.margin, "m")
-    letter = f"of two that share a letter neither was shown to be better by more than {margin}"
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
     counted = "a missing estimate is charged; given: of the estimates that were given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
@@ -153,7 +150,7 @@ def ranking(result: Result) -> Table:
     columns = [
         (Column("#", "rank by position RMSE"), ranks),
         (TRACKER, names(trackers)),
-        (Column("group", letter, left=True), groups),
+        differing,
         (Column("position RMSE, m", counted, details=INTERVAL), values(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", counted, details=INTERVAL), values(trackers, "velocity_rmse")),
         (Column("course RMSE, deg", counted, details=INTERVAL), values(trackers, "course_rmse")),
@@ -172,12 +169,10 @@ def ranking(result: Result) -> Table:
 
 def by_switch_costs(result: Result, costs: Mapping[str, str]) -> Table:
     """T-GOSPA where a switch costs half and twice as much. ``costs``: heading by path."""
-    columns: list[TableColumn] = []
-    for path, heading in costs.items():
-        columns += [
-            (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), values(result.scored, path)),
-            (Column("group", left=True), [Cell(group) for group in letters(result, path)]),
-        ]
+    columns = [
+        (Column(f"T-GOSPA, {heading} a switch, m", details=INTERVAL), values(result.scored, path))
+        for path, heading in costs.items()
+    ]
     return tracker_table("switch-costs", result.scored, columns)
 
 
@@ -253,27 +248,28 @@ def innovations(result: Result) -> list[Table]:
 
 
 def key_differences(result: Result) -> Table:
-    """Each tracker against the best and against the one ranked just above it; a reference against the best alone."""
-    order = [tracker.name for tracker in result.contenders]
-    beside = [tracker for tracker in result.scored if tracker.name not in order]
-    pairs = Pairs(result.summary)
-    to_best = [pairs.get(name, order[0]) for name in (*order[1:], *(tracker.name for tracker in beside))]
-    to_next = [pairs.get(name, above) for above, name in pairwise(order)]
-    places = _places([*to_best, *to_next])
+    """Each tracker against the best or the baseline; where every pair is compared, also against the one ranked just
+    above it, but for references."""
+    against = result.summary.score.against or result.contenders[0].name
+    others = [tracker for tracker in (*result.contenders, *result.references) if tracker.name != against]
+    pairs = Pairs(result)
+    compared = [pairs.get(tracker.name, against) for tracker in others]
+    above = {b.name: a.name for a, b in pairwise(result.contenders)}
+    to_next = [pairs.get(tracker.name, above.get(tracker.name, "")) for tracker in others]
+    places = _places([*compared, *to_next])
     columns = [
-        (TRACKER, [*(Cell(name, tracker=name) for name in order[1:]), *names(beside)]),
-        (Column(f"minus {order[0]}, m", details=VERDICT), [_difference(pair, places) for pair in to_best]),
-        (
-            Column("minus the next better, m", details=VERDICT),
-            [*(_difference(pair, places) for pair in to_next), *(Cell("") for _ in beside)],
-        ),
+        (TRACKER, names(others)),
+        (Column(f"minus {against}, m", details=VERDICT), [_difference(pair, places) for pair in compared]),
     ]
+    if result.summary.score.against is None:
+        cells = [_difference(pair, places) if pair else Cell("") for pair in to_next]
+        columns.append((Column("minus the next better, m", details=VERDICT), cells))
     return Table.of_columns("differences", columns)
 
 
-def differences_of(summary: Summary, names: Sequence[str], other: str) -> list[Cell]:
+def differences_of(result: Result, names: Sequence[str], other: str) -> list[Cell]:
     """Of some trackers minus another, by the metric that ranks."""
-    pairs = Pairs(summary)
+    pairs = Pairs(result)
     compared = [pairs.get(name, other) for name in names]
     places = _places(compared)
     return [_difference(pair, places) for pair in compared]
@@ -282,7 +278,7 @@ def differences_of(summary: Summary, names: Sequence[str], other: str) -> list[C
 def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
     """Every pair of some trackers: row minus column; the colour says whether the row is better or worse."""
     order = [tracker.name for tracker in trackers]
-    pairs = Pairs(result.summary)
+    pairs = Pairs(result)
     places = _places(pairs.get(a, b) for a in order for b in order)
     tones: dict[str, Tone] = {"better": "good", "worse": "bad"}
 

@@ -1,5 +1,6 @@
 """The result of a run: typed, saved whole or not at all, and loaded again."""
 
+from trackbench.results.differences import Difference, difference_table
 from trackbench.results.folder import (
     EXAMINATION,
     SUMMARY,
@@ -17,7 +18,6 @@ from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.scenario_summary import TruthSummary
 from trackbench.results.summary import (
     SCHEMA_VERSION,
-    Difference,
     ExpectationResult,
     PrecisionReached,
     Summary,
@@ -47,6 +47,7 @@ __all__ = [
     "TrackerResult",
     "TruthAudit",
     "TruthSummary",
+    "difference_table",
     "require_file",
     "require_replaceable",
     "require_writable",

@@ -127,6 +127,16 @@ SHARED = {
         series=True,
     ),
     "roads": _table("lane edges to draw", [], ["line", "x_m", "y_m"]),
+    "differences": _table(
+        "value of one ranked tracker minus that of another; what is not tested has no verdict",
+        ["a", "b", "metric", "unit", "better", "verdict"],
+        [
+            _number("value", unit=""),
+            *(_number(name, kind="sparse", unit="") for name in ("ci95_low", "ci95_high")),
+            _number("margin", unit=""),
+            *(_number(name, kind="sparse") for name in ("p_value", "without_charged")),
+        ],
+    ),
 }
 #: The tables where identities are known.
 LABELLED = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.files import read_bytes
+from trackbench.results.differences import Difference, differences_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tables import Tables
@@ -40,10 +41,13 @@ class Result:
         Raises:
             InputError: there is none of this name.
         """
-        for entry in self.summary.trackers:
-            if entry.name == tracker:
-                return entry
-        raise InputError(f"no tracker {tracker!r} in this result; {nearest(str(tracker), self)}")
+        if tracker not in self._by_name:
+            raise InputError(f"no tracker {tracker!r} in this result; {nearest(str(tracker), self)}")
+        return self._by_name[tracker]
+
+    @cached_property
+    def _by_name(self) -> dict[str, TrackerResult]:
+        return {tracker.name: tracker for tracker in self.summary.trackers}
 
     def __iter__(self) -> Iterator[str]:
         """The names of the trackers, in the order of the scenario."""
@@ -54,16 +58,27 @@ class Result:
         """Of the scenario."""
         return self.summary.scenario.name
 
-    @property
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Those between the ranked trackers: every pair, or each with the one of ``summary.score.against``."""
+        return differences_of(self.tables.if_there("differences"))
+
+    @cached_property
     def scored(self) -> list[TrackerResult]:
         """The trackers that finished with a position RMSE and enough estimates, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
-    @property
+    @cached_property
     def contenders(self) -> list[TrackerResult]:
         """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
         return [tracker for tracker in self.scored if not tracker.is_reference] or self.scored
+
+    @property
+    def references(self) -> list[TrackerResult]:
+        """The other scored trackers."""
+        competing = {tracker.name for tracker in self.contenders}
+        return [tracker for tracker in self.scored if tracker.name not in competing]
 
     @property
     def filtering(self) -> list[TrackerResult]:

@@ -55,8 +55,17 @@ class ScoreSummary(ResultModel):
     to_s: float
     """The last one."""
     margin: MarginSummary
+    baseline: str | None = None
+    """The ranked tracker that all others are held against, where the scenario names one."""
+    best: str | None = None
+    """The best of so many trackers that all others are held against it alone."""
     cutoff_m: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object."""
     switch_costs_s: float | None = None
     """Where identities are hidden, how long an object may be missed for the cost of a switch."""
     metrics: list[MetricSummary] = Field(default_factory=list)
+
+    @property
+    def against(self) -> str | None:
+        """The tracker that all others are held against; None where every pair is compared."""
+        return self.baseline or self.best

@@ -17,34 +17,6 @@ from trackbench.results.tracker_result import TrackerResult
 SCHEMA_VERSION = 4
 
 
-class Difference(ResultModel):
-    """The value of one tracker minus that of another, paired over the runs."""
-
-    a: str
-    b: str
-    metric: str
-    unit: str
-    value: float
-    ci95: tuple[float, float] | None
-    margin: float
-    """Up to this a difference does not matter."""
-    p_value: float
-    """Of the hypothesis that the difference is within the margin, corrected for the number of differences of the
-    metric."""
-    better: str | None
-    """The tracker that is shown to be better by more than the margin."""
-    verdict: str
-    """The same in words; ``larger`` and ``smaller``, of ``a``, where the difference is shown and neither is better."""
-    without_charged: float | None = None
-    """The same over the estimates that were given alone, where over a tenth of the squared error of either is charged
-    for missing ones. Neither is called better where this has the other sign."""
-
-    @property
-    def turned(self) -> bool:
-        """Whether the difference is shown, and neither is called better since it turns without what is charged."""
-        return self.better is None and self.without_charged is not None and self.without_charged * self.value < 0
-
-
 class ExpectationResult(ResultModel):
     """What the scenario expects, and what was found."""
 
@@ -92,7 +64,6 @@ class Summary(ResultModel):
     recorded_run: int
     trackers: list[TrackerResult]
     ranking: list[str]
-    differences: list[Difference]
     expectations: list[ExpectationResult]
     passed: bool
     artifacts: dict[str, str]
@@ -109,6 +80,7 @@ class Summary(ResultModel):
             "sensor": list(self.sensors),
             "object": objects,
             "other_object": objects,
+            **{column: [tracker.name for tracker in self.trackers] for column in ("a", "b")},
             "role": ["target", OBSERVER],
         }
         return TableLayout(names, self.truth.objects, hidden, self.score.each == "measurement")

@@ -14,12 +14,12 @@ from trackbench.base.types import Array, Truth
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Evaluation, Metric, health, no_metrics, ratio, variance_shares
 from trackbench.metrics.breakdown import breakdown
-from trackbench.metrics.differences import differences
+from trackbench.metrics.differences import MOST_PAIRED, Family, differences
 from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import Sensor
-from trackbench.results import Health, Result, Summary, Tables, TrackerResult
+from trackbench.results import Health, Result, Summary, Tables, TrackerResult, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
     MountSummary,
@@ -62,16 +62,24 @@ def assemble(
             log_left_to_numpy(work.scenario, name, used)
     every_engine = joined(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
-    pairs = []
-    if work.has_truth:
-        ranked = {name: item for name, item in scores.evaluations.items() if name in scores.ranked}
-        intervals, values = (
-            {name: getattr(item, field) for name, item in ranked.items()} for field in ("intervals", "values")
-        )
-        wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-        pairs = differences(intervals, work.metrics, margin, values, wanted)
     random = frozenset[str]().union(*(block.random for block in blocks))
     trackers = [_tracker(work, name, scores, engines.get(name), name in random) for name in work.trackers]
+    references = {tracker.name for tracker in trackers if tracker.is_reference}
+    baseline = scenario.score.baseline if scenario.score.baseline in scores.ranked else None
+    contenders = [name for name in scores.ranked if name not in references]
+    best = contenders[0] if baseline is None and len(contenders) > MOST_PAIRED else None
+    expected = {
+        (item.metric, frozenset((item.tracker, item.better_than))) for item in scenario.expect if item.better_than
+    }
+    family = Family(baseline or best, best is not None, expected)
+    pairs = []
+    if work.has_truth:
+        names = [name for name in scores.evaluations if name in scores.ranked]
+        names = [name for name in names if best is None or name not in references]
+        intervals, values = (
+            {name: getattr(scores.evaluations[name], field) for name in names} for field in ("intervals", "values")
+        )
+        pairs = differences(intervals, work.metrics, margin, values, family)
     min_coverage = 0.0 if hidden else work.min_coverage
     expectations = judge(scenario.expect, trackers, pairs, min_coverage)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -105,17 +113,19 @@ def assemble(
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
             margin=margin,
+            baseline=baseline,
+            best=best,
             metrics=[_summary_of_metric(metric) for metric in (work.metrics if hidden else scenario.score.metrics)],
         ),
         recorded_run=work.number(work.recorded_scene, work.recorded_run),
         trackers=trackers,
         ranking=[*scores.ranked, *(name for name in work.trackers if name not in scores.ranked)],
-        differences=pairs,
         expectations=expectations,
         passed=all(item.passed for item in expectations),
         artifacts={},
     )
-    return Result(summary, Tables((hidden_tables if hidden else labelled_tables)(work, blocks, scores)))
+    tables = (hidden_tables if hidden else labelled_tables)(work, blocks, scores)
+    return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
 def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, random: bool) -> TrackerResult:

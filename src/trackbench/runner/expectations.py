@@ -32,8 +32,9 @@ def _judge(
     if item.better_than is not None:
         # The same difference, corrected, as the tables show.
         pair = {item.tracker, item.better_than}
-        of_metric = (difference for difference in differences if difference.metric == item.metric)
-        difference = next((each for each in of_metric if {each.a, each.b} == pair), None)
+        difference = next(
+            (each for each in differences if each.metric == item.metric and {each.a, each.b} == pair), None
+        )
         operator, limit = "better_than", item.better_than
         passed = difference is not None and difference.better == item.tracker
         if not passed and not note:
@@ -61,6 +62,7 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     """What was shown of the two trackers instead."""
     if difference is None:
         return " (not compared)"
+    assert difference.p_value is not None
     value = difference.value if difference.a == tracker else -difference.value
     word = difference.verdict
     if difference.turned:

@@ -146,6 +146,11 @@ class Score(Config):
         "what is expected of it fails.",
     )
     margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
+    baseline: str | None = Field(
+        None,
+        description="Name of the tracker that all others are compared with, and with no other: fewer comparisons show "
+        "smaller differences. Unless given, every pair is compared, or, of more than 30, each with the best.",
+    )
     reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,

@@ -50,6 +50,10 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
             ("recording", "run"),
             f"must be from 0 to {runs - 1}, because monte_carlo.runs is {runs}",
         )
+    baseline = scenario.score.baseline
+    if baseline is not None and baseline not in scenario.trackers:
+        message = f"the scenario has no tracker {baseline!r}; {nearest(baseline, scenario.trackers)}"
+        yield Problem(("score", "baseline"), message)
     for index, expectation in enumerate(scenario.expect):
         for problem in _expectation(scenario, expectation):
             yield Problem(("expect", index, *problem.at), problem.message)

@@ -222,7 +222,6 @@ def _summary() -> Summary:
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
         ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),
-        differences=[],
         expectations=[
             _expectation("ukf_ctrv", "position_rmse", "below", 0.45, 0.38, True),
             _expectation("tuned_badly", "nees.verdict", "is", "consistent", "optimistic", False),

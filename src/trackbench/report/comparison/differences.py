@@ -57,7 +57,8 @@ def _section(
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
-    table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
+    table = _differences(comparison, metric, items)
+    explained = Paragraph(_explanation(items, len(comparison.differences)))
     figure = difference_figure(metric, items, _labels(comparison, items), colours)
     figures = () if all(item.identical for item in items) else (figure,)
     if several:
@@ -72,13 +73,15 @@ def _how(result: ComparedResult) -> str:
     return f"{'unpaired' if result.shared_runs is None else 'paired'}: {result.reason}"
 
 
-def _explanation(items: Sequence[PairDifference]) -> str:
+def _explanation(items: Sequence[PairDifference], number: int) -> str:
+    """``number``: of the differences by all metrics."""
     ways = []
     if paired := sorted({(item.paired_runs, item.scenes, item.stretches or 0) for item in items if item.paired_runs}):
         ways.append(f"paired over {' or '.join(_parts(*each) for each in paired)}")
     if any(item.paired_runs is None for item in items):
         ways.append("unpaired (Welch's test)")
-    corrected = ", corrected for their number (Holm)" if len(items) > 1 else ""
+    together = "" if number == len(items) else " by all metrics together"
+    corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
     return (
         "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "

@@ -17,7 +17,7 @@ from trackbench.report.tables import TONE
 
 _RANKED = (
     "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "
-    "than it by more than the margin (paired over runs, Holm)."
+    "than it by more than the margin (paired over runs; 5 % in each scenario, Holm over its pairs)."
 )
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
@@ -108,12 +108,12 @@ def _tracks(matrix: _Matrix) -> Iterator[Block]:
 
 _METHOD = (
     "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
-    "by more than the margin (paired over runs, 5 % level after Holm), a half for each where neither is. Won, lost and "
-    "tied count the same pairings. Scenarios that share scenes are one set, whose rank is the mean of theirs. The "
-    "interval, and the p-value of the lead, are about sets of this kind, each with as many runs: both the choice of "
-    "scenes and the noise within them are in the spread of the ranks. Two mean ranks differ where few choices of the "
-    "signs of their differences in the sets give as large a sum (exact sign-flip test, Holm over the pairs). No "
-    f"interval with fewer than {FEWEST_SETS} sets or "
+    "by more than the margin (paired over runs; 5 % in each scenario, Holm over its pairs), a half for each where "
+    "neither is. Won, lost and tied count the same pairings. Scenarios that share scenes are one set, whose rank is "
+    "the mean of theirs. The interval, and the p-value of the lead, are about sets of this kind, each with as many "
+    "runs: both the choice of scenes and the noise within them are in the spread of the ranks. Two mean ranks differ "
+    "where few choices of the signs of their differences in the sets give as large a sum (exact sign-flip test, Holm "
+    f"over the pairs). No interval with fewer than {FEWEST_SETS} sets or "
     f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose, or later measurements too: the "
     "others are ranked without it, and its rank is that which it would have."
 )

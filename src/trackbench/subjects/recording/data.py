@@ -28,10 +28,11 @@ from trackbench.subjects.recording.stream import Stream
 TABLES = {
     "known": (
         "truth", "measurements", "estimates", "recorded_nis", "steps", "nis", "modes", "recorded_modes", "roads",
+        "differences",
     ),
     "hidden": (
         "truth", "measurements", "tracks", "taken", "due", "steps", "events", "objects", "association", "existence",
-        "roads",
+        "roads", "differences",
     ),
 }  # fmt: skip
 
