@@ -368,6 +368,10 @@ def test_no_regression_passes_unseen(keep: Keep) -> None:
             [keep("monte_carlo.runs=1"), keep("monte_carlo.runs=1")],
             None,
         ),
+        "3 scenes give no interval of position_rmse: take 5 or more": (
+            [keep("truth.seeds=3", "monte_carlo.runs=2")] * 2,
+            None,
+        ),
         "no tracker 'twin', which the baseline has": ([keep(TWIN), keep()], None),
     }
     for message, (sets, trackers) in cases.items():
