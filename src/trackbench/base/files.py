@@ -71,14 +71,14 @@ def path_from(path: str, folder: Path, elsewhere: Path) -> str:
     """A path as seen from another folder.
 
     Args:
-        path: of a file, relative to its folder or to the working directory. One that is absolute, has a variable or
-            leads to no file stays as it is.
+        path: of a file or folder, relative to its folder or to the working directory. One that is absolute, has a
+            variable or leads nowhere stays as it is.
         folder: where the path is relative to.
         elsewhere: where it will be relative to.
     """
     if "$" in path or Path(path).expanduser().is_absolute():
         return path
-    file = next((place for place in (folder / path, Path(path)) if place.is_file()), None)
+    file = next((place for place in (folder / path, Path(path)) if place.exists()), None)
     return path if file is None else os.path.relpath(file.resolve(), elsewhere.resolve())
 
 

@@ -97,3 +97,13 @@ def test_a_log_too_short_to_hold_anything_out_says_so(tmp_path: Path) -> None:
     verdict = found.json()["trackers"][0]
     assert "nothing could be held out" in verdict["verdict"]
     assert any("a second log in truth.path" in remark for remark in verdict["remarks"])
+
+
+@pytest.mark.parametrize("path", ["logs", "[logs/log0.txt, logs/log1.txt]"])
+def test_the_written_scenario_finds_the_logs_from_another_folder(tmp_path: Path, path: str) -> None:
+    loaded = scenario(tmp_path, path, 60, 60)
+    out = tmp_path / "elsewhere" / "tuned.yaml"
+    out.parent.mkdir()
+    tb.tune(loaded, ["ekf"], ranges=RANGE, trials=2).save(out)
+    assert len(tb.load(out).config.truth.scenes()) == 2
+    assert tb.run(out).summary.fingerprints == tb.run(loaded).summary.fingerprints
