@@ -41,8 +41,8 @@ def claims() -> Iterator[Claim]:
         for tracker in ("kf_lidar", "ekf"):
             single, many = _sums(seconds, tracker, RUNS, 0), _sums(seconds, tracker, MANY, 1)
             for metric in METRICS:
-                true = _interval(many.sum(axis=1)[:, :, None], metric, 0, slice(None)).value
-                ends = [_interval(single, metric, slice(None), run).ci95 for run in range(RUNS)]
+                true = _interval(many, metric, slice(None)).value
+                ends = [_interval(single, metric, run).ci95 for run in range(RUNS)]
                 hits = [low <= true <= high for low, high in ends]
                 yield rate(f"{where}, {tracker}: interval of {metric} covers", hits, 0.93, 0.97)
         yield from _versions(seconds, where)
@@ -54,7 +54,7 @@ def _versions(seconds: int, where: str) -> Iterator[Claim]:
     equal = float(np.exp(np.interp(errors[LOW], [errors[q] for q in HIGH], np.log(HIGH))))
     a, b = (_sums(seconds, "ekf", RUNS, 0, q) for q in (LOW, equal))
     true = errors[LOW] - _error(_sums(seconds, "ekf", MANY, 1, equal))
-    pairs = [paired(*(_interval(side, "position_rmse", slice(None), run) for side in (a, b))) for run in range(RUNS)]
+    pairs = [paired(*(_interval(side, "position_rmse", run) for side in (a, b))) for run in range(RUNS)]
     hits = [low <= true <= high for low, high in (pair.ci95 for pair in pairs)]
     yield rate(f"{where}: interval of the difference of two versions covers", hits, 0.93, 0.97)
     words = [verdict(pair, pair.p_value, "smaller") for pair in pairs]
@@ -97,13 +97,13 @@ def _sums(seconds: int, tracker: str, runs: int, seed: int, q: float | None = No
     return sums
 
 
-def _interval(sums: Sums, metric: str, stretch: slice | int, run: slice | int) -> Interval:
-    """A metric of a run, from its stretches; or of many, from these."""
+def _interval(sums: Sums, metric: str, run: slice | int) -> Interval:
+    """A metric of one run or of some, from its stretches."""
     rows, count = METRICS[metric], "given" if metric == "nees" else "count"
-    total, number = sum(sums[ERROR[row], stretch, run] for row in rows), sums[ERROR[count], stretch, run]
+    total, number = sum(sums[ERROR[row], :, run] for row in rows), sums[ERROR[count], :, run]
     mean = ratio(np.ravel(total), np.ravel(number), at_least=0.0)
     return mean if metric == "nees" else root(mean)
 
 
 def _error(sums: Sums) -> float:
-    return _interval(sums, "position_rmse", slice(None), slice(None)).value
+    return _interval(sums, "position_rmse", slice(None)).value
