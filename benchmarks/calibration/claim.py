@@ -33,3 +33,11 @@ def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float)
         wanted = f"at least {100 * low:g} %"
     measured = f"{100 * share:.1f} ± {100 * error:.1f} % of {len(hits):,}"
     return Claim(what, measured, wanted, low <= share <= high)
+
+
+def power(what: str, hits: Sequence[float] | np.ndarray, least: float = 0.0) -> Claim:
+    """How often what is there is shown. Beside a rate of false alarms, which alone would be best where nothing is ever
+    shown; it is only stated unless it has to be at least something.
+    """
+    claim = rate(f"power: {what}", hits, least, 1.0)
+    return claim if least else claim._replace(wanted="stated")

@@ -12,9 +12,9 @@ from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.results import Difference
 from trackbench.results.score_summary import MarginSummary
 
-from .claim import Claim, rate
+from .claim import Claim, power, rate
 
-TRIALS = 4000
+TRIALS = 2000
 #: Without a margin nothing but the correction holds a wrong word back.
 NONE = MarginSummary(percent=0.0, position_m=0.0, velocity_mps=0.0, course_deg=0.0)
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
@@ -83,8 +83,8 @@ def _sweep(random: np.random.Generator) -> Iterator[Claim]:
         errors = [1.0, FIVE_MARGINS] * (SWEPT // 2)
         bad = {_name(place) for place, error in enumerate(errors) if error > AT_MARGIN}
         trials = [_worse_than_best(random, runs, errors, MARGIN) for _ in range(SWEEPS // 5)]
-        yield _share(
-            f"power: of {SWEPT} trackers those worse by five margins called worse than the best, {runs} runs",
+        yield power(
+            f"of {SWEPT} trackers those worse by five margins called worse than the best, {runs} runs",
             [len(worse & bad) / len(bad) for worse in trials],
             least,
         )
@@ -108,14 +108,8 @@ def _power(random: np.random.Generator, runs: int, trackers: int, family: Family
         own = [item.better == _name(0) for item in items if item.a == _name(0) and item.metric == METRICS[0]]
         shares.append(float(np.mean(own)))
     beside = f" and {len(family.expected)} expectations" if family.expected else ""
-    what = f"power: a tracker better by five margins than {trackers - 1} others called so{beside}, {runs} runs"
-    yield _share(what, shares, 0.0)
-
-
-def _share(what: str, shares: Sequence[float], least: float) -> Claim:
-    """A power, which is stated and need not be large unless ``least`` says so."""
-    claim = rate(what, shares, least, 1.0)
-    return claim if least else claim._replace(wanted="stated")
+    what = f"a tracker better by five margins than {trackers - 1} others called so{beside}, {runs} runs"
+    yield power(what, shares)
 
 
 def _worse_than_best(

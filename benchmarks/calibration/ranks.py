@@ -14,7 +14,7 @@ from trackbench.metrics.intervals import holm, ratio, root
 from trackbench.results import Difference
 from trackbench.results.score_summary import MarginSummary
 
-from .claim import Claim, rate
+from .claim import Claim, power, rate
 
 TRIALS = 2000
 #: Trials that give the expected ranks.
@@ -24,6 +24,8 @@ MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_
 SUITS = 1.0
 NOISES = (0.05, 0.5)
 SCENARIOS = (2, 3, 5, 13)
+#: How much smaller the errors of the tracker are whose lead is to be shown, in their logarithm.
+AHEAD = 1.5
 #: Mean logarithms of the errors, in units of what suits a tracker in a scenario.
 FIELDS = {
     "six equal trackers": [0.0] * 6,
@@ -39,12 +41,19 @@ def claims() -> Iterator[Claim]:
         for scenarios in SCENARIOS:
             shown = [_lead_shown(random, trackers, scenarios) for _ in range(TRIALS // 4)]
             yield rate(f"{trackers} equal trackers, {scenarios} scenarios: the lead of one shown", shown, 0.0, LEVEL)
+            shown = [_lead_shown(random, trackers, scenarios, AHEAD) for _ in range(TRIALS // 20)]
+            least = 0.8 if scenarios == SCENARIOS[-1] else 0.0
+            yield power(f"{trackers} trackers, one far ahead, {scenarios} scenarios: its lead shown", shown, least)
     for trackers in (2, 6):
         for noise in NOISES:
             for scenarios in SCENARIOS:
                 outcomes = _outcomes(random, TRIALS, scenarios, np.zeros(trackers), noise)
                 what = f"{trackers} equal trackers, {scenarios} scenarios, noise {noise:g}: a difference shown"
                 yield rate(what, [_any_shown(one) for one in outcomes], 0.0, LEVEL)
+                ahead = np.array([-AHEAD, *[0.0] * (trackers - 1)])
+                outcomes = _outcomes(random, TRIALS // 5, scenarios, ahead, noise)
+                what = f"{trackers} trackers, one ahead, {scenarios} scenarios, noise {noise:g}: a difference shown"
+                yield power(what, [_any_shown(one) for one in outcomes])
     # Two trackers that win as often as each other and are not alike: others beside them must change nothing.
     for scenarios in SCENARIOS:
         means, spread = np.array([0.0, 0.0, -9.0, 9.0]), np.array([1.0, 4.0, 1.0, 1.0])
@@ -61,19 +70,21 @@ def claims() -> Iterator[Claim]:
                 yield rate(what, [float(np.mean(one)) for one in inside], 0.93, 1.0)
 
 
-def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int) -> bool:
-    """Of trackers each of which suits some scenarios better than others, by their errors in 20 runs of each."""
+def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int, ahead: float = 0.0) -> bool:
+    """Of trackers each of which suits some scenarios better than others, by their errors in 20 runs of each; ``ahead``:
+    how much smaller the logarithm of the first one's errors is."""
     names = "abcdef"[:trackers]
     found: list[PairDifference] = []
     for scenario in range(scenarios):
         suits, common = 0.3 * random.normal(size=trackers), 0.3 * random.normal(size=20)
+        suits[0] -= ahead
         errors = {
             name: {"position_rmse": root(ratio(np.exp(common + suit + 0.3 * random.normal(size=20)), np.ones(20)))}
             for name, suit in zip(names, suits, strict=True)
         }
         found += [
             _difference(str(scenario), item)
-            for item in differences(errors, BUILT_IN, MARGIN, dict.fromkeys(errors, 1.0))
+            for item in differences(errors, BUILT_IN, MARGIN, {name: {} for name in errors})
         ]
     pairings = Pairings(found, "position_rmse")
     places = [(str(scenario), name) for scenario in range(scenarios) for name in names]

@@ -46,6 +46,10 @@ def _lines(found: Mapping[str, Sequence[Claim]]) -> Iterator[str]:
     yield "# Calibration"
     yield ""
     yield f"Made by `make calibration`: {sum(claim.holds for claim in every)} of {len(every)} claims hold."
+    for subject, claims in found.items():
+        for claim in claims:
+            if not claim.holds:
+                yield f"Does not hold: {subject}, {claim.what} ({claim.measured}, wanted {claim.wanted})."
     yield "± is the Monte-Carlo error of the measurement itself, 95 %."
     for subject, claims in found.items():
         yield ""
