@@ -270,7 +270,7 @@ def test_the_server(tmp_path: Path, write_module: Any) -> None:
     module = write_module(tmp_path, code)
     file = tmp_path / "live.yaml"
     text = (
-        "name: live\ntruth: {source: scripted, duration_s: 1, rate_hz: 10,\n"
+        "name: live\nscore: {settle_s: 0}\ntruth: {source: scripted, duration_s: 1, rate_hz: 10,\n"
         "  objects: {a: {start: {x: 9}, pieces: [{for_s: 1}]}}}\n"
         "sensors: {lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15}}\n"
         f"trackers: {{mine: {{use: '{module}:T'}}}}\n"

@@ -12,7 +12,7 @@ import trackbench as tb
 from trackbench.driving.isolation import Isolation
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.report.pairs import letters
+from trackbench.report.pairs import standing
 from trackbench.runner.evaluated import evaluated
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
@@ -274,7 +274,7 @@ def test_an_honest_tracker_that_starts_a_moment_later_is_better(result):
     assert mine.metrics["coverage"].value == broken.metrics["coverage"].value == 1.0
     assert 2 * ekf.position_rmse.value < mine.position_rmse.value < broken.position_rmse.value
     assert all(item.passed for item in result.summary.expectations)
-    best, *others = letters(result)
+    best, *others = standing(result).cells
     assert not any(set(best) & set(other) for other in others)
 
 

@@ -359,7 +359,7 @@ BAD = [
         "metric: nees.verdict, below: 5",
         [
             "27: expect.0.below: nees.verdict is a word, not a number; "
-            "use is: consistent | optimistic | pessimistic | undecided | mixed"
+            "use is: consistent | optimistic | pessimistic | undecided | mixed | heavy-tailed"
         ],
     ),
     (

@@ -93,7 +93,9 @@ def test_the_truths_of_all_scenes_and_scenarios_are_made_at_once(
 ) -> None:
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "cache"))
     ordered = Ordered()
-    scenarios = [write(name, HIGHWAY, f"truth.rate_hz={rate}") for name, rate in (("one", 10), ("two", 20))]
+    scenarios = [
+        write(name, HIGHWAY, f"truth.rate_hz={rate}", "score.settle_s=0") for name, rate in (("one", 10), ("two", 20))
+    ]
     prepare(scenarios, RunPlan(), ordered, Listener())
     assert ordered.events == ["asked for made"] * 4 + ["made"] * 4
 

@@ -342,7 +342,7 @@ SCRIPTED = {"source": "scripted", "duration_s": 1, "rate_hz": 20, "objects": {"c
             {
                 "truth": {
                     "source": "scripted",
-                    "duration_s": 1,
+                    "duration_s": 2,
                     "rate_hz": 20,
                     "objects": {"a": {"start": {"x": 1, "y": 1}}},
                 }

@@ -47,6 +47,8 @@ from trackbench.metrics.traffic.track_quality import (
 
 #: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
 LEAST_SIMILARITY = 0.5
+#: Share of the squared GOSPA below which what T-GOSPA has beside it is rounding.
+ROUNDING = 1e-12
 #: Of what a switch costs, for ``tgospa_half``, ``tgospa`` and ``tgospa_twice``.
 SWITCH_FACTORS = (0.5, 1.0, 2.0)
 
@@ -127,6 +129,7 @@ def score_run(
     window = max(1, round(options.window / spacing)) if spacing else 1
     squared_ospa2 = ospa2(of_gospa, window)
     objects, present = counted.object_counts, counted.track_counts
+    of_switches = trajectory.total - squared_gospa
     due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
     false = float(counted.present.sum()) - true
     object_minutes = float((duration @ counted.due).sum()) / 60
@@ -142,7 +145,7 @@ def score_run(
         "gospa_localisation": (float(parts.localisation.sum()), steps),
         "gospa_missed": (float(parts.missed.sum()), steps),
         "gospa_false": (float(parts.false.sum()), steps),
-        "gospa_switch": (max(trajectory.total - squared_gospa, 0.0), steps),
+        "gospa_switch": (0.0 if of_switches < ROUNDING * squared_gospa else of_switches, steps),
         "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         "hota": (float(higher_order.hota.mean()), any_there),
