@@ -88,7 +88,8 @@ def test_it_can_be_tuned_for(
     tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], cli: Callable[..., Any], name: str
 ) -> None:
     metrics = f"['{write_module(tiny.parent, CODE)}:Near']"
-    text = tiny.read_text(encoding="utf-8") + f"\nscore: {{metrics: {metrics}}}\n"
+    text = tiny.read_text(encoding="utf-8").replace("score: {", f"score: {{metrics: {metrics}, ")
+    assert "metrics" in text
     tiny.write_text(text, encoding="utf-8")
     options = ("--trackers", "ekf", "--objective", name, "--trials", "3", "--out", tmp_path / "out.yaml")
     done = cli("tune", tiny, *options, "--in-process")

@@ -21,6 +21,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import TrackerCheckError, check_tracker, drive
 from trackbench.testing.tracker import NOISE
+from trackbench.trackers.answers import is_random
 
 pytestmark = pytest.mark.slow
 
@@ -154,7 +155,6 @@ def test_every_fault_is_there_in_all_that_can_have_it() -> None:
 
 #: What they know beside the state: an object of FilterPy, a generator of random numbers, an adapted tuning.
 IN_THE_INSTANCE = ("FilterPy", "particles", "ensemble", "square-root ensemble", "adaptive")
-WITHOUT_SEED = ("particles", "ensemble")
 
 
 @pytest.mark.slow
@@ -166,14 +166,15 @@ def test_the_correct_keep_the_contract(name: str) -> None:
     if not name.startswith(IN_THE_INSTANCE):
         check_tracker(make)
         return
+    if is_random(make()):
+        # Of the rules those are left out that chance breaks.
+        check_tracker(make)
+        return
     with pytest.raises(TrackerCheckError) as broken:
         check_tracker(make)
-    said = str(broken.value)
-    assert "remembers something beside it" in said
-    if name in WITHOUT_SEED:
-        assert "two fresh trackers give different estimates" in said
-    else:
-        assert said.count("\n") == 1
+    message = str(broken.value)
+    assert "remembers something beside it" in message
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize("start", ["first_measurement", "two_measurements"])

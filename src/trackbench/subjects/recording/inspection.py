@@ -262,7 +262,7 @@ def _tracks_at(result: Result, time: float, only: str | None) -> TracksMoment:
 
 
 #: Metrics that a recording cannot give: the reference needs the sensors' models, whiteness the innovations themselves,
-#: and the time that a step took is not seen in an estimate.
+#: the time that a step took is not seen in an estimate, and first seconds after a detection are not recorded.
 NOT_RECORDED = (
     "whiteness",
     "position_reference",
@@ -270,6 +270,8 @@ NOT_RECORDED = (
     "position_over_reference",
     "velocity_over_reference",
     "step_time",
+    "start_delay",
+    "start_position_rmse",
 )
 
 
