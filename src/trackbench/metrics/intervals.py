@@ -59,7 +59,7 @@ class Parts(NamedTuple):
         if not self.scenes:
             return Stretch()
         root = np.sqrt(self.number)
-        return Stretch(1.0 - 0.7 / root, 1.0 + 5.8 / self.number**0.75, 1.0 + 2.2 / root)
+        return Stretch(1.0 - 0.6 / root, 1.0 + 5.7 / self.number**0.75, 1.0 + 2.2 / root)
 
 
 class Interval(NamedTuple):
