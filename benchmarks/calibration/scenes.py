@@ -2,7 +2,8 @@
 
 # scenes.csv holds the scenes: shipped scenarios with other seeds, six of their trackers, two runs of each scene. It is
 # made by ``python -m benchmarks.calibration.scenes``, which simulates for an hour. The constants of
-# ``trackbench.metrics.intervals.Parts`` were fitted to highway and merge; the others were held back.
+# ``trackbench.metrics.intervals.Parts`` were fitted to highway and merge. Intersection was looked at
+# with each of three such rules, exit once, with the last.
 
 from __future__ import annotations
 
@@ -77,7 +78,7 @@ def covers(
     random: np.random.Generator, environment: str, metric: str, size: int, trials: int = TRIALS
 ) -> Iterator[Claim]:
     """The claims of one number of scenes, over all trackers and of that which is covered least."""
-    held = " (held back)" if environment in HELD_BACK else ""
+    held = " (not fitted to)" if environment in HELD_BACK else ""
     where = f"{environment}{held}, {size} scenes, {metric} RMSE"
     inside, widths = coverage(random, environment, metric, size, trials)
     yield rate(f"{where}: interval covers, mean over {len(TRACKERS)} trackers", inside.mean(axis=1), 0.93, 0.97)
