@@ -213,7 +213,7 @@ MEANING = {
 #: The verdicts of which a reader must know where or by how much, as a heading.
 NAMED = {
     "mixed": "errors larger or smaller than stated, by condition (NEES, 4 expected)",
-    "heavy-tailed": "large errors more frequent than stated, by share beyond a point of the NEES",
+    "heavy-tailed": "large errors more frequent than stated",
 }
 
 
