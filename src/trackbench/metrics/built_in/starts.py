@@ -23,9 +23,6 @@ class StartMetric(Metric):
     at_least = 0.0
     nothing: ClassVar[str] = "no object was detected"
 
-    def init(self, scope: Scope) -> Array:
-        return np.zeros((2, scope.runs))
-
     def merge(self, blocks: Sequence[Array]) -> Array:
         return np.concatenate(blocks, axis=1)
 
@@ -34,20 +31,22 @@ class StartDelay(StartMetric):
     name, unit = "start_delay", "s"
     meaning = "time without an estimate in the first second after an object is detected, mean over objects"
 
-    def init(self, scope: Scope) -> Array:
-        sums = super().init(scope)
-        starting, time = scope.starting, scope.target.time
+    def init(self, scope: Scope) -> tuple[Array, Array]:
+        """The sums, and ``(instants, 1)`` how long each instant lasts, s."""
+        sums, starting, time = np.zeros((2, scope.runs)), scope.starting, scope.target.time
         begins = starting & ~np.concatenate([np.zeros_like(starting[:1]), starting[:-1]])
         sums[1] = begins.sum(axis=0).reshape(-1, scope.runs).sum(axis=0)
-        self._period = np.diff(time, append=time[-1:])
-        return sums
+        return sums, np.diff(time, append=time[-1:])[:, None]
 
-    def update(self, sums: Array, chunk: Chunk) -> Array:
+    def update(self, sums: tuple[Array, Array], chunk: Chunk) -> tuple[Array, Array]:
         silent = chunk.starting & ~chunk.given
         if silent.any():
-            lasts = np.where(silent, self._period[chunk.instants, None], 0.0)
-            sums[0] += lasts.sum(axis=0).reshape(-1, chunk.runs).sum(axis=0)
+            lasts = np.where(silent, sums[1][chunk.instants], 0.0)
+            sums[0][0] += lasts.sum(axis=0).reshape(-1, chunk.runs).sum(axis=0)
         return sums
+
+    def close(self, sums: tuple[Array, Array]) -> Array:
+        return sums[0]
 
     def finish(self, sums: Array) -> Outcome:
         total, count = sums
@@ -57,6 +56,9 @@ class StartDelay(StartMetric):
 class StartPositionRmse(StartMetric):
     name, unit = "start_position_rmse", "m"
     meaning = "root mean square error of the position in the first second after an object is detected"
+
+    def init(self, scope: Scope) -> Array:
+        return np.zeros((2, scope.runs))
 
     def update(self, sums: Array, chunk: Chunk) -> Array:
         if chunk.starting.any():
