@@ -31,6 +31,8 @@ def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-9
 #: Status of an object at an instant: not in the scene; there, but a tracker need not have it; a tracker has to have it.
 ABSENT, OPTIONAL, DUE = 0, 1, 2
 #: Object number of a false alarm.

@@ -10,13 +10,10 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackbench.base.types import Indices, Scan
+from trackbench.base.types import SAME_TIME, Indices, Scan
 from trackbench.driving.steppers import Offline, Stepper, Traits
 from trackbench.engine.choice import Engine, seconds_on_kernels
 from trackbench.engine.equations import EngineUsed
-
-#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
-SAME_TIME = 1e-9
 
 Answer = TypeVar("Answer")
 

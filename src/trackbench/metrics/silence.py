@@ -6,26 +6,47 @@ standing; it is charged with the worse of the two, so that leaving out a bad est
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask, Scan
-from trackbench.models.sensors import SENSOR_MODELS
-
-#: Two times that differ by less are the same, s.
-SAME_TIME = 1e-9
+from trackbench.base.types import SAME_TIME, Array, Mask
 
 
-def measured_positions(scans: Iterable[Scan], time: Array) -> Array:
-    """``(2, instants, batch)`` m, the position that the latest measurement states, held until the next one arrives.
+class MeasuredScan(NamedTuple):
+    """What a scan states of the positions of known objects."""
 
-    NaN before the first. Of measurements at one instant the later in the order of scans counts.
+    sensor: str
+    time: float
+    """s"""
+    arrival_time: float
+    """s"""
+    valid: Mask
+    """``(batch,)``"""
+    position: Callable[[], Array]
+    """Gives ``(2, batch)`` m in the fixed frame."""
+
+
+def measured_positions(scans: Sequence[MeasuredScan], sensors: Collection[str] | None, time: Array) -> Array:
+    """``(2, instants, batch)`` m, the position that the latest measurement of each object states, held until the next
+    one arrives: of the sensors that a tracker reads, before their first measurement of it that of any sensor.
+
+    NaN before that. Of measurements at one instant the later in the order of scans counts.
 
     Args:
-        scans: those of the sensors that count.
+        scans: in the order in which they were taken.
+        sensors: names of those that the tracker reads; None: all.
         time: ``(instants,)`` s.
     """
+    every = _held(scans, time)
+    if sensors is None:
+        return every
+    read = _held([scan for scan in scans if scan.sensor in sensors], time)
+    return np.where(np.isnan(read), every, read) if read.size else every
+
+
+def _held(scans: Sequence[MeasuredScan], time: Array) -> Array:
     by_arrival = sorted(scans, key=lambda scan: (scan.arrival_time, scan.time))
     batch = by_arrival[0].valid.size if by_arrival else 0
     latest, taken = np.full((2, batch), np.nan), np.full(batch, -np.inf)
@@ -34,7 +55,7 @@ def measured_positions(scans: Iterable[Scan], time: Array) -> Array:
         arrived = int(np.searchsorted(time, scan.arrival_time - SAME_TIME))
         positions[:, first:arrived], first = latest[:, None], max(first, arrived)
         newer = scan.valid & (scan.time >= taken)
-        latest = np.where(newer, SENSOR_MODELS[scan.kind].position(scan).mean, latest)
+        latest = np.where(newer, scan.position(), latest)
         taken = np.where(newer, scan.time, taken)
     positions[:, first:] = latest[:, None]
     return positions

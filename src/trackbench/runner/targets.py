@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from trackbench.base.types import Array, Indices, Mask, of_runs
-from trackbench.driving.drive import SAME_TIME
+from trackbench.base.types import SAME_TIME, Array, Indices, Mask, Scan, of_runs
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
-from trackbench.metrics.silence import measured_positions
+from trackbench.metrics.silence import MeasuredScan, measured_positions
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -40,7 +42,10 @@ class Targets:
         }
         self.due, self.starting = self._where_due()
         """``(instants, objects, runs)``"""
-        self._scans = measurements.scans
+        self._scans = [
+            MeasuredScan(scan.sensor, scan.time, scan.arrival_time, scan.valid, partial(_position, scan))
+            for scan in measurements.scans
+        ]
         self._measured: dict[frozenset[str], Array] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
@@ -54,15 +59,10 @@ class Targets:
         )
 
     def measured(self, tracker: FilterConfig | PluginConfig) -> Array:
-        """``(2, instants, batch)`` m, the latest measured position: of the sensors that a tracker reads, before their
-        first measurement of an object that of any sensor."""
-        read = self._positions(frozenset(tracker.sensors_used or self._valid))
-        return np.where(np.isnan(read), self._positions(frozenset(self._valid)), read)
-
-    def _positions(self, sensors: frozenset[str]) -> Array:
+        """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions`."""
+        sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
-            scans = [scan for scan in self._scans if scan.sensor in sensors]
-            self._measured[sensors] = measured_positions(scans, self._time)
+            self._measured[sensors] = measured_positions(self._scans, tracker.sensors_used, self._time)
         return self._measured[sensors]
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
@@ -83,11 +83,11 @@ class Targets:
         lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
         last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
         before = self._detections(last_lost)
-        known, settled, later = (
-            self._detections(self._time[:, None, None] - since) > before for since in (0.0, self._work.settle, FIRST)
-        )
+        since = {
+            age: self._detections(self._time[:, None, None] - age) > before for age in {0.0, self._work.settle, FIRST}
+        }
         in_view = self._alive[:, :, None] & ~lost
-        return in_view & settled, in_view & known & ~later
+        return in_view & since[self._work.settle], in_view & since[0.0] & ~since[FIRST]
 
     def _detections(self, until: Array) -> Indices:
         """``(instants, objects, runs)`` how many had arrived by some times, ``(instants, objects or 1, runs or 1)``."""
@@ -115,6 +115,10 @@ class Targets:
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
         )
         return np.nan_to_num(bound[:, number], copy=False)
+
+
+def _position(scan: Scan) -> Array:
+    return SENSOR_MODELS[scan.kind].position(scan).mean
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

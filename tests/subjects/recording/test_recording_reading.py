@@ -254,11 +254,16 @@ def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.M
         read(folder / "recording.rrd")
 
 
-def test_trackers_that_start_apart_are_scored_afresh_where_all_gave_an_estimate(tmp_path: Path) -> None:
+@pytest.mark.parametrize("latency", [0, 0.12])
+def test_missing_estimates_are_charged_afresh_as_in_the_run(tmp_path: Path, latency: float) -> None:
     keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_measurement"}
     late = {**keys, "initial": {"from": "first_measurement", "skip": 2}}
     changes = {"trackers": {"early": keys, "late": late}, "expect": [], "truth.duration_s": 3}
-    tb.run(tb.load("scripted/own_model", changes, runs=2)).save(tmp_path / "run")
+    sensors = tb.load("scripted/own_model", changes).config.sensors
+    changes |= {f"sensors.{name}.latency_s": latency for name in sensors}
+    result = tb.run(tb.load("scripted/own_model", changes, runs=2))
+    assert result["late"].position_rmse.charged_share > 0
+    result.save(tmp_path / "run")
     found = inspect(tmp_path / "run")
     assert found.checked is not None
     assert found.checked.largest_relative_difference < 1e-9

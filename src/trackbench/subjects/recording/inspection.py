@@ -18,7 +18,7 @@ from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
-from trackbench.metrics.silence import SAME_TIME
+from trackbench.metrics.silence import MeasuredScan, measured_positions
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
@@ -315,18 +315,24 @@ def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
 
 def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | None) -> Array:
     """``(2, instants, objects)`` m, the latest measured position of each object, as the run charges it."""
-    positions = np.full((2, len(recorded.time), len(recorded.objects)), np.nan)
     rows = columns(result.tables.measurements)
-    own = np.ones(len(rows["time_s"]), dtype=bool) if sensors is None else np.isin(rows["sensor"], sensors)
-    for place, name in enumerate(recorded.objects):
-        for counted in (np.ones_like(own), own):
-            valid = np.flatnonzero(counted & (rows["object"] == name) & (rows["valid"] > 0))
-            valid = valid[np.argsort(rows["time_s"][valid], kind="stable")]
-            latest = np.searchsorted(rows["time_s"][valid], recorded.time + SAME_TIME, side="right") - 1
-            for row, column in enumerate(("x_m", "y_m")):
-                values = np.append(rows[column][valid], np.nan)[latest]
-                positions[row, :, place] = np.where(latest >= 0, values, positions[row, :, place])
-    return positions
+    positions = np.stack([rows["x_m"], rows["y_m"]])
+    # A scan has a row of each object.
+    scans = np.stack([np.flatnonzero(rows["object"] == name) for name in recorded.objects], axis=-1)
+    return measured_positions(
+        [
+            MeasuredScan(
+                rows["sensor"][scan[0]],
+                rows["time_s"][scan[0]],
+                rows["arrival_time_s"][scan[0]],
+                rows["valid"][scan] > 0,
+                partial(positions.take, scan, axis=1),
+            )
+            for scan in scans
+        ],
+        sensors,
+        recorded.time,
+    )
 
 
 def _take(
