@@ -128,7 +128,7 @@ def test_the_tails_count_only_where_most_estimates_are_given():
     share = MetricValue(value=0.1, unit="1", ci95=(0.09, 0.11))
     scores = ConditionScores(count=1000, given=980, runs=10, beyond={"95 %": share})
     assert [part.verdict for part in judged_parts(scores)] == ["undecided"]
-    assert judged_parts(ConditionScores(count=1000, runs=10)) == []
+    assert judged_parts(ConditionScores(count=1000, given=1000, runs=10)) == []
 
 
 def test_the_effective_number_of_clusters_is_that_of_clusters():

@@ -96,7 +96,7 @@ def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):
     nees = MetricValue(value=4.0, unit="1", dof=4, ci95=ci95, reason=None if ci95 else "one run")
-    return ConditionScores(count=count, runs=runs, nees=nees)
+    return ConditionScores(count=count, given=count, runs=runs, nees=nees)
 
 
 def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():

@@ -51,6 +51,7 @@ def breakdown_entry(count: int, rmse: float, nees: dict[str, float], spread: flo
 
     return {
         "count": count,
+        "given": count,
         "runs": 100,
         "position_rmse": metric(rmse, "m"),
         "velocity_rmse": metric(2.1 * rmse, "m/s"),

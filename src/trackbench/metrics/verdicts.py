@@ -182,7 +182,7 @@ def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> It
 
 
 def _is_complete(scores: ConditionScores) -> bool:
-    return scores.given is None or scores.given >= LEAST_COVERAGE * scores.count
+    return scores.given >= LEAST_COVERAGE * scores.count
 
 
 def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> str:

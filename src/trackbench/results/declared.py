@@ -108,8 +108,6 @@ GOSPA_PARTS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
 ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
 VALID = _number("valid", kind="whole")
 DUE = _number("due", kind="whole")
-#: Results of earlier versions do not have it.
-GIVEN = _number("given", required=False)
 SHARED = {
     "truth": _table(
         "motion of every target and of the observer in the recorded run",
@@ -145,7 +143,7 @@ LABELLED = {
         "errors of each tracker at each instant, over runs and objects",
         ["tracker"],
         [
-            *_numbers("time_s", "count", GIVEN, *ERRORS, "position_p10_m", "position_p90_m"),
+            *_numbers("time_s", "count", "given", *ERRORS, "position_p10_m", "position_p90_m"),
             *_numbers(_number("nees_mean", _mean("nees", "given")), "nees_low", "nees_high", *REFERENCES),
         ],
         series=True,
@@ -163,7 +161,7 @@ LABELLED = {
         "errors of each tracker in each run",
         ["tracker"],
         [
-            *_numbers("run", "scene", "count", "course_count", DUE, GIVEN, *ERRORS),
+            *_numbers("run", "scene", "count", "course_count", DUE, "given", *ERRORS),
             _number("nees_mean", _mean("nees", "given")),
             _number("nis_mean", lambda record: mean(record["nis"], record["nis_count"])),
             *_numbers(*REFERENCES, "diverged", "repaired"),
@@ -173,7 +171,7 @@ LABELLED = {
         "of a single run or few logs: errors of each tracker in each stretch of time, which stand for independent runs",
         ["tracker"],
         [
-            *_numbers("run", "stretch", "count", "course_count", GIVEN, *ERRORS),
+            *_numbers("run", "stretch", "count", "course_count", "given", *ERRORS),
             *_numbers(_number("nees_mean", _mean("nees", "given")), *REFERENCES),
         ],
     ),

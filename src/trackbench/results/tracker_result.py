@@ -60,8 +60,8 @@ class ConditionScores(ResultModel):
 
     count: int
     """Number of errors."""
-    given: int | None = None
-    """How many of them are of an estimate that the tracker gave; results of earlier versions do not say it."""
+    given: int
+    """How many of them are of an estimate that the tracker gave."""
     runs: int
     position_rmse: MetricValue | None = None
     velocity_rmse: MetricValue | None = None

@@ -60,6 +60,7 @@ def synthetic_result() -> Result:
                 "tracker": [tracker] * STEPS,
                 "time_s": TIME,
                 "count": count,
+                "given": count,
                 "position_rmse_m": rmse,
                 "velocity_rmse_mps": 2 * rmse,
                 "nees_mean": mean,
