@@ -7,7 +7,15 @@ import pytest
 from benchmarks.calibration.verdicts import RIGHT_ON_AVERAGE, right_on_average
 
 from trackbench.metrics.intervals import ratio
-from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, what_is_off, whiteness_verdict
+from trackbench.metrics.verdicts import (
+    condition_verdict,
+    judged,
+    meaning,
+    together,
+    verdict,
+    what_is_off,
+    whiteness_verdict,
+)
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
 
 
@@ -119,6 +127,24 @@ def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
         "0 to 20 m": "consistent",
         "first second": "pessimistic",
     }
+
+
+@pytest.mark.parametrize(
+    ("whole", "turning", "share"),
+    [(1000, 100, None), (980, 98, "98 % given"), (998, 98, "turning 98 % given"), (998, 0, None)],
+)
+def test_an_undecided_verdict_tells_of_missing_estimates(whole, turning, share):
+    """More runs would not tell; nothing is judged where none is given."""
+    of_turns = scores(100) if turning else ConditionScores(count=100, given=0, runs=100)
+    breakdown = Breakdown(
+        all=scores(1000).model_copy(update={"given": whole}),
+        manoeuvre={"turning": of_turns.model_copy(update={"given": turning}), "straight": scores(900)},
+        range={}, age={}, jump={},
+    )  # fmt: skip
+    few = "too few runs or scenes to say whether the errors are as large as its covariance states"
+    many = f"too many estimates are missing to say whether the errors are as large as stated: {share}, 99 % needed"
+    assert meaning("undecided", breakdown) == (many if share else few)
+    assert meaning("optimistic", breakdown) == "the errors are larger than its covariance states"
 
 
 @pytest.mark.parametrize("runs", [20, 100, 1000])

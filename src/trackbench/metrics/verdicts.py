@@ -210,6 +210,20 @@ MEANING = {
 }
 
 
+def meaning(word: str, breakdown: Breakdown | None) -> str:
+    """The same; of an undecided one with the share of the estimates, where it is for missing ones that more runs would
+    not tell."""
+    if word == "undecided" and breakdown is not None:
+        conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
+        rows = [("", breakdown.all)]
+        rows += [(f"{item.name} ", conditions[item.name]) for item in judged(breakdown) if item.name in conditions]
+        for name, scores in rows:
+            if not _is_complete(scores):
+                share = f"{name}{100 * scores.given / scores.count:.3g} % given, {100 * LEAST_COVERAGE:g} % needed"
+                return f"too many estimates are missing to say whether the errors are as large as stated: {share}"
+    return MEANING[word]
+
+
 #: The verdicts of which a reader must know where or by how much, as a heading.
 NAMED = {
     "mixed": "errors larger or smaller than stated, by condition (NEES, 4 expected)",

@@ -23,7 +23,7 @@ from trackbench.document import (
 from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
+from trackbench.metrics.verdicts import ABOVE, BELOW, LEAST_COVERAGE, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
 from trackbench.report.association import against_oracle, comparisons
 from trackbench.report.audit_sentences import audit_sentences
@@ -349,11 +349,12 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
 
 _VERDICTS = (
     f"Consistent: the 95 % interval of the mean is within {percent(TOLERANCE)} of what is right; optimistic above, "
-    f"pessimistic below, undecided where it is neither. The NEES must be so under each condition too, from "
-    f"{percent(BELOW)} below to {percent(ABOVE)} above, if the condition has {percent(SMALLEST_SHARE)} of the "
-    "estimates; mixed: it is under some conditions and not under others; heavy-tailed: more of the NEES are beyond the "
-    "95 %, 99 % or 99.9 % point than a mean so far off would explain. Innovations are white where the interval of "
-    f"their autocorrelation is within {WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
+    f"pessimistic below, undecided where it is neither or under {percent(LEAST_COVERAGE)} of the estimates are given. "
+    f"The NEES must be so under each condition too, from {percent(BELOW)} below to {percent(ABOVE)} above, if the "
+    f"condition has {percent(SMALLEST_SHARE)} of the estimates; mixed: it is under some conditions and not under "
+    "others; heavy-tailed: more of the NEES are beyond the 95 %, 99 % or 99.9 % point than a mean so far off would "
+    "explain. Innovations are white where the interval of their autocorrelation is within "
+    f"{WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
 )
 
 

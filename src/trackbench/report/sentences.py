@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
-from trackbench.metrics.verdicts import MEANING, mean_text, what_is_off
+from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, meaningful, percent
 from trackbench.report.pairs import Pairs
@@ -68,7 +68,8 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     else:
         mean, off = f"NEES {mean_text(nees.mean)} where {nees.dof} is right", what_is_off(nees)
         label = "" if nees.verdict == "heavy-tailed" else "by condition: "
-        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({mean}{f'; {label}{off}' if off else ''})")
+        words = meaning(nees.verdict, tracker.breakdown)
+        parts.append(f"{nees.verdict}: {words} ({mean}{f'; {label}{off}' if off else ''})")
         if tracker.breakdown is not None:
             parts += calibration_clauses(tracker.breakdown)
     if health.diverged_runs:

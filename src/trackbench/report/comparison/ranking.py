@@ -22,7 +22,7 @@ _RANKED = (
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
     "off under the conditions that are named and not under others; heavy-tailed: too many errors "
-    "are large; undecided: too few runs or scenes to say."
+    "are large; undecided: too few runs or scenes, or too many missing estimates, to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."
 

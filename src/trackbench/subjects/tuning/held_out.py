@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
-from trackbench.metrics.intervals import Contrast, Interval, holm, paired
+from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, holm, paired
 from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.recorded_checks import same_every_run
@@ -23,8 +23,8 @@ from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 from trackbench.truth.sources import RecordingTruth
 
-#: Scenes of each scenario that are tuned on, and those that are tried on, unless it is said.
-TRAIN_SCENES, TEST_SCENES = 4, 8
+#: Scenes of each scenario that are tuned on, and those that are tried on, unless stated.
+TRAIN_SCENES, TEST_SCENES = FEWEST_SCENES, 8
 #: Most runs of each scene that is tuned on, where there are several: other traffic tells more than other noise.
 TRAIN_RUNS = 25
 #: The seeds of traffic for tuning begin here: above those that scenarios use.
