@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from tests.engine.compared import equations_of
 
+from trackbench.engine import kernels as kernels_module
 from trackbench.engine import machine
 from trackbench.engine.equations import Equations
 from trackbench.engine.kernels import Kernels
@@ -153,12 +154,75 @@ def test_a_file_that_cannot_be_read_is_made_again(
 ) -> None:
     run(tmp_path)
 
-    def unreadable(self: Path) -> bytes:
-        raise PermissionError(13, "Permission denied", str(self))
+    opened = Path.open
+
+    def unreadable(self: Path, *arguments: Any, **options: Any) -> Any:
+        if self.suffix == ".o":
+            raise PermissionError(13, "Permission denied", str(self))
+        return opened(self, *arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "read_bytes", unreadable)
+        patch.setattr(Path, "open", unreadable)
         run(tmp_path)
+    assert len(count) == 2
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no owners and rights of POSIX")
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666, "of another user"])
+def test_a_file_that_another_user_can_have_written_is_refused_and_said_once(
+    count: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    mode: int | str,
+) -> None:
+    for factor in (3.0, 4.0):
+        run(tmp_path, factor)
+    if isinstance(mode, int):
+        for file in tmp_path.iterdir():
+            file.chmod(mode)
+    else:
+        another = os.geteuid() + 1
+        monkeypatch.setattr(machine.os, "geteuid", lambda: another)
+    for factor in (3.0, 4.0):
+        run(tmp_path, factor)
+    assert len(count) == 4
+    (message,) = (record for record in caplog.records if record.levelname == "WARNING")
+    assert str(tmp_path) in message.getMessage()
+    assert "not used" in message.getMessage()
+    if isinstance(mode, int):
+        # Those made in their place are the user's alone.
+        assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
+        run(tmp_path)
+        assert len(count) == 4
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o444])
+def test_a_file_that_others_may_only_read_is_used(count: list[str], tmp_path: Path, mode: int) -> None:
+    run(tmp_path)
+    for file in tmp_path.iterdir():
+        file.chmod(mode)
+    run(tmp_path)
+    assert len(count) == 1
+
+
+HEADS = [b"", b"{", b"[]", b"[1, 2, 3]", b"[[], []]", b"\xff", b"[[[1]], [], {}]", b"[" * 100_000, b'[[["x"]], [], {}]']
+
+
+@pytest.mark.parametrize("head", HEADS, ids=range(len(HEADS)))
+def test_a_layout_that_cannot_be_read_is_a_miss(
+    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, head: bytes
+) -> None:
+    monkeypatch.setattr(kernels_module, "source_key", lambda equations, inputs: "of the package")
+    run(tmp_path)
+    run(tmp_path)
+    assert len(count) == 1
+    (file,) = tmp_path.iterdir()
+    # With a checksum that is right: what an older trackbench wrote, say.
+    KernelCache(tmp_path).put(file.stem, head + b"\n" + file.read_bytes().partition(b"\n")[2])
+    run(tmp_path)
+    assert len(count) == 2
+    run(tmp_path)
     assert len(count) == 2
 
 

@@ -138,16 +138,16 @@ class Kernels:
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         own = source_key(equations, inputs)
-        kept = own and self._kept.find(self._key(own))
-        if kept:
-            layout, code = unpacked(kept)
-        else:
+        data = own and self._kept.find(self._key(own))
+        kept = unpacked(data) if data else None
+        if kept is None:
             try:
-                layout, code = self._traced(equations, inputs, own)
+                kept = self._traced(equations, inputs, own)
             except Untraceable as reason:
                 where = place_of(reason) or (reason.__cause__ and place_of(reason.__cause__))
                 self.untraced[equations.key] = equations.name, f"{reason} ({where})" if where else str(reason)
                 return None
+        layout, code = kept
         parts, filled = [], [0, 1]
         for output in layout.outputs:
             first = filled[output.boolean]

@@ -132,12 +132,16 @@ def packed(layout: KernelLayout, code: bytes) -> bytes:
     return json.dumps(layout).encode() + b"\n" + code
 
 
-def unpacked(data: bytes) -> tuple[KernelLayout, bytes]:
-    """What ``packed`` made."""
+def unpacked(data: bytes) -> tuple[KernelLayout, bytes] | None:
+    """What ``packed`` made; None of anything else."""
     head, _, code = data.partition(b"\n")
-    inputs, outputs, same = json.loads(head)
-    return KernelLayout(
-        tuple(Input(name, tuple(shape), *more) for name, shape, *more in inputs),
-        tuple(Output(name, tuple(shape), boolean) for name, shape, boolean in outputs),
-        same,
-    ), code
+    try:
+        inputs, outputs, same = json.loads(head)
+        layout = KernelLayout(
+            tuple(Input(name, tuple(shape), *more) for name, shape, *more in inputs),
+            tuple(Output(name, tuple(shape), boolean) for name, shape, boolean in outputs),
+            same,
+        )
+    except (ValueError, TypeError, RecursionError):
+        return None
+    return layout, code

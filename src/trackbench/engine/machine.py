@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import logging
 import mmap
+import os
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,13 @@ def _say_not_kept(folder: str, why: str) -> None:
     log.info("kernels are not kept, and made anew by every process: %s cannot be written (%s)", folder, why)
 
 
+@cache
+def _say_refused(folder: str) -> None:
+    log.warning(
+        "kernels in %s were not used, and are made anew: they belong to another user, or others may write them", folder
+    )
+
+
 class Processor:
     """What code is made for: this machine's processor, unless another is named.
 
@@ -136,8 +144,9 @@ class MachineCode:
 class KernelCache:
     """Object files on disk, by what they were made from.
 
-    Each file begins with a checksum of its key and of itself: what is damaged, or is another's, counts as not there.
-    Where nothing can be written, nothing is kept.
+    Each file begins with a checksum of its key and of itself: what is damaged, or is of another key, counts as not
+    there. A file that belongs to another user, or that others may write, is refused, and the log says so once: machine
+    code runs with the rights of whoever loads it. Where nothing can be written, nothing is kept.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -146,7 +155,12 @@ class KernelCache:
     def find(self, key: str) -> bytes | None:
         """What was kept under a key."""
         try:
-            data = self._place(key).read_bytes()
+            # The owner is that of what is read, even if another file takes its name meanwhile.
+            with self._place(key).open("rb") as file:
+                if not _is_own(file.fileno()):
+                    _say_refused(str(self._folder))
+                    return None
+                data = file.read()
         except OSError:
             return None
         code = data[CHECKSUM_BYTES:]
@@ -161,6 +175,13 @@ class KernelCache:
 
     def _place(self, key: str) -> Path:
         return self._folder / f"{key}.o"
+
+
+def _is_own(file: int) -> bool:
+    """Whether an open file belongs to the user of this process, and nobody else may write it."""
+    status = os.fstat(file)
+    # Windows has no such owners and rights.
+    return os.name != "posix" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 def _checksum(key: str, code: bytes) -> bytes:
