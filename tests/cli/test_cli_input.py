@@ -117,3 +117,19 @@ def test_all_scenarios_are_checked_before_the_first_runs(cli: Cli, tiny: Path, t
     assert (done.status, done.out) == (2, "")
     assert all(line.startswith("z.yaml:1: ") for line in done.err.splitlines())
     assert not list((tmp_path / "results").glob("*"))
+
+
+@pytest.mark.parametrize(
+    "command", [["check"], ["run"], ["report"], ["compare"], ["inspect"], ["doctor"], ["audit"], ["view"]]
+)
+def test_a_name_that_no_file_can_have(cli: Cli, command: list[str]) -> None:
+    done = cli(*command, "a" * 5000)
+    assert (done.status, done.out) == (2, "")
+    assert "cannot write" not in done.err
+    assert len(done.err) < 1000
+
+
+def test_an_output_folder_that_no_folder_can_be(cli: Cli, tiny: Path) -> None:
+    done = cli("run", "tiny.yaml", "--out", "a" * 5000)
+    assert done.status == 2
+    assert "too long" in done.err

@@ -46,6 +46,7 @@ ANSWERS = {
     "exits": ("sys.exit(0) if number == 3 else None\nreturn usual(scan)", "SystemExit: 0", THIRD),
     "recurses": ("return self.answer(number, scan)", "RecursionError: maximum recursion depth exceeded", FIRST),
     "nan": ("return np.full(4, np.nan if number == 3 else 1), np.eye(4)", "the estimate is not finite", THIRD),
+    "masked": ("return np.ma.array(np.ones(4), mask=number == 3), np.eye(4)", "the estimate is not finite", THIRD),
     "infinite": ("return np.ones(4), np.full((4, 4), np.inf)", "the estimate is not finite", FIRST),
     "shape": ("return np.ones(3), np.eye(4)", "the mean has the shape (3,), where (4,) is needed", FIRST),
     "size": ("return np.ones(4), np.eye(2)", "the covariance has the shape (2, 2), where (4, 4) is needed", FIRST),
@@ -81,6 +82,12 @@ WHOLE = {
     "batch_nan": (
         "batched = True\n    def step(self, state, scan):\n        mean, covariance = usual(scan)\n"
         "        mean[2, 6] = np.nan if scan.time > 0.05 else 0\n        return 1, (mean, covariance)",
+        "the estimate is not finite",
+    ),
+    "batch_masked": (
+        "batched = True\n    def step(self, state, scan):\n        mean, covariance = usual(scan)\n"
+        "        mean = np.ma.array(mean)\n        if scan.time > 0.05: mean[2, 6] = np.ma.masked\n"
+        "        return 1, (mean, covariance)",
         "the estimate is not finite",
     ),
     "batch_shape": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from pydantic import ValidationError
 
 from trackbench import results
+from trackbench.base import files
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.results import SCHEMA_VERSION, MetricValue, Result, folder, to_json
 from trackbench.results.declared import LABELLED
@@ -294,3 +296,20 @@ def test_a_table_that_is_none_of_a_run(tiny_result: Result, tmp_path: Path, edit
         _ = results.Result.load(tmp_path / "run").tables.estimates
     assert message in str(caught.value)
     assert str(caught.value).startswith(str(file))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b'{"a": "\\ud800"}', "half a character"), (b"[" * 100_000, "not a readable result"), (b"", "not a readable")],
+)
+def test_json_that_no_result_is(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "result.json").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        Result.load(tmp_path)
+
+
+def test_json_larger_than_any_result_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "result.json").touch()
+    os.truncate(tmp_path / "result.json", files.JSON + 1)
+    with pytest.raises(InputError, match="larger than 64 MiB"):
+        Result.load(tmp_path)

@@ -39,8 +39,8 @@ class InputError(TrackbenchError):
         return InputError(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
-        return ": ".join(part for part in (place, self.key, self.message) if part)
+        place = ":".join(shortened(str(part)) for part in (self.file, self.line) if part is not None)
+        return ": ".join(part for part in (place, shortened(self.key or ""), shortened(self.message, 2000)) if part)
 
 
 class InputErrors(InputError):
@@ -70,6 +70,11 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     if close:
         return f"did you mean {close[0]!r}?"
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
+
+
+def shortened(text: str, most: int = 200) -> str:
+    """The start and the end of a text of more than ``most`` characters."""
+    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 
 
 def counted(number: int, noun: str) -> str:

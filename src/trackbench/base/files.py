@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import stat
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from trackbench.base.errors import InputError
 
 #: Bytes of a scenario.
 SCENARIO = 4 * 2**20
-#: Of a result or a log as text.
-LARGE = 4 * 2**30
+#: Of a result.
+JSON = 64 * 2**20
+#: Of a log as text.
+LARGE = 2**30
+_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 def is_utf8(name: str) -> bool:
@@ -95,6 +101,22 @@ def read_text(file: Path, most: int = LARGE, remedy: str = "") -> str:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(f"not UTF-8 text (byte 0x{raw[error.start]:02x}){remedy}", file=file, line=line) from None
+
+
+def read_json(file: Path) -> Any:
+    """The value in a JSON file.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        InputError: as :func:`read_bytes`; it is larger than ``JSON``.
+        ValueError: it is not JSON, or has half a character, which no file can hold.
+        RecursionError: it is nested too deeply.
+    """
+    raw = read_bytes(file, JSON)
+    value = json.loads(raw)
+    if b"\\u" in raw and (half := _SURROGATE.search(json.dumps(value, ensure_ascii=False))):
+        raise ValueError(f"half a character: \\u{ord(half[0]):x} alone")
+    return value
 
 
 def cache_folder() -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import signal
@@ -18,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from trackbench.base.errors import InputError, OutputError, TrackbenchError
+from trackbench.base.errors import InputError, OutputError, TrackbenchError, shortened
 from trackbench.base.files import is_utf8
 from trackbench.base.process import INTERRUPTED
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
@@ -198,8 +199,11 @@ def main() -> None:
     except BrokenPipeError:
         status = UNREAD
     except OSError as error:
-        where = "standard output" if error.filename is None else error.filename
-        status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
+        where = "standard output" if error.filename is None else shortened(str(error.filename))
+        if error.errno == errno.ENAMETOOLONG:
+            status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
+        else:
+            status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
     except KeyboardInterrupt:
         status = _interrupted()
     _abandon_streams()
@@ -233,6 +237,8 @@ def _run() -> int:
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
     except UnicodeEncodeError as error:
+        if place_of(error, installed=False) is not None:
+            return _plugin_failed(error)
         problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
         return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
     except MemoryError:

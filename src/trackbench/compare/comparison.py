@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
@@ -10,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from trackbench.base.errors import InputError
-from trackbench.base.files import read_bytes
+from trackbench.base.files import read_json
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel
@@ -216,7 +215,7 @@ class Comparison(ResultModel):
     """Their labels."""
     ranked_by: str = "position_rmse"
     """The metric that trackers are ranked by; ``tgospa`` where identities are hidden."""
-    scenarios: list[ComparedScenario]
+    scenarios: list[ComparedScenario] = Field(min_length=1)
     scores: list[EntrantScore]
     differences: list[PairDifference]
     """Of one set: every pair of trackers. Of several: each entrant against the baseline."""
@@ -284,7 +283,7 @@ def load(file: Path) -> Comparison:
         InputError: it cannot be read, or is none of this version.
     """
     try:
-        raw = json.loads(read_bytes(file))
+        raw = read_json(file)
     except FileNotFoundError:
         raise InputError("there is no such file", file=file) from None
     except (ValueError, RecursionError) as error:

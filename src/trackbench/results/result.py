@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -14,7 +13,7 @@ import pyarrow.parquet as pq
 from pydantic import ValidationError
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.base.files import read_bytes
+from trackbench.base.files import read_json
 from trackbench.results.differences import Difference, differences_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary
@@ -165,7 +164,7 @@ class Result:
             hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
             raise InputError(there + hint, file=path)
         try:
-            raw = json.loads(read_bytes(file))
+            raw = read_json(file)
         except FileNotFoundError as error:
             raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path) from error
         except (ValueError, RecursionError) as error:

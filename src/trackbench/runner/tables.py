@@ -74,14 +74,16 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
 def truth_records(truth: Truth, run: int) -> list[Record]:
     """The motion of every target and of the observer in one run."""
     column = min(run, truth.px.shape[2] - 1)
-    fields = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
+    names = ("px", "py", "heading", "course", "speed", "vx", "vy", "acceleration", "yaw_rate")
+    # Some are computed, of all objects at once.
+    fields = {name: getattr(truth, name)[:, :, column] for name in names}
     records: list[Record] = [
         {
             "object": name,
             "role": "target",
             "time_s": truth.time,
             "alive": truth.alive[:, i],
-            **{field: getattr(truth, field)[:, i, column] for field in fields},
+            **{field: values[:, i] for field, values in fields.items()},
             "length": float(truth.length[i]),
             "width": float(truth.width[i]),
         }

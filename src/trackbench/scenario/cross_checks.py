@@ -90,6 +90,8 @@ def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
 
 def _nearest_rates(truth_rate: int, steps: float) -> list[float]:
     """The rates below and above ``truth_rate / steps`` that divide and have at most three decimals."""
+    # The slowest of these.
+    steps = min(steps, 1000 * truth_rate)
     slower = itertools.chain(range(math.ceil(steps), truth_rate), [truth_rate])
     faster = range(math.floor(steps), 0, -1)
     rates = [
@@ -238,7 +240,7 @@ def _limit(
 
 def _whole(value: float) -> bool:
     """Whether ``value`` is a whole number but for rounding."""
-    return abs(value - round(value)) < 1e-6
+    return math.isfinite(value) and abs(value - round(value)) < 1e-6
 
 
 REASONS = {

@@ -18,6 +18,9 @@ from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse
 
+#: That are shown of one file.
+MOST_ERRORS = 50
+
 
 @dataclass(frozen=True, repr=False)
 class Scenario:
@@ -79,18 +82,23 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         required = ", ".join(name for name, field in ScenarioConfig.model_fields.items() if field.is_required())
         message = f"the file {result}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
+    known = ScenarioConfig.model_fields
+    if not {*document.value} & {*known}:
+        # A file of another kind, which is not to be shown in messages.
+        raise InputError(f"this is no scenario: it has none of the keys {', '.join(known)}", file=path)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
-        problems = explain(invalid.errors(include_url=False), ScenarioConfig)
-        raise _in_file_order(document, problems) from None
+        errors = invalid.errors(include_url=False)
+        problems = explain(errors[:MOST_ERRORS], ScenarioConfig)
+        raise _in_file_order(document, problems, len(errors) - MOST_ERRORS) from None
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
     return Scenario(config, path, text, tuple(overrides), document, sweeps)
 
 
-def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]]) -> InputError:
+def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]], more: int) -> InputError:
     errors = []
     for path, message in problems:
         origin = document.origin(path)
@@ -99,6 +107,8 @@ def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str
         )
     unique = list({str(error): error for error in errors}.values())
     unique.sort(key=lambda error: (error.line is None, error.line or 0))
+    if more > 0:
+        unique.append(InputError(f"and {counted(more, 'more error')}", file=document.origin(()).file))
     return unique[0] if len(unique) == 1 else InputErrors(unique)
 
 

@@ -16,8 +16,9 @@ import yaml
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, InputErrors
 
-#: Aliases can make a short file expand without end; no scenario comes near this.
+#: Of a file as it is read, and again with its aliases and merges expanded; no scenario comes near this.
 MAX_VALUES = 100_000
+_TOO_MANY = f"more than {MAX_VALUES} values, aliases expanded"
 CONTROL = "a control character, which a scenario cannot hold"
 
 
@@ -64,10 +65,10 @@ def parse(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:
-        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag.
+        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag, too many values.
     """
     try:
-        node = _Loader(text).get_single_node()
+        node = _Loader(text, file).get_single_node()
         builder = _Builder(file)
         value = builder.build(node, ()) if node is not None else None
     except yaml.MarkedYAMLError as error:
@@ -85,7 +86,19 @@ def parse(text: str, file: str) -> YamlDocument:
 
 
 class _Loader(yaml.SafeLoader):
-    pass
+    """Reads no further than ``MAX_VALUES``."""
+
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text)
+        self._file = file
+        self._count = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        # A key has no index.
+        self._count += index is not None
+        if self._count > MAX_VALUES:
+            raise InputError(_TOO_MANY, file=self._file, line=self.line + 1)
+        return super().compose_node(parent, index)
 
 
 _Loader.yaml_implicit_resolvers = {}
@@ -112,9 +125,7 @@ class _Builder:
         self._count = 0
 
     def build(self, node: yaml.Node, path: KeyPath) -> Any:
-        self._count += 1
-        if self._count > MAX_VALUES:
-            raise self._error(f"more than {MAX_VALUES} values, aliases expanded", node, path)
+        self._count_value(node, path)
         if id(node) in self._open:
             raise self._error("an anchor that contains itself", node, path)
         if node.tag not in _TAGS[type(node)]:
@@ -129,6 +140,11 @@ class _Builder:
             return self._mapping(node, path)
         finally:
             self._open.remove(id(node))
+
+    def _count_value(self, node: yaml.Node, path: KeyPath) -> None:
+        self._count += 1
+        if self._count > MAX_VALUES:
+            raise self._error(_TOO_MANY, node, path)
 
     def _item(self, node: yaml.Node, path: KeyPath, place: yaml.Node) -> Any:
         self.origins[path] = Origin(self.file, place.start_mark.line + 1)
@@ -156,6 +172,7 @@ class _Builder:
             if key_node.tag == _MERGE:
                 parts = value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
                 for part in reversed(parts):
+                    self._count_value(part, path)
                     if not isinstance(part, yaml.MappingNode) or id(part) in self._open:
                         raise self._error("<< needs a mapping that was given before", key_node, path)
                     self._open.add(id(part))

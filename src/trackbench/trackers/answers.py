@@ -175,6 +175,8 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
 
 
 def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
+    if np.ma.is_masked(value):
+        raise TrackerFault(f"some of the {what} are masked: {described(value)}")
     array = np.asarray(value)
     if array.size and array.dtype.kind not in "iu":
         raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")
@@ -211,9 +213,12 @@ def _require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
 
 
 def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """An array of numbers of this shape; NaN where a masked array has none."""
     try:
         if np.iscomplexobj(value):
             raise TypeError
+        if np.ma.isMaskedArray(value):
+            value = np.ma.filled(value.astype(float), np.nan)
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise TrackerFault(f"the {what} is not an array of numbers: {described(value)}") from None

@@ -101,11 +101,12 @@ def _free(left: float, bottom: float, width: float, placed: Sequence[tuple[float
     )
 
 
-def alive_path(truth: pa.Table, name: str) -> tuple[Array, Array]:
-    """``(points,)`` x and y of an object while it is there, m."""
-    rows = where(truth, object=name)
-    alive = column(rows, "alive") > 0
-    return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
+def alive_paths(truth: pa.Table, role: str) -> dict[str, tuple[Array, Array]]:
+    """By the name of each object: ``(points,)`` x and y while it is there, m."""
+    rows = where(truth, role=role)
+    there = rows.filter(column(rows, "alive") > 0)
+    paths = {name: where(there, object=name) for name in names(rows, "object")}
+    return {name: (column(path, "px_m"), column(path, "py_m")) for name, path in paths.items()}
 
 
 class _Ground:
@@ -119,8 +120,8 @@ class _Ground:
     def __init__(self, tables: Tables, titles: Sequence[str]) -> None:
         truth = tables.truth
         self.titles, self.roads = titles, tables.roads
-        self.targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
-        self.observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
+        self.targets = alive_paths(truth, "target")
+        self.observer = [*alive_paths(truth, "observer").values()]
         self.box: MapBox | None = None
         paths = [*self.targets.values(), *self.observer]
         x, y = (np.concatenate([path[axis] for path in paths]) if paths else np.empty(0) for axis in (0, 1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from trackbench import results
 from trackbench.api.result import Report
 from trackbench.base.errors import InputError, counted
-from trackbench.base.files import read_bytes
+from trackbench.base.files import read_json
 from trackbench.base.subjects import offered, resolve
 from trackbench.document import (
     Block,
@@ -88,7 +87,7 @@ class Examination:
             InputError: it cannot be read, or is no examination.
         """
         try:
-            values = json.loads(read_bytes(file))
+            values = read_json(file)
             findings = [Finding.from_json(entry) for entry in values["findings"]]
             checks = TypeAdapter(list[CheckResult]).validate_python(values["checks"])
             return cls(str(values["tracker"]), findings, checks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.base.files import read_text
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
@@ -54,14 +55,14 @@ def find(path: Paths, folder: Path, key: str) -> Path:
             remedy = f"it is the folder that holds recordings, such as {example}"
         raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
     for place in (folder / expanded, expanded):
-        if place.is_file():
+        if os.path.isdir(place):
+            raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
+        if os.path.exists(place):
             return place
     place = folder / expanded
-    if place.is_dir():
-        raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
-    names = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
+    names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
     hint = f"; {nearest(place.name, names)}" if names else ""
-    raise InputError(f"there is no file {expanded}{hint}", key=key)
+    raise InputError(f"there is no file {shortened(str(expanded))}{hint}", key=key)
 
 
 def text_of(file: Path) -> str:
@@ -76,9 +77,14 @@ def text_of(file: Path) -> str:
     return text
 
 
+#: A name as columns have it.
+_COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
+#: Of one file: two days of 60 objects at 1 Hz, or a minute of 10,000 at 16 Hz. Each takes about 700 bytes of memory.
+MOST_ROWS = 10_000_000
+TOO_LONG = f"more than {MOST_ROWS} rows; cut the log"
 
 
 class Rows(NamedTuple):
@@ -177,6 +183,8 @@ def _csv(file: Path, names: list[str]) -> Rows:
             if len(row) != len(header):
                 message = f"{len(row)} columns, where the header has {len(header)}"
                 raise InputError(message, file=file, line=reader.line_num)
+            if len(rows) == MOST_ROWS:
+                raise InputError(TOO_LONG, file=file, line=reader.line_num)
             rows.append(row)
             lines.append(reader.line_num)
     except csv.Error as error:
@@ -190,8 +198,10 @@ def _parquet(file: Path, names: list[str]) -> Rows:
     import pyarrow.parquet as pq
 
     try:
-        header = pq.read_schema(file).names
-        _require(names, header, file, None)
+        metadata = pq.read_metadata(file)
+        _require(names, metadata.schema.to_arrow_schema().names, file, None)
+        if metadata.num_rows > MOST_ROWS:
+            raise InputError(TOO_LONG, file=file)
         table = pq.read_table(file, columns=names)
         columns = {name: table[name].to_pylist() for name in names}
     except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
@@ -201,6 +211,10 @@ def _parquet(file: Path, names: list[str]) -> Rows:
 
 
 def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
+    # What is no table is not to be shown in a message.
+    if not {*names} & {*header} and not all(_COLUMN.fullmatch(name) for name in header):
+        expected = ", ".join(names)
+        raise InputError(f"this is no row of column names; expected {expected}", file=file, line=line)
     for name in names:
         if name not in header:
             raise InputError(f"there is no column {name!r}; {nearest(name, header)}", file=file, line=line)

@@ -1,0 +1,68 @@
+"""Files made to take long, to say much, or to be shown: refused soon, in a short message that does not show them."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from tests.support.places import DATA
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import load_scenario
+from trackbench.scenario.load import MOST_ERRORS
+
+GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
+#: CPU time in which a file is refused, s. Reading a list of 3.8 MB to its end takes 10 s on the same machine.
+PATIENCE = 5.0
+#: Characters of a message.
+LONGEST = 20_000
+SECRET = "root:*:20228:0:99999:7:::"
+
+HOSTILE = {
+    "values": ("name: a\ntrackers: [" + ", ".join(["1.5"] * 760_000) + "]\n", "more than 100000 values"),
+    "merges": (
+        "a0: &a0 {}\n" + "".join(f"a{n}: &a{n} {{<<: [{', '.join([f'*a{n - 1}'] * 10)}]}}\n" for n in range(1, 10)),
+        "more than 100000 values",
+    ),
+    "keys": ("name: a\n" + "".join(f"k{n}: 1\n" for n in range(45_000)), "more errors"),
+    "long_key": (f"name: a\n{'k' * 1000}: 1\n", "kkk...kkk"),
+    "long_word": (f"name: a\ntruth: {{source: {'k' * 100_000}}}\n", "is not known"),
+    "rate": (GOOD.replace("rate_hz: 10", "rate_hz: 1e-320", 1), "does not divide truth.rate_hz"),
+    "slow_rate": (GOOD.replace("rate_hz: 10", "rate_hz: 3e-8", 1), "does not divide truth.rate_hz"),
+    "half_a_character": ('name: "\\ud800"\n', "a control character, which a scenario cannot hold"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_is_refused_soon_and_shortly(tmp_path: Path, name: str) -> None:
+    content, expected = HOSTILE[name]
+    file = tmp_path / "scenario.yaml"
+    file.write_text(content, encoding="utf-8")
+    begin = time.process_time()
+    with pytest.raises(InputError) as caught:
+        load_scenario(file)
+    assert time.process_time() - begin < PATIENCE
+    message = str(caught.value)
+    assert expected in message
+    assert len(message) < LONGEST
+
+
+def test_the_errors_that_are_not_shown_are_counted(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.yaml"
+    file.write_text(GOOD + "".join(f"k{n}: 1\n" for n in range(MOST_ERRORS + 3)), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_scenario(file)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == MOST_ERRORS + 1
+    assert lines[-1] == f"{file}: and 3 more errors"
+
+
+@pytest.mark.parametrize("text", [f"{SECRET}\n", "password: hunter2\n"])
+def test_a_file_of_another_kind_is_not_shown(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "secret"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_scenario(file)
+    message = str(caught.value).removeprefix(str(file))
+    assert not any(word in message for word in ("root", "99999", "password", "hunter2"))
