@@ -12,6 +12,7 @@ from tests.support.udacity import synthetic_lines
 
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw
+from trackbench.truth.config import logs
 from trackbench.truth.recorded import table
 from trackbench.truth.recorded.udacity import parse_line
 from trackbench.truth.sources import ScriptedTruth
@@ -116,5 +117,5 @@ def test_a_pipe_is_no_file(tmp_path: Path) -> None:
 
 def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"there is no file .*a\.\.\.a.*") as caught:
-        table.find("a" * 5000, tmp_path, "truth.path")
+        logs.find("a" * 5000, tmp_path, "truth.path")
     assert len(str(caught.value)) < 300

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from trackbench.base.config import LIST, PROBLEM, WORD
+from trackbench.base.errors import InputError, nearest, shortened
 
 #: The ending of the files of each format.
 ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet"}
@@ -32,9 +34,44 @@ Paths = Annotated[
 ]
 
 
+_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
+
+
 def place_of(path: str) -> Path:
     """The path with environment variables and the home folder filled in."""
     return Path(os.path.expandvars(path)).expanduser()
+
+
+def find(path: Paths, folder: Path, key: str) -> Path:
+    """The file that a scenario names.
+
+    Args:
+        path: of one log, as the scenario gives it; environment variables are filled in.
+        folder: the scenario's, where a relative path starts; then the working directory.
+        key: the scenario's key, for error messages.
+
+    Raises:
+        InputError: a variable is not set, or there is no such file.
+    """
+    assert isinstance(path, str)
+    expanded = place_of(path)
+    unset = _VARIABLE.search(str(expanded))
+    if unset is not None:
+        name = unset.group(1).strip("{}")
+        remedy = "set it, or write the path without it"
+        if name == "TRACKBENCH_DATA":
+            example = "udacity/obj_pose-laser-radar-synthetic-input.txt"
+            remedy = f"it is the folder that holds recordings, such as {example}"
+        raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
+    for place in (folder / expanded, expanded):
+        if os.path.isdir(place):
+            raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
+        if os.path.exists(place):
+            return place
+    place = folder / expanded
+    names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
+    hint = f"; {nearest(place.name, names)}" if names else ""
+    raise InputError(f"there is no file {shortened(str(expanded))}{hint}", key=key)
 
 
 def files_of(path: Any, folder: Path, form: Any) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
@@ -13,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError, nearest, shortened
+from trackbench.base.errors import InputError, nearest
 from trackbench.base.files import read_text
 from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.logs import Paths, place_of
+from trackbench.truth.config.logs import find
 from trackbench.truth.config.recording import (
     MOTION_QUANTITIES,
     MeasurementColumns,
@@ -29,40 +28,6 @@ from trackbench.truth.config.recording import (
     Units,
 )
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
-
-_VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
-
-
-def find(path: Paths, folder: Path, key: str) -> Path:
-    """The file that a scenario names.
-
-    Args:
-        path: of one log, as the scenario gives it; environment variables are filled in.
-        folder: the scenario's, where a relative path starts; then the working directory.
-        key: the scenario's key, for error messages.
-
-    Raises:
-        InputError: a variable is not set, or there is no such file.
-    """
-    assert isinstance(path, str)
-    expanded = place_of(path)
-    unset = _VARIABLE.search(str(expanded))
-    if unset is not None:
-        name = unset.group(1).strip("{}")
-        remedy = "set it, or write the path without it"
-        if name == "TRACKBENCH_DATA":
-            example = "udacity/obj_pose-laser-radar-synthetic-input.txt"
-            remedy = f"it is the folder that holds recordings, such as {example}"
-        raise InputError(f"the environment variable {name} is not set; {remedy}", key=key)
-    for place in (folder / expanded, expanded):
-        if os.path.isdir(place):
-            raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
-        if os.path.exists(place):
-            return place
-    place = folder / expanded
-    names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
-    hint = f"; {nearest(place.name, names)}" if names else ""
-    raise InputError(f"there is no file {shortened(str(expanded))}{hint}", key=key)
 
 
 def text_of(file: Path) -> str:
@@ -82,9 +47,8 @@ _COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
-#: Of one file: two days of 60 objects at 1 Hz, or a minute of 10,000 at 16 Hz. Each takes about 700 bytes of memory.
+#: Of one file. Each takes about 700 bytes of memory.
 MOST_ROWS = 10_000_000
-TOO_LONG = f"more than {MOST_ROWS} rows; cut the log"
 
 
 class Rows(NamedTuple):
@@ -183,10 +147,9 @@ def _csv(file: Path, names: list[str]) -> Rows:
             if len(row) != len(header):
                 message = f"{len(row)} columns, where the header has {len(header)}"
                 raise InputError(message, file=file, line=reader.line_num)
-            if len(rows) == MOST_ROWS:
-                raise InputError(TOO_LONG, file=file, line=reader.line_num)
             rows.append(row)
             lines.append(reader.line_num)
+            _require_few(len(rows), file)
     except csv.Error as error:
         raise InputError(f"not valid CSV: {error}", file=file, line=reader.line_num) from None
     columns = {name: [row[header.index(name)] for row in rows] for name in names}
@@ -200,8 +163,7 @@ def _parquet(file: Path, names: list[str]) -> Rows:
     try:
         metadata = pq.read_metadata(file)
         _require(names, metadata.schema.to_arrow_schema().names, file, None)
-        if metadata.num_rows > MOST_ROWS:
-            raise InputError(TOO_LONG, file=file)
+        _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)
         columns = {name: table[name].to_pylist() for name in names}
     except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
@@ -210,11 +172,15 @@ def _parquet(file: Path, names: list[str]) -> Rows:
     return Rows(file, columns, None)
 
 
+def _require_few(rows: int, file: Path) -> None:
+    if rows > MOST_ROWS:
+        raise InputError(f"more than {MOST_ROWS} rows; cut the log", file=file)
+
+
 def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
     # What is no table is not to be shown in a message.
     if not {*names} & {*header} and not all(_COLUMN.fullmatch(name) for name in header):
-        expected = ", ".join(names)
-        raise InputError(f"this is no row of column names; expected {expected}", file=file, line=line)
+        raise InputError(f"this is no row of column names; expected {', '.join(names)}", file=file, line=line)
     for name in names:
         if name not in header:
             raise InputError(f"there is no column {name!r}; {nearest(name, header)}", file=file, line=line)

@@ -13,9 +13,10 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.logs import find
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.table import NUMBER, find, text_of
+from trackbench.truth.recorded.table import NUMBER, text_of
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
