@@ -25,7 +25,7 @@ from tests.support.slow_tests import fifth, listed
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.cli import main
+from trackbench.cli.commands import main
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
 from trackbench.runner.run import run

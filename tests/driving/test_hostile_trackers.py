@@ -362,37 +362,6 @@ def test_forged_answers(run_tiny: Callable[..., Result], tmp_path: Path, write_m
     assert result["ekf"].failed is None
 
 
-@pytest.mark.parametrize(
-    ("settings", "told"),
-    [
-        (["trackers.ekf.motion=plug:Motion"], "os._exit(0)"),
-        (["trackers.ekf.motion=plug:Motion"], None),
-        (["score.metrics=['plug:Own']"], "os._exit(0)"),
-    ],
-)
-def test_plug_ins_of_other_kinds_do_not_end_a_run_in_silence(
-    tiny: Path, trackbench: str, settings: list[str], told: str | None
-) -> None:
-    body = "os._exit(0)" if told else "raise ValueError('oops')"
-    code = (
-        "import os\nfrom trackbench.models.motion.cv import ConstantVelocity\n"
-        "from trackbench.metrics import Metric\n"
-        f"class Motion(ConstantVelocity):\n    def transition(self, *arguments):\n        {body}\n"
-        "class Own(Metric):\n    name, unit, meaning = 'own', 'm', 'none'\n"
-        f"    def init(self, scope):\n        {body}\n"
-        "    def update(self, sums, chunk): return sums\n    def merge(self, blocks): return 0\n"
-        "    def finish(self, sums): return 0.0\n"
-    )
-    (tiny.parent / "plug.py").write_text(code, encoding="utf-8")
-    command = [trackbench, "run", "tiny.yaml", "--quiet", "--no-recording"]
-    command += [word for setting in settings for word in ("--set", setting)]
-    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
-    # A metric that raises has no value, and ends nothing.
-    assert done.returncode in ((0,) if "metrics" in settings[0] else (2, 3))
-    assert "Traceback" not in done.stderr
-    assert (told or "ValueError: oops") in done.stdout + done.stderr
-
-
 def test_a_child_in_a_session_of_its_own_does_not_outlive_the_command(
     tiny: Path, write_module: Any, trackbench: str
 ) -> None:

@@ -16,8 +16,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 64_855
-MOST_FILES = 382
+MOST_LINES = 65_275
+MOST_FILES = 385
 
 
 def lines_of(file: Path) -> int:

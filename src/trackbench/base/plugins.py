@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.base.supervised import at_work, tell_plugin
 
 
 def named(reference: str) -> Any:
@@ -77,7 +78,9 @@ def explained(reference: str, folder: Path | None) -> Iterator[None]:
         first = folder or "the scenario's folder"
         where = f" (looked in {first}, the working directory and the installed packages)"
         raise InputError(f"cannot import {reference!r}: no module named {error.name!r}{where}") from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise InputError(f"cannot import {reference!r}: {one_line(error)}") from error
 
 
@@ -137,11 +140,16 @@ class Registry(Generic[T]):
         Raises:
             InputError: there is no such name, it cannot be imported, or it is something else; says why.
         """
-        with searched(folder), explained(reference, folder):
+        own = not self.home_of(reference).startswith("trackbench.")
+        with searched(folder), explained(reference, folder), at_work(repr(reference) if own else ""):
             plugin = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
+        if own:
+            tell_plugin(reference)
         try:
             lacking = self.lacks(plugin)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             lacking = one_line(error)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")

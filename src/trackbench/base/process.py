@@ -1,14 +1,28 @@
-"""What concerns the whole process: Ctrl-C, processes that are started, garbage collection."""
+"""What concerns the whole process: its exit status, Ctrl-C, processes that are started, garbage collection."""
 
 from __future__ import annotations
 
 import gc
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: What a shell reports of a program that Ctrl-C ended.
-INTERRUPTED = 130
+BAD_INPUT = 2
+CANNOT_WRITE = 4
+#: Of sysexits.h: an internal error.
+FAULT = 70
+#: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
+INTERRUPTED, UNREAD = 130, 141
+
+
+def how_it_ended(status: int) -> str:
+    """How a process ended, from its status as of ``os.waitpid``."""
+    code = os.waitstatus_to_exitcode(status)
+    if code >= 0:
+        return f"its process ended itself, with status {code}"
+    names = {number.value: f" ({number.name})" for number in signal.Signals}
+    return f"its process was killed by signal {-code}{names.get(-code, '')}"
 
 
 @contextmanager

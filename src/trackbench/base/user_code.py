@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sysconfig
 import traceback
 from collections.abc import Iterable, Sequence
@@ -41,6 +42,16 @@ def last_of_user(frames: Sequence[Frame], installed: bool = True) -> str | None:
             if not frame.file.startswith("<") and not _below(frame.file, others):
                 return f"{_shown(frame.file)}:{frame.line}, in {frame.function}"
     return None
+
+
+#: A line of what faulthandler writes, the most recent call first.
+_DUMPED = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
+
+
+def place_in_dump(text: str) -> str | None:
+    """As :func:`place_of`, of what Python's faulthandler wrote of a process."""
+    frames = [Frame(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
+    return last_of_user(frames[::-1])
 
 
 def _below(file: str, folders: Iterable[str | Path]) -> bool:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import sys
 
-from trackbench.base.process import collect_rarely
+from trackbench.base.process import INTERRUPTED, collect_rarely
+from trackbench.base.supervised import end
+from trackbench.cli import supervisor
 
 
 def main() -> None:
     """The console script. Exit status: see the README."""
     collect_rarely()
+    # Before the commands are imported, so that the process which waits for them is small.
+    if supervisor.wanted(sys.argv[1:]):
+        supervisor.start()
     # The commands take their time to import, in which Ctrl-C is as good as later.
     try:
         from trackbench.cli.commands import main as run
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
-        sys.exit(130)
+        end(INTERRUPTED)
     run()
 
 

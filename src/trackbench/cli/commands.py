@@ -7,22 +7,24 @@ import io
 import os
 import signal
 import sys
+import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError, shortened
 from trackbench.base.files import is_utf8
-from trackbench.base.process import INTERRUPTED
+from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
+from trackbench.base.supervised import alone, end
 from trackbench.base.user_code import place_of
 
 
@@ -116,14 +118,6 @@ def _abandon_streams() -> None:
                 os.dup2(nowhere, stream.fileno())
 
 
-BAD_INPUT = 2
-CANNOT_WRITE = 4
-#: Of sysexits.h: an internal error.
-FAULT = 70
-#: What a shell reports of a program whose reader has gone.
-UNREAD = 141
-
-
 _WRITTEN = ["a result", "a report", *(kind_of(file) for file, _ in offered("artifacts"))]
 RUN_SUMMARY = f"Score every tracker; write {', '.join(_WRITTEN[:-1])} and {_WRITTEN[-1]}."
 COMMANDS = {
@@ -149,8 +143,8 @@ class Commands(click.Group):
         # One that is interrupted says so in one line, before which Click would print an empty one.
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise click.exceptions.Exit(_interrupted()) from None
+        except (KeyboardInterrupt, EOFError) as error:
+            raise click.exceptions.Exit(_interrupted(error)) from None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -189,11 +183,12 @@ def cli() -> None:
 def main() -> None:
     """The console script. Exit status: see the README."""
     # A run that is told to end tidies up as one that is interrupted.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interruption)
     _open_missing_streams()
     try:
-        with _kept_running():
-            status = _run()
+        status = _run()
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
@@ -204,10 +199,10 @@ def main() -> None:
             status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
             status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
-    except KeyboardInterrupt:
-        status = _interrupted()
+    except KeyboardInterrupt as error:
+        status = _interrupted(error)
     _abandon_streams()
-    sys.exit(status)
+    end(status)
 
 
 def _run() -> int:
@@ -243,36 +238,21 @@ def _run() -> int:
         return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
     except MemoryError:
         return _failed("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
-    except click.Abort:
-        return _interrupted()
-    except SystemExit as end:
-        if place_of(end, installed=False) is not None:
-            return _plugin_failed(end)
+    except click.Abort as error:
+        return _interrupted(error)
+    except SystemExit as error:
+        if place_of(error, installed=False) is not None:
+            return _plugin_failed(error)
         # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
-        status = UNREAD if end.code else 0
+        status = UNREAD if error.code else 0
     except (OSError, KeyboardInterrupt):
         raise
-    except Exception as error:
+    except BaseException as error:
         if place_of(error, installed=False) is not None:
             return _plugin_failed(error)
         # Not 1, which says that an expectation failed.
         return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
     return status if isinstance(status, int) else 0
-
-
-@contextmanager
-def _kept_running() -> Iterator[None]:
-    """A plug-in that is no tracker runs in this process: one that leaves it would leave it with the status it likes."""
-    leave = os._exit
-
-    def refused(status: int) -> NoReturn:
-        raise TrackbenchError(f"a plug-in called os._exit({status})")
-
-    os._exit = refused
-    try:
-        yield
-    finally:
-        os._exit = leave
 
 
 def _plugin_failed(error: BaseException) -> int:
@@ -289,7 +269,23 @@ def _require_place() -> None:
         raise InputError("the working directory is not there any more; change to one that is") from None
 
 
-def _interrupted() -> int:
+#: When the last signal to end was taken; later ones within a second are the same, as Ctrl-C goes to all processes of a
+#: terminal and the supervisor sends it on.
+_interrupted_at = float("-inf")
+
+
+def _interruption(*_: object) -> None:
+    global _interrupted_at
+    before, _interrupted_at = _interrupted_at, time.monotonic()
+    if _interrupted_at - before > 1.0:
+        raise KeyboardInterrupt
+
+
+def _interrupted(error: BaseException) -> int:
+    if _interrupted_at == float("-inf") and place_of(error, installed=False) is not None:
+        return _plugin_failed(error)
+    if alone():
+        return INTERRUPTED
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
     return _failed(f"{start}interrupted: the unfinished run was not kept", INTERRUPTED)

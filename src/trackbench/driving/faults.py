@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from typing import Literal, get_args
 
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.user_code import Frame, last_of_user, place_of
+from trackbench.base.user_code import place_of
 from trackbench.trackers.answers import TrackerFault
 
 #: Invalid output; a failed calculation; any other exception; a process that died or was ended.
@@ -68,13 +67,3 @@ def _cause(error: BaseException) -> str:
     if name in ASKING:
         text += " (a process of its own has no terminal; see --in-process)"
     return f"{name}: {text.strip()}" if text else name
-
-
-#: A line of what faulthandler writes, the most recent call first.
-_DUMPED = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
-
-
-def place_in_dump(text: str) -> str | None:
-    """As :func:`trackbench.base.user_code.place_of`, of what Python's faulthandler wrote of a process."""
-    frames = [Frame(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
-    return last_of_user(frames[::-1])

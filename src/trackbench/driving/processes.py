@@ -18,7 +18,8 @@ from typing import IO, Any
 import numpy.typing as npt
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError
-from trackbench.driving.faults import KINDS, TrackFault, place_in_dump
+from trackbench.base.user_code import place_in_dump
+from trackbench.driving.faults import KINDS, TrackFault
 from trackbench.driving.wire import REPORT, Malformed, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from trackbench.base.plugins import one_line
+from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
@@ -74,7 +75,7 @@ def evaluate(sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT
         by_part = metric.accumulator is ESTIMATES
         parts = evaluation.scores.per_part.shape[1] if by_part else len(scene)
         own_sums = evaluation.sums[metric.accumulator.name]
-        values = _guarded(_checked, metric, own_sums, sensors, parts)
+        values = _guarded(metric, _checked, metric, own_sums, sensors, parts)
         if isinstance(values, Broken):
             evaluation.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
@@ -185,13 +186,13 @@ class Guarded:
         self.name = accumulator.name
 
     def init(self, scope: Scope) -> Any:
-        return _guarded(self._accumulator.init, scope)
+        return _guarded(self._accumulator, self._accumulator.init, scope)
 
     def update(self, sums: Any, chunk: Chunk) -> Any:
-        return _guarded(self._accumulator.update, sums, chunk)
+        return _guarded(self._accumulator, self._accumulator.update, sums, chunk)
 
     def close(self, sums: Any) -> Any:
-        return _guarded(self._close, sums)
+        return _guarded(self._accumulator, self._close, sums)
 
     def _close(self, sums: Any) -> Any:
         closed = self._accumulator.close(sums)
@@ -203,18 +204,19 @@ class Guarded:
 
     def merge(self, blocks: Sequence[Any]) -> Any:
         broken = next((block for block in blocks if isinstance(block, Broken)), None)
-        return broken or _guarded(self._accumulator.merge, blocks)
+        return broken or _guarded(self._accumulator, self._accumulator.merge, blocks)
 
 
-def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
+def _guarded(plugin: Accumulator | Metric, call: Callable[..., Any], *arguments: Any) -> Any:
     broken = next((item for item in arguments if isinstance(item, Broken)), None)
     if broken is not None:
         return broken
     try:
-        return call(*arguments)
-    except Fault:
+        with at_work(plugins_among(plugin)):
+            return call(*arguments)
+    except (Fault, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         return Broken(one_line(error))
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
+from trackbench.base.supervised import return_to_folder, tell_scratch
 
 SUMMARY = "result.json"
 #: The same of an examination.
@@ -41,11 +42,13 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     Raises:
         OutputError: the folder cannot be written, or the disk is full; nothing is left under the final name.
     """
+    return_to_folder()
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
     except OSError as error:
         raise InputError(f"cannot write to {folder.parent}: {error.strerror}") from error
+    tell_scratch(temporary)
     try:
         temporary.chmod(0o755)
         for name, write in files.items():

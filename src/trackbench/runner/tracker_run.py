@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from typing import Generic
 
+from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Gaussian
 from trackbench.driving.drive import Answer, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.second_drive import SecondDrive
 from trackbench.engine.equations import EngineUsed
+from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
 from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 
 
 class TrackerRun(ABC, Generic[Answer]):
@@ -47,6 +50,8 @@ class TrackerRun(ABC, Generic[Answer]):
         self._second_drives = second_drives
         self._second: SecondDrive | None = None
         self._instants = self._through()
+        sensors = (sensor.config for sensor in work.scenes[piece.scene].sensors)
+        self._plugins = plugins_among(*_motions(work.trackers[name]), *sensors)
 
     @property
     @abstractmethod
@@ -59,7 +64,10 @@ class TrackerRun(ABC, Generic[Answer]):
         Returns:
             Its estimate of the recorded run; None where that is in another block, or identities are hidden.
         """
-        return None if self.failure is not None else next(self._instants, None)
+        if self.failure is not None:
+            return None
+        with at_work(self._plugins):
+            return next(self._instants, None)
 
     def end(self) -> None:
         """End the tracker, and note what its second drive found where nothing else was wrong."""
@@ -105,3 +113,10 @@ class TrackerRun(ABC, Generic[Answer]):
             self.fail(self._explained(fault_of(error)), drive.instant, drive.sensor)
         finally:
             self.engine = self._work.engine_of(drive.engine_used)
+
+
+def _motions(config: FilterConfig | PluginConfig) -> Sequence[MotionModel]:
+    """The motion models of a built-in filter."""
+    if isinstance(config, PluginConfig):
+        return ()
+    return config.motion.imm if isinstance(config.motion, ImmConfig) else (config.motion,)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario.load import Scenario, own_folder
 from trackbench.sensing.view import reach
@@ -63,7 +64,8 @@ class PendingTruths:
         self._made = 0
         self._progress: Progress = no_progress
         self._here = InProcess()
-        self._scenes = [self._begun(source, executor) for source in source_of(loaded).scenes()]
+        with at_work(plugins_among(loaded.config.truth)):
+            self._scenes = [self._begun(source, executor) for source in source_of(loaded).scenes()]
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""
@@ -116,4 +118,5 @@ class _Load:
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
-        return self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
+        with at_work(plugins_among(self.source)):
+            return self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)

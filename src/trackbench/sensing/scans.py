@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from trackbench.base.streams import stream
+from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
@@ -69,12 +70,14 @@ def ideal_sensors(
         recorded: what some of them have read.
     """
     from_file = recorded or {}
-    return [
-        _as_recorded(truth, name, config, from_file[name])
-        if name in from_file
-        else _ideal(truth, name, config, firing_steps(config, truth.time))
-        for name, config in sensors.items()
-    ]
+    ideal = []
+    for name, config in sensors.items():
+        with at_work(plugins_among(config)):
+            if name in from_file:
+                ideal.append(_as_recorded(truth, name, config, from_file[name]))
+            else:
+                ideal.append(_ideal(truth, name, config, firing_steps(config, truth.time)))
+    return ideal
 
 
 @dataclass(frozen=True)
@@ -206,11 +209,12 @@ def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[A
     random = stream(seed, scenario, run, sensor.name)
     draws, chance = random.standard_normal(ideal.shape), random.random(visible.shape)
     detected = visible & (chance < sensor.probability[..., of_run])
-    if sensor.recorded:
-        detected = detected & np.isfinite(ideal).all(axis=0)
-        noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
-    else:
-        noisy = with_noise(sensor.config, ideal, draws)
+    with at_work(plugins_among(sensor.config)):
+        if sensor.recorded:
+            detected = detected & np.isfinite(ideal).all(axis=0)
+            noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
+        else:
+            noisy = with_noise(sensor.config, ideal, draws)
     return np.where(detected, noisy, np.nan), detected
 
 

@@ -11,12 +11,14 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, suppress
 from functools import partial
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.execution.task import Task
 from trackbench.base.process import uninterrupted
+from trackbench.base.supervised import tell_scratch
 
 try:
     import dask
@@ -104,6 +106,7 @@ def connected(address: str) -> Cluster:
             )
             stack.callback(_close, scheduler)
             scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
+            tell_scratch(Path(scratch))
             for _ in range(int(here[1])):
                 stack.callback(_kill, _start_worker(scheduler.scheduler_address, scratch))
         try:

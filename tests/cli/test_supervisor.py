@@ -1,0 +1,242 @@
+"""Whatever a plug-in does to the process of a command, the shell gets a status that is true, and is told who did it."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SCENARIO = """\
+name: plugged
+truth: {source: %s, duration_s: 1, rate_hz: 10, objects: {car: {start: {x: 20, y: 5, speed_mps: 10}}}}
+sensors:
+  lidar: {type: %s, rate_hz: 10, position_sigma_m: 0.15}
+trackers:
+  raw: {use: raw}
+  ekf: {filter: ekf, motion: %s, acceleration_sigma_mps2: 3}
+score: {settle_s: 0, metrics: [%s]}
+monte_carlo: {runs: 2, seed: 7}
+expect: [{tracker: ekf, metric: position_rmse, below: %s}]
+"""
+
+PLUGINS = """\
+import asyncio, atexit, ctypes, os, posix, signal, subprocess, sys, threading, time
+from trackbench.metrics import Metric
+from trackbench.models.motion.cv import ConstantVelocity
+from trackbench.models.sensors.lidar import Lidar
+from trackbench.truth.sources import ScriptedTruth
+
+def act():
+    %s
+
+
+class Motion(ConstantVelocity):
+    def transition(self, *arguments):
+        act()
+        return super().transition(*arguments)
+
+class Sonar(Lidar):
+    def biases(self):
+        act()
+        return super().biases()
+
+class Source(ScriptedTruth):
+    def load(self, *arguments, **options):
+        act()
+        return super().load(*arguments, **options)
+
+class Own(Metric):
+    "Counts nothing."
+    name, unit, meaning = "own", "1", "nothing"
+    def init(self, scope):
+        act()
+        return 0
+    def update(self, sums, chunk): return sums
+    def merge(self, blocks): return 0
+    def finish(self, sums): return 0.0
+"""
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux")
+
+
+def first_is_fast(cases: Iterable[str]) -> list[Any]:
+    """The first of some cases as it is, the others marked as slow."""
+    first, *others = cases
+    return [first, *(pytest.param(case, marks=pytest.mark.slow) for case in others)]
+
+
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def run(tmp_path: Path, trackbench: str) -> Run:
+    """Runs a scenario in which one kind of plug-in acts."""
+
+    def call(kind: str, act: str, *options: str, below: float = 100.0) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "plug.py").write_text(PLUGINS % act, encoding="utf-8")
+        names = {"Source": "scripted", "Sonar": "lidar", "Motion": "cv", "Own": ""}
+        words = [f"'plug:{kind}'" if name == kind else word for name, word in names.items()]
+        (tmp_path / "plugged.yaml").write_text(SCENARIO % (*words, below), encoding="utf-8")
+        command = [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", *options]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+
+    return call
+
+
+#: By what a plug-in does: its kind, its code, how the end of the process is told, and whether the line is known.
+ENDINGS = {
+    "leaves": ("Motion", "os._exit(0)", "its process ended itself, with status 0", True),
+    "leaves_by_posix": ("Own", "posix._exit(0)", "its process ended itself, with status 0", True),
+    "leaves_by_libc": ("Sonar", "ctypes.CDLL(None).exit(0)", "its process ended itself, with status 0", False),
+    "leaves_in_a_thread": (
+        "Source",
+        "threading.Thread(target=os._exit, args=(0,)).start(); time.sleep(60)",
+        "its process ended itself, with status 0",
+        False,
+    ),
+    "becomes_another": ("Own", "os.execv('/bin/true', ['true'])", "its process ended itself, with status 0", True),
+    "becomes_one_that_stays": (
+        "Motion",
+        "os.execlp('sleep', 'sleep', '600')",
+        "its process became another program, or closed its files",
+        True,
+    ),
+    "closes_all_files": (
+        "Source",
+        "os.closerange(3, 4096); time.sleep(60)",
+        "its process became another program, or closed its files",
+        False,
+    ),
+    "goes_on_as_a_copy": ("Sonar", "if os.fork(): os._exit(0)", "its process ended itself, with status 0", True),
+    "segfaults": ("Own", "ctypes.string_at(0)", "its process was killed by signal 11 (SIGSEGV)", True),
+    "aborts": ("Motion", "os.abort()", "its process was killed by signal 6 (SIGABRT)", True),
+    "kills_itself": (
+        "Source",
+        "os.kill(os.getpid(), signal.SIGKILL)",
+        "its process was killed by signal 9 (SIGKILL)",
+        False,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", first_is_fast(ENDINGS))
+def test_a_plug_in_that_ends_the_process_is_named(run: Run, tmp_path: Path, name: str) -> None:
+    kind, act, cause, known = ENDINGS[name]
+    done = run(kind, act)
+    place = " (plug.py:8, in act)" if known else ""
+    assert done.stderr == f"trackbench: no result: {cause}{place}, while 'plug:{kind}' was at work\n"
+    assert (done.returncode, done.stdout) == (2, "")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+#: What a plug-in raises that ends a run, by its kind; a metric that raises has no value.
+RAISED = {
+    "GeneratorExit": "Source",
+    "asyncio.CancelledError": "Source",
+    "KeyboardInterrupt": "Source",
+    "EOFError": "Source",
+    "BaseException": "Sonar",
+    "SystemExit(0)": "Sonar",
+}
+
+
+@pytest.mark.parametrize("raised", first_is_fast(RAISED))
+def test_a_plug_in_that_raises_strangely_is_named(run: Run, raised: str) -> None:
+    done = run(RAISED[raised], f"raise {raised}")
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "(plug.py:8, in act)" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+#: What a plug-in may do to the end of a process.
+AFTERWARDS = [
+    "atexit.register(os._exit, 0)",
+    "sys.exit = lambda status=0: os._exit(0)",
+    "atexit.register(time.sleep, 600)",
+    "threading.Thread(target=time.sleep, args=(600,)).start()",
+    "os.fork()",
+]
+
+
+@pytest.mark.parametrize("act", first_is_fast(AFTERWARDS))
+def test_the_status_is_that_of_the_result(run: Run, tmp_path: Path, act: str) -> None:
+    done = run("Motion", act, "--json", below=1e-9)
+    assert done.returncode == 1, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary == json.loads((tmp_path / "results/plugged/result.json").read_text(encoding="utf-8"))
+    assert [path.name for path in (tmp_path / "results").iterdir()] == ["plugged"]
+
+
+@pytest.mark.parametrize("kind", first_is_fast(["Motion", "Sonar", "Source", "Own"]))
+def test_a_plug_in_that_changes_the_folder_does_not_move_the_result(run: Run, tmp_path: Path, kind: str) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    done = run(kind, "os.chdir('/tmp')", "--out", "here")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "here/plugged/result.json").is_file()
+
+
+@pytest.mark.slow
+def test_a_module_that_ends_the_process_while_it_is_imported(run: Run) -> None:
+    done = run("Own", "pass\nos._exit(0)")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "trackbench: no result: its process ended itself, with status 0 (plug.py:9, in <module>), "
+        "while 'plug:Own' was at work\n"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 3])
+def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, trackbench: str, times: int) -> None:
+    ignoring = "signal.signal(signal.SIGINT, signal.SIG_IGN); signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    act = f"{ignoring if times > 1 else ''}open('under_way', 'w').close(); time.sleep(600)"
+    (tmp_path / "plug.py").write_text(PLUGINS % act, encoding="utf-8")
+    (tmp_path / "plugged.yaml").write_text(SCENARIO % ("scripted", "lidar", "'plug:Motion'", "", 1), encoding="utf-8")
+    process = subprocess.Popen(
+        [trackbench, "run", "plugged.yaml"], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    wait_for(tmp_path / "under_way")
+    for _ in range(times):
+        os.killpg(process.pid, signal.SIGINT)
+        time.sleep(0.7)
+    assert process.communicate(timeout=20)[1] == "interrupted: the unfinished run was not kept\n"
+    assert process.returncode == 130
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+def test_without_a_supervisor_for_a_debugger(run: Run, tmp_path: Path) -> None:
+    assert run("Motion", "open('parent', 'w').write(str(os.getppid()))", "--in-process").returncode == 0
+    assert int((tmp_path / "parent").read_text()) == os.getpid()
+
+
+@pytest.mark.slow
+def test_a_supervisor_costs_at_most_30_ms(tmp_path: Path, trackbench: str) -> None:
+    """In time of the processor, at its least: the wall clock tells how busy the machine is."""
+
+    def seconds(**variables: str) -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [trackbench, "check", "none.yaml"]
+        subprocess.run(command, cwd=tmp_path, env=os.environ | variables, capture_output=True, check=False)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    pairs = [(seconds(), seconds(ANY_COMPLETE="1")) for _ in range(5)]
+    supervised, alone = (min(times) for times in zip(*pairs, strict=True))
+    assert supervised - alone < 0.030
+
+
+def wait_for(file: Path) -> None:
+    limit = time.monotonic() + 60
+    while not file.exists():
+        assert time.monotonic() < limit
+        time.sleep(0.02)
