@@ -38,21 +38,20 @@ def claims() -> Iterator[Claim]:
         at_margin = [_verdicts(random, runs, [1.0, AT_MARGIN]) for _ in range(TRIALS)]
         wrong = [found[0].endswith("better") for found in at_margin]
         yield rate(f"a tracker that is worse by the margin called worse, {runs} runs", wrong, 0.0, 0.05)
+        right = [_verdicts(random, runs, [1.0, FIVE_MARGINS])[0] == "a better" for _ in range(TRIALS // 5)]
+        yield power(f"a tracker that is worse by five margins called worse, {runs} runs", right)
         wrong = [found[0] == "equivalent" for found in at_margin]
         yield rate(f"a tracker that is worse by the margin called equivalent, {runs} runs", wrong, 0.0, 0.05)
+        right = [_verdicts(random, runs, [1.0, 1.0])[0] == "equivalent" for _ in range(TRIALS // 5)]
+        yield power(f"of two equal trackers one called equivalent to the other, {runs} runs", right)
     yield from _any_metric(random)
     yield from _sweep(random)
     yield from _baseline(random)
-    for runs in (20, 400):
-        found = [_verdicts(random, runs, [1.0, FIVE_MARGINS])[0] for _ in range(TRIALS)]
-        yield rate(
-            f"a tracker that is worse by five margins called better, {runs} runs",
-            [v == "b better" for v in found],
-            0.0,
-            0.001,
-        )
-    right = [_verdicts(random, 400, [1.0, FIVE_MARGINS])[0] == "a better" for _ in range(TRIALS)]
-    yield rate("a tracker that is worse by five margins called worse, 400 runs", right, 0.95, 1.0)
+    for runs, least in ((20, 0.0), (400, 0.95)):
+        words = [_verdicts(random, runs, [1.0, FIVE_MARGINS])[0] for _ in range(TRIALS)]
+        what = "a tracker that is worse by five margins called"
+        yield rate(f"{what} better, {runs} runs", [word == "b better" for word in words], 0.0, 0.001)
+        yield power(f"{what} worse, {runs} runs", [word == "a better" for word in words], least)
     right = [_verdicts(random, 1000, [1.0, 1.0])[0] == "equivalent" for _ in range(TRIALS)]
     yield rate("of two equal trackers one called equivalent to the other, 1000 runs", right, 0.95, 1.0)
 

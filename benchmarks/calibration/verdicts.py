@@ -12,14 +12,18 @@ import numpy as np
 import trackbench as tb
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE
 
-from .claim import Claim, rate
+from .claim import Claim, power, rate
 
 SEEDS = 200
 #: Scenarios whose truth moves as the trackers assume, with the trackers whose assumptions are right.
 SOUND = {"scripted/own_model": ("kf_lidar", "ekf"), "scripted/own_model_ctrv": ("ukf", "ckf")}
-SIGMA = "trackers.kf_lidar.acceleration_sigma_mps2"
-#: That of the truth.
-TRUE_SIGMA = 2.0
+#: The process noise of their truths, as options of a tracker.
+NOISE = {
+    "scripted/own_model": {"acceleration_sigma_mps2": 2.0},
+    "scripted/own_model_ctrv": {"acceleration_sigma_mps2": 1.0, "yaw_acceleration_sigma_radps2": 0.3},
+}
+#: By what they are multiplied to be wrong, and what the tracker then is.
+FACTORS = {1.4: "pessimistic", 1 / 1.4: "optimistic"}
 #: By scenario and seed of the truth, with the simulator's own steering, noises of trackers with which the mean NEES
 #: over all estimates is within 10 % of 4.
 RIGHT_ON_AVERAGE = {
@@ -38,17 +42,15 @@ def claims() -> Iterator[Claim]:
         for name in trackers:
             hits = [verdicts[name] == "consistent" for verdicts in found]
             yield rate(f"{scenario} {name}, 100 runs: consistent", hits, 0.95, 1.0)
+        yield from _power(scenario, trackers, {}, 100, "", 0.95)
         smoothers = {f"trackers.{name}.smoother": "rts" for name in trackers}
         found = _verdicts(scenario, trackers, smoothers, 100, SEEDS // 2)
         for name in trackers:
             # Their errors go on for longer, so that as many runs tell less.
             hits = [verdicts[name] in ("consistent", "undecided") for verdicts in found]
             yield rate(f"{scenario} {name} with its smoother, 100 runs: consistent or undecided", hits, 0.95, 1.0)
+        yield from _power(scenario, trackers, smoothers, 100, " with its smoother")
     yield from _nearly_right()
-    for factor, word in ((1.4, "pessimistic"), (1 / 1.4, "optimistic")):
-        found = _verdicts("scripted/own_model", ("kf_lidar",), {SIGMA: TRUE_SIGMA * factor}, 100, SEEDS // 2)
-        hits = [verdicts["kf_lidar"] == word for verdicts in found]
-        yield rate(f"process noise sigma times {factor:.2f}, 100 runs: {word}", hits, 0.95, 1.0)
     yield from _bias()
     for scenario, seed in RIGHT_ON_AVERAGE:
         for name, nees in right_on_average(scenario, seed, 100).items():
@@ -74,9 +76,27 @@ def _verdicts(
     return [{name: result[name].nees.verdict for name in trackers} for result in results]
 
 
+def _times(scenario: str, trackers: tuple[str, ...], factor: float) -> dict[str, float]:
+    """The process noise of the truth times a factor, as changes of the scenario."""
+    return {f"trackers.{name}.{key}": factor * value for name in trackers for key, value in NOISE[scenario].items()}
+
+
+def _power(
+    scenario: str, trackers: tuple[str, ...], changes: Mapping[str, Any], runs: int, what: str, least: float = 0.0
+) -> Iterator[Claim]:
+    """How often a process noise that is wrong is called so."""
+    for factor, word in FACTORS.items():
+        verdicts = _verdicts(scenario, trackers, {**changes, **_times(scenario, trackers, factor)}, runs, SEEDS // 4)
+        for name in trackers:
+            hits = [item[name] == word for item in verdicts]
+            yield power(
+                f"{scenario} {name}{what}, process noise sigma times {factor:.2f}, {runs} runs: {word}", hits, least
+            )
+
+
 def _nearly_right() -> Iterator[Claim]:
     """A process noise variance 20 % too large: a mean NEES 6 % too small, which is without consequence."""
-    changes, seeds = {SIGMA: TRUE_SIGMA * 1.2**0.5}, SEEDS // 2
+    changes, seeds = _times("scripted/own_model", ("kf_lidar",), 1.2**0.5), SEEDS // 2
     # The runs of a seed are the first of those of more runs.
     by_runs = {
         runs: [item["kf_lidar"] for item in _verdicts("scripted/own_model", ("kf_lidar",), changes, runs, seeds)]
@@ -88,6 +108,8 @@ def _nearly_right() -> Iterator[Claim]:
         off = counted["pessimistic"] + counted["optimistic"] + counted["mixed"]
         what = f"process noise variance times 1.2, {runs} runs: consistent or undecided"
         yield Claim(what, f"{measured} of {seeds}", "at least 95 %", off <= 0.05 * seeds)
+        if runs != 100:
+            yield from _power("scripted/own_model", ("kf_lidar",), {}, runs, "")
     decided = [[word for word in words if word != "undecided"] for words in zip(*by_runs.values(), strict=True)]
     turned = [len(set(words)) > 1 for words in decided]
     yield rate("the same: one verdict at 50, 100 or 400 runs and another one at more", turned, 0.0, 0.05)

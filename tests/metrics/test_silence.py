@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.support.places import ROOT
+from tests.support.late_start import write_scene
 from tests.support.scenes import block_of, tracker, truth, work
 
 import trackbench as tb
@@ -122,11 +122,36 @@ class EveryOther(Rule):
         return np.full(scan.valid.shape, round(scan.time / DT) % 2 == 1)
 
 
+class AfterRadar(Rule):
+    """The less precise sensor."""
+
+    def silent(self, scan, estimate):
+        return np.full(scan.valid.shape, scan.sensor == "radar")
+
+
+class OnceSure(Rule):
+    """Leaves its surest estimates standing for 0.1 s."""
+
+    def silent(self, scan, estimate):
+        stands = scan.time < self.until
+        self.until[~stands & (estimate.covariance[0, 0] + estimate.covariance[1, 1] < 0.02)] = scan.time + 0.1
+        return stands
+
+
+class AtRandom(Rule):
+    def __init__(self, batch):
+        super().__init__(batch)
+        self.random = np.random.default_rng(1)
+
+    def silent(self, scan, estimate):
+        return self.random.random(scan.valid.size) < 0.05
+
+
 RULES = {
     rule.__name__: rule
     for rule in (
         Nothing, FarObjects, AfterLargeInnovations, FirstMoments, LateStart, WideCovariances, WorstPositions,
-        WorstVelocities, WithoutMeasurements, EveryOther,
+        WorstVelocities, WithoutMeasurements, EveryOther, AfterRadar, OnceSure, AtRandom,
     )
 }  # fmt: skip
 
@@ -224,48 +249,14 @@ def test_a_matched_covariance_is_not_judged_without_its_worst_estimates(monkeypa
     assert of["silent"]["nees"].verdict == "undecided"
 
 
-SCENE = """
-name: silence
-truth:
-  source: scripted
-  duration_s: 10
-  rate_hz: 20
-  objects:
-    crossing:
-      start: {x: 20, y: 5, vx_mps: 8, vy_mps: 3}
-      pieces: [{white: &walk {motion: cv, acceleration_sigma_mps2: 2}}]
-    leaving: {start: {x: 30, y: -20, vx_mps: 12, vy_mps: -4}, pieces: [{white: *walk}]}
-sensors:
-  radar: {type: radar, rate_hz: 20, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1,
-          detection_probability: 0.8}
-  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, detection_probability: 0.8}
-trackers:
-  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 2, initial: two_measurements}
-  mine: {use: "alpha_beta:AlphaBeta", options: {alpha: 0.3}}
-  broken: {filter: ekf, motion: cv, acceleration_sigma_mps2: 0.01, initial: {velocity: zero, velocity_sigma_mps: 0.1}}
-monte_carlo: {runs: 20, seed: 3}
-score: {settle_s: 0}
-expect:
-  - {tracker: ekf, metric: position_rmse, better_than: mine}
-  - {tracker: ekf, metric: position_rmse, better_than: broken}
-"""
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    return write_scene(tmp_path_factory.mktemp("silence"))
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """With the tracker of the README."""
-    path = tmp_path_factory.mktemp("silence")
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (path / "alpha_beta.py").write_text(
-        next(code for code in readme.split("```python")[1:] if "class AlphaBeta" in code).split("```")[0]
-    )
-    (path / "scene.yaml").write_text(SCENE)
-    return path
-
-
-@pytest.fixture(scope="module")
-def result(folder):
-    return tb.run(tb.load(folder / "scene.yaml"))
+def result(scenario):
+    return tb.run(tb.load(scenario))
 
 
 def test_an_honest_tracker_that_starts_a_moment_later_is_better(result):
@@ -278,9 +269,9 @@ def test_an_honest_tracker_that_starts_a_moment_later_is_better(result):
     assert not any(set(best) & set(other) for other in others)
 
 
-def test_trackers_beside_it_change_nothing_of_one(folder, result):
+def test_trackers_beside_it_change_nothing_of_one(scenario, result):
     for beside in (["ekf"], ["ekf", "broken"], ["broken", "mine"]):
-        fewer = tb.run(tb.load(folder / "scene.yaml", {"expect": []}, trackers=beside))
+        fewer = tb.run(tb.load(scenario, {"expect": []}, trackers=beside))
         for name in beside:
             own, other = (leaves(each[name].metrics) for each in (fewer, result))
             assert own.keys() == other.keys()

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from tests.support import scenes
 from tests.support.places import DOCS
 from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.types import Array
+from trackbench.models.sensors import Lidar
 from trackbench.results import Result
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import BlockRuns
 from trackbench.scenario import load_scenario
+from trackbench.sensing.scans import sense
 from trackbench.subjects.recording.inspection import inspect
 
 COMPONENTS = ("px", "py", "vx", "vy")
@@ -98,18 +104,17 @@ def textbook_errors(rows: list[tuple[str, Array, float, Array]]) -> Array:
     return np.array(errors).T
 
 
-def scored(folder: Path, path: Path, each: str = "measurement", **initial: object) -> Result:
-    tracker = {**SCENARIO["trackers"]["at_rest"]}
-    tracker["initial"] = {**tracker["initial"], **initial}
+def scored(folder: Path, path: Path, each: str = "measurement", at_rest: object = None) -> Result:
+    tracker = at_rest or SCENARIO["trackers"]["at_rest"]
     scenario = {
         **SCENARIO,
         "truth": {**SCENARIO["truth"], "path": str(path)},
         "trackers": {"at_rest": tracker, "radial": SCENARIO["trackers"]["radial"]},
-        "score": {**SCENARIO["score"], "each": each},
+        "score": {**SCENARIO["score"], "each": each, "min_coverage": 0.4},
     }
     file = folder / "scenario.yaml"
     file.write_text(yaml.safe_dump(scenario))
-    return run(load_scenario(file))
+    return run(load_scenario(file), in_process=True)
 
 
 def rmse(result: Result, tracker: str) -> list[float]:
@@ -135,6 +140,47 @@ def test_the_folder_of_a_run_has_each_estimate(tmp_path: Path) -> None:
     checked = inspect(tmp_path / "run").checked
     assert checked is not None
     assert checked.largest_relative_difference < 1e-9
+
+
+class SecondAlone:
+    """Answers with a fixed state to the second measurement of an instant and to no other."""
+
+    batched = True
+    STATE = (5.0, 4.0, 1.0, 0.5)
+
+    def step(self, state, scan):
+        mean = np.full((4, scan.valid.size), np.nan)
+        if scan.kind == "radar":
+            mean[:] = np.array(self.STATE)[:, None]
+        return True, (mean, np.eye(4)[..., None] + np.zeros_like(mean[0]))
+
+
+def test_a_missing_estimate_is_charged_with_measurements_until_then(tmp_path: Path) -> None:
+    """Not with the second measurement of the same instant; before that, the state that was given last is worse."""
+    rows = lines(tmp_path)
+    result = scored(tmp_path, tmp_path / "lines.txt", at_rest={"use": f"{__name__}:SecondAlone"})
+    errors = np.zeros((4, len(rows)))
+    for number, (letter, seen, _, truth) in enumerate(rows):
+        fixed = np.array(SecondAlone.STATE)
+        candidates = [fixed] if letter == "R" else [np.r_[seen, 0, 0], *([fixed] if number else [])]
+        for part in (slice(0, 2), slice(2, 4)):
+            errors[part, number] = max(((state - truth)[part] for state in candidates), key=np.linalg.norm)
+    np.testing.assert_allclose(rmse(result, "at_rest"), np.sqrt((errors**2).mean(axis=1)), rtol=1e-9)
+    result.save(tmp_path / "run", {})
+    assert inspect(tmp_path / "run").checked.largest_relative_difference < 1e-9
+
+
+def test_an_object_is_due_from_its_first_detection_on() -> None:
+    """Not from the other measurement of the same instant on, which came before."""
+    zero = np.zeros((30, 1, 1))
+    of = scenes.truth(np.arange(30) * 0.1, zero + 20, zero + 5, zero + 1, zero)
+    lidar = Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.3)
+    whole = scenes.work(of, {"first": lidar, "second": lidar}, {}, 50)
+    whole.scenes[0] = replace(whole.scenes[0], each_measurement=True)
+    measured = sense(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(50))
+    detected = np.maximum.accumulate(np.stack([scan.valid for scan in measured.scans]))
+    np.testing.assert_array_equal(Targets(whole, BlockRuns(0, range(50)), measured).due[:, 0], detected)
+    assert (detected[1::2] & ~detected[::2]).any()
 
 
 @pytest.mark.parametrize(("number", "tracker", "published"), PUBLISHED)

@@ -17,7 +17,7 @@ from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.evaluate import accumulators
 from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, Target, reject
-from trackbench.metrics.silence import charged_states, own_estimates
+from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
@@ -66,7 +66,7 @@ class Scorer:
             measured: gives ``(2, instants, batch)`` the latest measured position at each instant, m; called where the
                 tracker gave no estimate that is due.
         """
-        self._target, self._compute, self._measured = target, compute, measured
+        self._target, self._compute = target, compute
         _, _, self._objects, _ = target.state.shape
         self._runs = target.due.shape[2]
         batch = self._objects * self._runs
@@ -81,7 +81,8 @@ class Scorer:
         self._mean = np.empty((4, self.chunk, batch))
         self._covariance = np.empty((4, 4, self.chunk, batch))
         self._first, self._filled = 0, 0
-        self._had, self._latest = np.zeros(batch, dtype=bool), np.full((4, batch), np.nan)
+        self._had = np.zeros(batch, dtype=bool)
+        self._silence = Silence(target.state, target.due | target.starting, measured)
         self._sensors = tuple(measurements)
         self._begin_chunk()
 
@@ -141,7 +142,7 @@ class Scorer:
         finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
         if not finite.all():
             reject(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
-        self._charge_silence(estimates["mean"], finite, here)
+        self._silence.charge(estimates["mean"].reshape(4, *finite.shape), finite, here)
         shape = estimates["mean"].shape[1:]
         held_against = {
             "truth": truth,
@@ -170,18 +171,6 @@ class Scorer:
             seconds=self._seconds,
             steps=self._steps,
         )
-
-    def _charge_silence(self, mean: Array, given: Mask, here: slice) -> None:
-        """Put what the tracker is charged with in the place of missing estimates ``(4, instants, objects, runs)``."""
-        states, expected = mean.reshape(4, *given.shape), self._expected[here]
-        if given[expected].all():
-            self._latest = np.where(expected[-1], states[:, -1], np.nan)
-            return
-        own = own_estimates(self._latest, states, given, expected)
-        self._latest = own[:, -1]
-        truth = np.broadcast_to(self._target.state[:, here], mean.shape).reshape(states.shape)
-        missing = expected & ~given
-        states[:, missing] = charged_states(truth[:, missing], self._measured()[:, here][:, missing], own[:, missing])
 
     @property
     def _waiting(self) -> slice:

@@ -6,59 +6,94 @@ standing; it is charged with the worse of the two, so that leaving out a bad est
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import SAME_TIME, Array, Mask
+from trackbench.base.types import Array, Mask, Scan
+from trackbench.driving.drive import deliveries
 
 
-class MeasuredScan(NamedTuple):
-    """What a scan states of the positions of known objects."""
-
-    sensor: str
-    time: float
-    """s"""
-    arrival_time: float
-    """s"""
-    valid: Mask
-    """``(batch,)``"""
-    position: Callable[[], Array]
-    """Gives ``(2, batch)`` m in the fixed frame."""
-
-
-def measured_positions(scans: Sequence[MeasuredScan], sensors: Collection[str] | None, time: Array) -> Array:
+def measured_positions(
+    scans: Sequence[Scan],
+    position: Callable[[int], Array],
+    sensors: Collection[str] | None,
+    each_measurement: bool = False,
+) -> Array:
     """``(2, instants, batch)`` m, the position that the latest measurement of each object states, held until the next
     one arrives: of the sensors that a tracker reads, before their first measurement of it that of any sensor.
 
     NaN before that. Of measurements at one instant the later in the order of scans counts.
 
     Args:
-        scans: in the order in which they were taken.
+        scans: of known objects, in the order in which they were taken.
+        position: gives ``(2, batch)`` m in the fixed frame of the scan of a number.
         sensors: names of those that the tracker reads; None: all.
-        time: ``(instants,)`` s.
+        each_measurement: whether each scan is an instant of its own, as of ``deliveries``.
     """
-    every = _held(scans, time)
+    every = _held(scans, position, None, each_measurement)
     if sensors is None:
         return every
-    read = _held([scan for scan in scans if scan.sensor in sensors], time)
-    return np.where(np.isnan(read), every, read) if read.size else every
+    read = _held(scans, position, sensors, each_measurement)
+    return np.where(np.isnan(read), every, read)
 
 
-def _held(scans: Sequence[MeasuredScan], time: Array) -> Array:
-    by_arrival = sorted(scans, key=lambda scan: (scan.arrival_time, scan.time))
-    batch = by_arrival[0].valid.size if by_arrival else 0
-    latest, taken = np.full((2, batch), np.nan), np.full(batch, -np.inf)
-    positions, first = np.full((2, len(time), batch), np.nan), 0
-    for scan in by_arrival:
-        arrived = int(np.searchsorted(time, scan.arrival_time - SAME_TIME))
-        positions[:, first:arrived], first = latest[:, None], max(first, arrived)
-        newer = scan.valid & (scan.time >= taken)
-        latest = np.where(newer, scan.position(), latest)
-        taken = np.where(newer, scan.time, taken)
-    positions[:, first:] = latest[:, None]
-    return positions
+def _held(
+    scans: Sequence[Scan], position: Callable[[int], Array], sensors: Collection[str] | None, each_measurement: bool
+) -> Array:
+    latest, taken = np.full((2, scans[0].valid.size), np.nan), np.full(scans[0].valid.size, -np.inf)
+    positions = []
+    for delivered in deliveries(scans, each_measurement=each_measurement):
+        for scan, number, _ in delivered:
+            if number is not None and (sensors is None or scan.sensor in sensors):
+                newer = scan.valid & (scan.time >= taken)
+                latest = np.where(newer, position(number), latest)
+                taken = np.where(newer, scan.time, taken)
+        positions.append(latest)
+    return np.stack(positions, axis=1)
+
+
+class Silence:
+    """Puts what a tracker is charged with in the place of its missing estimates, some instants at a time, in order."""
+
+    def __init__(self, state: Array, expected: Mask, measured: Callable[[], Array], copies: int = 1) -> None:
+        """Before the first instant.
+
+        Args:
+            state: ``(4, instants, objects, runs or 1)`` the truth.
+            expected: ``(instants, objects, runs)`` where the object is in view; one that comes back later counts as a
+                new one.
+            measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions`; called once an estimate
+                is missing.
+            copies: of the objects and runs, which the batch has one after the other.
+        """
+        self._state, self._expected, self._measured = state, expected, measured
+        self._shape = (copies, *expected.shape[1:])
+        self._latest = np.full((4, math.prod(self._shape)), np.nan)
+
+    def charge(self, mean: Array, given: Mask, here: slice) -> None:
+        """Change ``(4, instants, batch)`` estimates in place where they are expected and not given.
+
+        Args:
+            mean: the estimates.
+            given: ``(instants, batch)`` where there is one.
+            here: which instants they are.
+        """
+        shape = len(given), *self._shape
+        expected = np.broadcast_to(self._expected[here, None], shape).reshape(given.shape)
+        if given[expected].all():
+            self._latest = np.where(expected[-1], mean[:, -1], np.nan)
+            return
+        own = own_estimates(self._latest, mean, given, expected)
+        self._latest = own[:, -1]
+        missing = expected & ~given
+        measured = self._measured()[:, here].reshape(2, len(given), *self._expected.shape[1:])
+        truth, measured = (
+            np.broadcast_to(values[:, :, None], (len(values), *shape))[:, missing.reshape(shape)]
+            for values in (self._state[:, here], measured)
+        )
+        mean[:, missing] = charged_states(truth, measured, own[:, missing])
 
 
 def own_estimates(latest: Array, mean: Array, given: Mask, expected: Mask) -> Array:
@@ -68,7 +103,7 @@ def own_estimates(latest: Array, mean: Array, given: Mask, expected: Mask) -> Ar
         latest: ``(4, batch)`` before the first of these instants.
         mean: ``(4, instants, batch)``.
         given: ``(instants, batch)``.
-        expected: ``(instants, batch)`` where the object is in view; one that comes back later counts as a new one.
+        expected: ``(instants, batch)``
     """
     every = np.concatenate([latest[:, None], np.where(expected, mean, np.nan)], axis=1)
     number = np.where(given | ~expected, np.arange(1, len(given) + 1)[:, None], 0)

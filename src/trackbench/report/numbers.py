@@ -37,6 +37,13 @@ def interval(bounds: Sequence[float] | None, places: int) -> str:
     return f"{fixed(bounds[0], places)} to {fixed(bounds[1], places)}" if bounds else ""
 
 
+def bounds_in_words(bounds: Sequence[float] | None, places: int, of: str = "") -> str:
+    """ " (95 % interval 0.41 to 0.43 m)" of what is in metres; nothing where there is none or it has no width."""
+    if bounds is None or fixed(bounds[0], places) == fixed(bounds[1], places):
+        return ""
+    return f" (95 % interval{of} {interval(bounds, places)} m)"
+
+
 def signed(value: float, places: int) -> str:
     """With a plus sign where it is positive."""
     return ("+" if value > 0 else "") + fixed(value, places)

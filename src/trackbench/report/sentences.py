@@ -8,7 +8,17 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, margin_words, meaningful, percent
+from trackbench.report.numbers import (
+    bounds_in_words,
+    decimals,
+    fixed,
+    half_width,
+    interval,
+    joined,
+    margin_words,
+    meaningful,
+    percent,
+)
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
@@ -216,7 +226,7 @@ def headline(result: Result) -> str:
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]
     places = meaningful(metric.value, half_width(metric))
-    bounds = f" (95 % interval {interval(metric.ci95, places)} m)" if metric.ci95 else ""
+    bounds = bounds_in_words(metric.ci95, places)
     value = fixed(metric.value, places)
     lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
     text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
@@ -238,7 +248,7 @@ def headline(result: Result) -> str:
     if equivalent or undecided or turned or second is None:
         return text + "."
     gap = meaningful(second.value, second.half_width)
-    bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
+    bounds = bounds_in_words(second.ci95, gap)
     of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
     return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
 

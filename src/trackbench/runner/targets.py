@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from trackbench.base.types import SAME_TIME, Array, Indices, Mask, Scan, of_runs
+from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
+from trackbench.driving.drive import deliveries
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
-from trackbench.metrics.silence import MeasuredScan, measured_positions
+from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -40,12 +39,9 @@ class Targets:
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
         }
+        self._scans = measurements.scans
         self.due, self.starting = self._where_due()
         """``(instants, objects, runs)``"""
-        self._scans = [
-            MeasuredScan(scan.sensor, scan.time, scan.arrival_time, scan.valid, partial(_position, scan))
-            for scan in measurements.scans
-        ]
         self._measured: dict[frozenset[str], Array] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
@@ -62,8 +58,14 @@ class Targets:
         """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions`."""
         sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
-            self._measured[sensors] = measured_positions(self._scans, tracker.sensors_used, self._time)
+            self._measured[sensors] = measured_positions(
+                self._scans, self._position, tracker.sensors_used, self._scene.each_measurement
+            )
         return self._measured[sensors]
+
+    def _position(self, number: int) -> Array:
+        scan = self._scans[number]
+        return SENSOR_MODELS[scan.kind].position(scan).mean
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
@@ -83,11 +85,21 @@ class Targets:
         lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
         last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
         before = self._detections(last_lost)
-        since = {
-            age: self._detections(self._time[:, None, None] - age) > before for age in {0.0, self._work.settle, FIRST}
-        }
+        ages = {self._work.settle, FIRST} - {0.0}
+        since = {age: self._detections(self._time[:, None, None] - age) > before for age in ages}
+        since[0.0] = self._delivered() > before
         in_view = self._alive[:, :, None] & ~lost
         return in_view & since[self._work.settle], in_view & since[0.0] & ~since[FIRST]
+
+    def _delivered(self) -> Indices:
+        """``(instants, objects, runs)`` how many detections a tracker can have been given."""
+        shape = next(iter(self._valid.values())).shape[1:]
+        number = np.zeros((len(self._time), *shape), dtype=np.int32)
+        for instant, group in enumerate(deliveries(self._scans, each_measurement=self._scene.each_measurement)):
+            for delivery in group:
+                if delivery.number is not None:
+                    number[instant] += delivery.scan.valid.reshape(shape)
+        return np.cumsum(number, axis=0, dtype=np.int32, out=number)
 
     def _detections(self, until: Array) -> Indices:
         """``(instants, objects, runs)`` how many had arrived by some times, ``(instants, objects or 1, runs or 1)``."""
@@ -115,10 +127,6 @@ class Targets:
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
         )
         return np.nan_to_num(bound[:, number], copy=False)
-
-
-def _position(scan: Scan) -> Array:
-    return SENSOR_MODELS[scan.kind].position(scan).mean
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

@@ -12,13 +12,13 @@ import numpy as np
 import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
-from trackbench.metrics.silence import MeasuredScan, measured_positions
+from trackbench.metrics.silence import measured_positions
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
@@ -318,21 +318,19 @@ def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | No
     rows = columns(result.tables.measurements)
     positions = np.stack([rows["x_m"], rows["y_m"]])
     # A scan has a row of each object.
-    scans = np.stack([np.flatnonzero(rows["object"] == name) for name in recorded.objects], axis=-1)
-    return measured_positions(
-        [
-            MeasuredScan(
-                rows["sensor"][scan[0]],
-                rows["time_s"][scan[0]],
-                rows["arrival_time_s"][scan[0]],
-                rows["valid"][scan] > 0,
-                partial(positions.take, scan, axis=1),
-            )
-            for scan in scans
-        ],
-        sensors,
-        recorded.time,
-    )
+    objects = np.stack([np.flatnonzero(rows["object"] == name) for name in recorded.objects], axis=-1)
+    scans = [
+        _scan(rows["time_s"][own[0]], rows["sensor"][own[0]], rows["valid"][own] > 0, rows["arrival_time_s"][own[0]])
+        for own in objects
+    ]
+    each = result.summary.score.each == "measurement"
+    return measured_positions(scans, lambda number: positions[:, objects[number]], sensors, each)
+
+
+def _scan(time: float, sensor: str, valid: Mask, arrival_time: float) -> Scan:
+    """As much of a scan as scoring looks at."""
+    nothing = np.empty(0)
+    return Scan(time, sensor, "", nothing, valid, nothing, nothing, nothing, arrival_time)
 
 
 def _take(
@@ -345,9 +343,8 @@ def _take(
     estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
     for sensor, items in innovations.items():
         if instant in items:
-            white, nothing, time = items[instant], np.empty(0), float(recorded.time[instant])
-            # As much of a scan as scoring looks at.
-            scan = Scan(time, sensor, "", nothing, np.isfinite(white[0]), nothing, nothing, nothing, time)
+            white, time = items[instant], float(recorded.time[instant])
+            scan = _scan(time, sensor, np.isfinite(white[0]), time)
             scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
     scorer.estimate(estimate)
 

@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Estimate, Indices, Mask, Scan
 from trackbench.driving.drive import TrackerDrive, scans_read
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.consistency import normalised_square
-from trackbench.metrics.silence import charged_states
+from trackbench.metrics.silence import Silence
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.prepare import stepper_of
@@ -126,9 +126,10 @@ class _Sums:
         counted: Mask | None,
         stretch: Indices | None,
     ) -> None:
-        self._targets, self._entry = targets, entry
-        self._state, self._due, self._in_view = targets.state, targets.due, targets.due | targets.starting
-        self._latest = np.full((4, *shape), np.nan)
+        self._state, self._due = targets.state, targets.due
+        self._silence = Silence(
+            targets.state, targets.due | targets.starting, lambda: targets.measured(entry), copies=shape[0]
+        )
         self._shape, self._counted = shape, counted
         self._stretch, parts = stretch, shape[2]
         if stretch is not None:
@@ -145,11 +146,13 @@ class _Sums:
         missing = np.full((4, 1), np.nan), np.full((4, 4, 1), np.nan)
         mean, covariance = missing if estimate is None else (estimate.mean, estimate.covariance)
         mean, covariance = (
-            np.broadcast_to(each.reshape(*lead, -1), (*lead, math.prod(self._shape))).reshape(*lead, *self._shape)
+            np.broadcast_to(each.reshape(*lead, -1), (*lead, math.prod(self._shape)))
             for each, lead in ((mean, (4,)), (covariance, (4, 4)))
         )
-        given = np.asarray(np.isfinite(mean).all(axis=0))
-        error = self._charged(instant, mean, given) - self._state[:, instant, None]
+        given, charged = np.asarray(np.isfinite(mean).all(axis=0)), mean[:, None].copy()
+        self._silence.charge(charged, given[None], slice(instant, instant + 1))
+        given, covariance = given.reshape(self._shape), covariance.reshape(4, 4, *self._shape)
+        error = charged.reshape(4, *self._shape) - self._state[:, instant, None]
         scored = np.asarray(self._due[instant] & np.isfinite(error).all(axis=0))
         summed = scored & given
         square = error * error
@@ -163,20 +166,6 @@ class _Sums:
         self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], summed, part)
         counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, self._shape)])
         self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
-
-    def _charged(self, instant: int, mean: Array, given: Mask) -> Array:
-        """The estimates, where they are missing what stands for them (:mod:`trackbench.metrics.silence`)."""
-        in_view = np.broadcast_to(self._in_view[instant], self._shape)
-        self._latest = np.where(in_view, np.where(given, mean, self._latest), np.nan)
-        missing = in_view & ~given
-        if not missing.any():
-            return mean
-        measured = self._targets.measured(self._entry)[:, instant].reshape(2, 1, *self._shape[1:])
-        states = (self._state[:, instant, None], measured)
-        truth, measured = (np.broadcast_to(each, (len(each), *self._shape))[:, missing] for each in states)
-        mean = mean.copy()
-        mean[:, missing] = charged_states(truth, measured, self._latest[:, missing])
-        return mean
 
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
         log_density = log_likelihood(estimate)
