@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from trackbench.document import Cell, Column, Paragraph, Section, Table
-from trackbench.report.numbers import bounds_in_words, decimals, fixed, margin_words, meaningful
+from trackbench.report.numbers import decimals, fixed, in_brackets, margin_words, meaningful
 from trackbench.report.pairs import Pair, Pairs
 from trackbench.report.tables import TRACKER, VERDICT, differences_of, values
 from trackbench.results import Result, TrackerResult
@@ -32,10 +32,10 @@ def against_oracle(result: Result) -> Iterator[str]:
 
 
 def _sentence(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) -> str:
-    places, metric = meaningful(pair.value, pair.half_width), oracle.metrics[summary.headline]
+    places, metric = meaningful(pair.value, pair.ci95), oracle.metrics[summary.headline]
     own = fixed(metric.value, max(places, decimals([metric.value])))
     margin = margin_words(summary.score.margin, "m")
-    bounds = bounds_in_words(pair.ci95, places, " of the difference")
+    bounds = in_brackets(pair.ci95, places, " of the difference")
     # Where the interval alone would say that there is a difference.
     least = 0.0 if pair.ci95 is None else max(pair.ci95[0], -pair.ci95[1])
     why = f": it is not shown to be more than {margin}" if least > 0 else ""

@@ -101,7 +101,7 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
     def short(value: float | None) -> str:
         return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
 
-    halves = [half_width(metric) if path == "position_rmse" else None for metric in metrics]
+    halves = [half_width(metric.ci95) if path == "position_rmse" else None for metric in metrics]
     return [
         Text(short(metric.value) + ("" if half is None else f" ±{short(half)}"))
         for metric, half in zip(metrics, halves, strict=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from trackbench.results import MetricValue
 from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
@@ -19,8 +18,14 @@ def decimals(values: Iterable[float | None], significant: int = 3) -> int:
     return min(4, max(0, significant - 1 - math.floor(math.log10(min(sizes)))))
 
 
-def meaningful(value: float | None, half: float | None) -> int:
+def half_width(bounds: Sequence[float] | None) -> float | None:
+    """Half of an interval, or None where there is none."""
+    return (bounds[1] - bounds[0]) / 2 if bounds else None
+
+
+def meaningful(value: float | None, bounds: Sequence[float] | None) -> int:
     """Decimals of a value that half of its interval leaves a meaning; three digits where it has no width."""
+    half = half_width(bounds)
     return decimals([half], 1) if half else decimals([value])
 
 
@@ -37,7 +42,7 @@ def interval(bounds: Sequence[float] | None, places: int) -> str:
     return f"{fixed(bounds[0], places)} to {fixed(bounds[1], places)}" if bounds else ""
 
 
-def bounds_in_words(bounds: Sequence[float] | None, places: int, of: str = "") -> str:
+def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:
     """ " (95 % interval 0.41 to 0.43 m)" of what is in metres; nothing where there is none or it has no width."""
     if bounds is None or fixed(bounds[0], places) == fixed(bounds[1], places):
         return ""
@@ -52,12 +57,6 @@ def signed(value: float, places: int) -> str:
 def percent(share: float | None, places: int = 0) -> str:
     """A share as "95 %"."""
     return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)}\N{NO-BREAK SPACE}%"
-
-
-def half_width(metric: MetricValue) -> float | None:
-    """Half of the 95 % interval of a metric, or None where it has none."""
-    bounds = metric.ci95
-    return (bounds[1] - bounds[0]) / 2 if bounds else None
 
 
 def joined(names: Sequence[str]) -> str:

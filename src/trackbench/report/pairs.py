@@ -46,11 +46,6 @@ class Pair:
     margin: float
     """Up to which a difference does not matter."""
 
-    @property
-    def half_width(self) -> float | None:
-        """Of the interval."""
-        return (self.ci95[1] - self.ci95[0]) / 2 if self.ci95 else None
-
 
 class Pairs:
     """The judged pairs of a result by the metric that ranks, looked up in either order."""

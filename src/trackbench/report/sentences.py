@@ -8,17 +8,7 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import (
-    bounds_in_words,
-    decimals,
-    fixed,
-    half_width,
-    interval,
-    joined,
-    margin_words,
-    meaningful,
-    percent,
-)
+from trackbench.report.numbers import decimals, fixed, in_brackets, interval, joined, margin_words, meaningful, percent
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
@@ -225,8 +215,8 @@ def headline(result: Result) -> str:
         reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]
-    places = meaningful(metric.value, half_width(metric))
-    bounds = bounds_in_words(metric.ci95, places)
+    places = meaningful(metric.value, metric.ci95)
+    bounds = in_brackets(metric.ci95, places)
     value = fixed(metric.value, places)
     lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
     text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
@@ -247,8 +237,8 @@ def headline(result: Result) -> str:
     second = pairs.get(names[1], names[0]) if len(names) > 1 else None
     if equivalent or undecided or turned or second is None:
         return text + "."
-    gap = meaningful(second.value, second.half_width)
-    bounds = bounds_in_words(second.ci95, gap)
+    gap = meaningful(second.value, second.ci95)
+    bounds = in_brackets(second.ci95, gap)
     of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
     return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
 

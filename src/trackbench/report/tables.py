@@ -10,7 +10,7 @@ from typing import TypeVar
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 
@@ -296,7 +296,7 @@ def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
 def _places(pairs: Iterable[Pair | None]) -> int:
     """Decimals that the uncertainty of the differences leaves a meaning."""
     compared = [pair for pair in pairs if pair]
-    widths = [width for pair in compared if (width := pair.half_width)]
+    widths = [width for pair in compared if (width := half_width(pair.ci95))]
     return decimals(widths, 1) if widths else decimals([pair.value for pair in compared], 2)
 
 

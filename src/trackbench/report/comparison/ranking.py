@@ -164,7 +164,7 @@ def _plain(metric: str) -> _ToCell:
         value = score.metrics.get(metric)
         if value is None:
             return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
-        half = half_width(value)
+        half = half_width(value.ci95)
         return Cell(fixed(value.value, places), () if half is None else (f"±{fixed(half, places)}",))
 
     return cell
