@@ -1,0 +1,69 @@
+"""Two hundred hostile plug-ins, each kind with each act: no status 0 without a result; the one at fault is named."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from tests.support.hostile import ACTS, KINDS, module, scenario
+
+from trackbench.results import Result
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are told by /proc")
+#: Time after a command in which what it started may end, s.
+AFTERMATH = 3.0
+CASES = [(kind, act) for kind in KINDS for act in ACTS]
+#: The first acts of a tracker and of a metric are tried in every run of the tests.
+FAST = {("tracker", "leaves"), ("metric", "leaves_with_a_forged_result")}
+
+
+def marked(process: Path, mark: str) -> bool:
+    """Whether a process in /proc was started with a mark in its environment, and has not ended."""
+    try:
+        alive = process.joinpath("stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        return alive and mark.encode() in process.joinpath("environ").read_bytes()
+    except OSError:
+        return False
+
+
+def left(mark: str) -> Iterator[str]:
+    """The commands of the processes with a mark."""
+    for process in Path("/proc").glob("[0-9]*"):
+        if marked(process, mark):
+            yield process.joinpath("cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+def test_there_are_two_hundred() -> None:
+    assert len(CASES) == 200
+
+
+@pytest.mark.parametrize(
+    ("kind", "act"), [case if case in FAST else pytest.param(*case, marks=pytest.mark.slow) for case in CASES]
+)
+def test_no_plug_in_answers_for_the_bench(tmp_path: Path, trackbench: str, kind: str, act: str) -> None:
+    (tmp_path / "plug.py").write_text(module(act), encoding="utf-8")
+    (tmp_path / "plugged.yaml").write_text(scenario(kind), encoding="utf-8")
+    mark = f"HOSTILE={tmp_path}"
+    done = subprocess.run(
+        [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", "--tracker-timeout", "20"],
+        cwd=tmp_path, env={**os.environ, "HOSTILE": str(tmp_path)},
+        capture_output=True, text=True, errors="replace", check=False, timeout=300,
+    )  # fmt: skip
+    until = time.monotonic() + AFTERMATH
+    while (processes := [*left(mark)]) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not processes
+    assert "Traceback" not in done.stderr
+    assert done.returncode in (0, 2, 3), done.stderr
+    if done.returncode == 0:
+        result = Result.load(tmp_path / "results" / "plugged")
+        assert all(tracker.failed is None for tracker in result.summary.trackers)
+        assert result["ekf"].metrics["position_rmse"].value is not None
+    else:
+        assert f"plug:{kind}" in done.stdout + done.stderr or "plug.py" in done.stdout + done.stderr, done.stderr
+    assert not [*(tmp_path / "results").glob("*.unfinished")]
