@@ -15,13 +15,15 @@ EXTREMES: tuple[Any, ...] = (
     None, True, False, 0, -0.0, -1, 1, 7, 0.5, 1e-320, 1e-9, 1e9, 1e30, -1e30, 1e154, 1e308, -1e308, 2**31, 2**63,
     10**30, 10**400, float("nan"), float("inf"), -float("inf"), "", " ", "x", "0", "1e999", "20 m", "5%", "nan", "é",
     "a\x01b", "\x00", "\u2028", "\ufeff", "$x^$", "[red]", "<b>&", "../..", "/dev/zero", "a" * 300, "cv", "ekf", "ego",
-    "all", "truth", "radar", "lidar", [], {}, [1, 2], [[]], [None], {"a": 1}, {"": {}}, {"type": "radar"}, [1e308] * 4,
+    "all", "truth", "radar", "lidar", "a" * 5000, [], {},
+    [1, 2], [[]], [None], {"a": 1}, {"": {}}, {"type": "radar"}, [1e308] * 4,
 )  # fmt: skip
 #: Pieces of YAML, JSON, CSV and of nothing.
 SNIPPETS = (
     "a: &a [*a]\n", "<<: *x\n", "? [1]\n: 2\n", "!!python/object:os.system x\n", "---\n", "- \n", ": ", "{", "}", "[",
     "]",
     '"', "'", "\t", "\x00", "\x1b[31m", "\r", "\n", ",", "&x ", "*x", "|\n", "#", "%", "é", "\u2028", "<<", "- [" * 40,
+    "a: &m {}\nb: &m {<<: [*m, *m, *m]}\n", "x: [" + "0, " * 200_000 + "]\n",
     "[" * 3000, "{a: " * 500, "1e308", "-1e308", ".nan", "NaN", "Infinity", "9" * 400, "null", "~", "\ufeff",
 )  # fmt: skip
 

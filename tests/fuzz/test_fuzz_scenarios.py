@@ -50,6 +50,36 @@ expect:
   - {tracker: ekf, metric: position_rmse, better_than: raw}
 recording: {run: 0}
 """
+HIDDEN = """\
+name: hidden
+truth:
+  source: scripted
+  duration_s: 2
+  rate_hz: 10
+  objects:
+    car: {start: {x: 20, y: 5, speed_mps: 8, course_deg: 30}, pieces: [{for_s: 1}, {turn_rate_degps: 10}]}
+    bus: {start: {x: 30, y: -4, vx_mps: -3}, length_m: 9, pieces: [{acceleration_mps2: 1}]}
+sensing: {identities: hidden}
+sensors:
+  front:
+    type: radar
+    rate_hz: 10
+    range_sigma_m: 0.3
+    azimuth_sigma_deg: 0.5
+    range_rate_sigma_mps: 0.1
+    fov_deg: 120
+    max_range_m: 80
+    detection_probability: 0.9
+    clutter: {per_scan: 3}
+    occlusion: true
+  roof: {type: lidar, rate_hz: 5, position_sigma_m: 0.15, max_range_m: 60, latency_s: 0.1}
+trackers:
+  gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn, gate: 0.99, confirm: [2, 3]}}
+  jipda: {filter: kf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: jipda}}
+  pmb: {filter: ukf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: pmb}}
+monte_carlo: {runs: 2, seed: 7}
+expect: [{tracker: gnn, metric: gospa, below: 20}]
+"""
 #: Of the cases that are valid, this share is run.
 RUN = 0.3
 
@@ -61,7 +91,7 @@ def test_mutated_scenarios(tried: Tried, tmp_path: Path, tiny_text: str) -> None
     valid = 0
     for case in cases(100):
         chance = random.Random(case)
-        text = chance.choice([whole, SCRIPTED, SCRIPTED, tiny_text])
+        text = chance.choice([whole, SCRIPTED, SCRIPTED, HIDDEN, HIDDEN, tiny_text])
         file.write_bytes(_mutated(chance, text, whole))
         overrides = _overrides(chance) if chance.random() < 0.2 else []
         if tried(case, "check", file) == 0:
