@@ -1,0 +1,50 @@
+"""The clock of the machine may jump: no number and no deadline depends on it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.support.places import ROOT
+
+#: s; a step backwards with each look at the clock, and one forwards by more than any timeout.
+JUMPS = {"back": -3600.0, "forth": 86_400.0}
+
+
+def without_times(result: dict[str, Any]) -> str:
+    """A result as text, without how long a step took and which command it was."""
+    for tracker in result["trackers"]:
+        tracker["metrics"].pop("step_time")
+    return json.dumps({key: value for key, value in result.items() if key not in ("command", "truth", "artifacts")})
+
+
+@pytest.mark.parametrize("jump", JUMPS)
+def test_a_run_while_the_clock_jumps(
+    cli: Callable[..., Any],
+    tiny: Path,
+    write_module: Callable[[Path, str], str],
+    monkeypatch: pytest.MonkeyPatch,
+    jump: str,
+) -> None:
+    code = "import numpy as np\nclass T:\n    def step(self, state, scan): return 1, (np.ones(4), np.eye(4))\n"
+    arguments = ["run", "tiny.yaml", "--json", "--tracker-timeout", "60", "--set"]
+    arguments.append(f"trackers.own.use={write_module(tiny.parent, code)}:T")
+    wanted = cli(*arguments)
+    looks = itertools.count()
+    monkeypatch.setattr(time, "time", lambda: 1.8e9 + JUMPS[jump] * next(looks))
+    done = cli(*arguments)
+    assert (done.status, wanted.status) == (0, 0), done.err
+    assert without_times(json.loads(done.out)) == without_times(json.loads(wanted.out))
+
+
+def test_deadlines_are_of_the_monotonic_clock() -> None:
+    files = (ROOT / "src" / "trackbench").rglob("*.py")
+    by_clock = [file.name for file in files if re.search(r"\btime\.time\(", file.read_text(encoding="utf-8"))]
+    # When the package was imported, to be compared with the times of its files.
+    assert by_clock == ["__init__.py"]
