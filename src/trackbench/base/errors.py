@@ -77,6 +77,19 @@ def shortened(text: str, most: int = 200) -> str:
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"
 
 
+def text_of(error: BaseException) -> str:
+    """What an error says of itself; nothing where it cannot."""
+    try:
+        return str(error)
+    except Exception:
+        return ""
+
+
+def printable(text: str, most: int = 1000) -> str:
+    """The start of a text in one line, without what no terminal or file can show."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text[:most]).split())
+
+
 def counted(number: int, noun: str) -> str:
     """ "1 run", "2 runs"."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

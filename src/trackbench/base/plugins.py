@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest, printable, text_of
 from trackbench.base.supervised import at_work, tell_plugin
 
 
@@ -86,7 +86,8 @@ def explained(reference: str, folder: Path | None) -> Iterator[None]:
 
 def one_line(error: BaseException) -> str:
     """An error's type and text in one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    text = printable(text_of(error))
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def _require_unambiguous(module: str) -> None:

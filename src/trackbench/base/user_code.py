@@ -20,14 +20,15 @@ class Frame(NamedTuple):
 
 
 def place_of(error: BaseException, *, installed: bool = True) -> str | None:
-    """The last frame of an error's traceback that is the user's code; None where none is.
+    """The last frame of an error's traceback, or of its cause's, that is the user's code; None where none is.
 
     Args:
         error: what was raised.
         installed: whether the code of an installed package may be the user's.
     """
     frames = traceback.extract_tb(error.__traceback__)
-    return last_of_user([Frame(frame.filename, frame.lineno or 0, frame.name) for frame in frames], installed)
+    place = last_of_user([Frame(frame.filename, frame.lineno or 0, frame.name) for frame in frames], installed)
+    return place_of(error.__cause__, installed=installed) if place is None and error.__cause__ is not None else place
 
 
 def last_of_user(frames: Sequence[Frame], installed: bool = True) -> str | None:

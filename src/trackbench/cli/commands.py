@@ -145,6 +145,11 @@ class Commands(click.Group):
             return super().invoke(ctx)
         except (KeyboardInterrupt, EOFError) as error:
             raise click.exceptions.Exit(_interrupted(error)) from None
+        except OSError as error:
+            # Click takes any broken pipe for that of standard output.
+            if place_of(error, installed=False) is None:
+                raise
+            raise click.exceptions.Exit(_plugin_failed(error)) from None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -231,28 +236,42 @@ def _run() -> int:
         return _failed(f"trackbench: {error}", CANNOT_WRITE)
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
-    except UnicodeEncodeError as error:
-        if place_of(error, installed=False) is not None:
-            return _plugin_failed(error)
-        problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
-        return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
-    except MemoryError:
-        return _failed("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
     except click.Abort as error:
         return _interrupted(error)
-    except SystemExit as error:
-        if place_of(error, installed=False) is not None:
-            return _plugin_failed(error)
-        # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
-        status = UNREAD if error.code else 0
-    except (OSError, KeyboardInterrupt):
+    except KeyboardInterrupt:
         raise
     except BaseException as error:
-        if place_of(error, installed=False) is not None:
-            return _plugin_failed(error)
-        # Not 1, which says that an expectation failed.
-        return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
+        return _unexpected(error)
     return status if isinstance(status, int) else 0
+
+
+def _unexpected(error: BaseException) -> int:
+    """The status after an error that is no message for the user; it is said whose it is.
+
+    Raises:
+        OSError: standard output cannot be written.
+    """
+    if __name__ not in sys.modules:
+        _failed("trackbench: modules that were imported are gone from sys.modules", FAULT)
+        # What ends an interpreter would import them again. The supervisor says which plug-in was at work.
+        os._exit(FAULT)
+    if place_of(error, installed=False) is not None:
+        return _plugin_failed(error)
+    match error:
+        case OSError():
+            raise error
+        case SystemExit():
+            # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
+            return UNREAD if error.code else 0
+        case UnicodeEncodeError():
+            problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
+            return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
+        case MemoryError():
+            return _failed(
+                "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT
+            )
+    # Not 1, which says that an expectation failed.
+    return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
 
 
 def _plugin_failed(error: BaseException) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from trackbench.base.errors import TrackbenchError
+from trackbench.base.errors import TrackbenchError, printable, text_of
 from trackbench.base.user_code import place_of
 from trackbench.trackers.answers import TrackerFault
 
@@ -12,8 +12,6 @@ from trackbench.trackers.answers import TrackerFault
 Kind = Literal["answer", "arithmetic", "raised", "died"]
 KINDS = get_args(Kind)
 
-#: Characters of a cause.
-LONGEST = 1000
 #: What Python raises where something asks for input and there is none: a debugger, ``input()``.
 ASKING = ("BdbQuit", "EOFError")
 
@@ -52,16 +50,11 @@ def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
 
 
 def _cause(error: BaseException) -> str:
-    name = type(error).__name__
-    try:
-        text = str(error)
-    except Exception:
-        text = ""
+    name, text = type(error).__name__, text_of(error)
     if not isinstance(error, TrackbenchError):
         # An error of a package may explain itself at length.
         text = text.strip().partition("\n")[0]
-    text = "".join(letter if letter.isprintable() else " " for letter in text[:LONGEST])
-    text = " ".join(text.split())
+    text = printable(text)
     if isinstance(error, TrackbenchError | TrackerFault):
         return text or name
     if name in ASKING:

@@ -1,0 +1,34 @@
+"""The page on what can be trusted: short, and with the numbers of the code."""
+
+from __future__ import annotations
+
+from tests.support.hostile import ACTS, KINDS
+from tests.support.places import DOCS, ROOT
+
+from trackbench.base import files
+from trackbench.scenario.load import MOST_ERRORS
+from trackbench.scenario.source import MAX_VALUES
+from trackbench.truth.recorded.table import MOST_ROWS
+
+#: Words of the page.
+LONGEST = 1200
+PAGE = (DOCS / "trust.md").read_text(encoding="utf-8")
+TEXT = " ".join(PAGE.split())
+
+
+def test_it_is_short() -> None:
+    assert len(PAGE.split()) <= LONGEST
+
+
+def test_the_limits_are_those_of_the_code() -> None:
+    assert f"{files.SCENARIO >> 20} MiB, {MAX_VALUES:,} values" in TEXT
+    assert f"| messages about one scenario | {MOST_ERRORS}, " in TEXT
+    assert f"| a log as text | {files.LARGE >> 30} GiB |" in TEXT
+    assert f"| rows of a log | {MOST_ROWS // 10**6} million |" in TEXT
+    assert f"| `result.json` | {files.JSON >> 20} MiB |" in TEXT
+
+
+def test_as_many_plug_ins_and_damaged_files_are_tried_as_it_says() -> None:
+    assert f"{len(KINDS) * len(ACTS)} hostile plug-ins: {len(KINDS)} kinds, {len(ACTS)} acts" in TEXT
+    claims = (ROOT / "results" / "calibration.md").read_text(encoding="utf-8")
+    assert "459 of 465 claims hold" in claims
