@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers tuned reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -24,6 +24,10 @@ test: $(VENV)/.installed-dev
 # The slow tests, and the commands of the documentation's pages as they are printed; FIFTH=0 to 4 takes a fifth of them.
 test-long: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto -m "docs_pages or slow" $(if $(FIFTH),--fifth $(FIFTH))
+
+# The outputs that README and docs/ print, made anew; read the difference before it is committed.
+printed: $(VENV)/.installed-dev
+	TRACKBENCH_REPRINT=1 $(BIN)/pytest -m docs_pages
 
 # Everything that must hold of a commit.
 test-all: test test-long
@@ -106,7 +110,7 @@ same-numbers: $(VENV)/.installed-dev
 calibration: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.calibration
 
-# Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about two hours on two cores.
+# Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about an hour on two cores.
 tuned: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.tuned
 

@@ -17,7 +17,7 @@ import yaml
 from .protocol import read
 from .scores import scored
 from .shipped import update
-from .tuning import KernelCache, all_tuned
+from .tuning import Kept, all_tuned
 
 OUT = Path(__file__).parents[2] / "results" / "tuned"
 
@@ -34,14 +34,14 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
         if not given.scores_only:
-            found = {tracker: {} for tracker in protocol.trackers}
-            for tracker, name, best in all_tuned(protocol, pool, KernelCache(given.resume)):
-                print(f"{tracker}, {name}: {best}", flush=True)
-                found[tracker][name] = best
-            values.write_text(yaml.safe_dump(found, sort_keys=False), encoding="utf-8")
-        found = yaml.safe_load(values.read_text(encoding="utf-8"))
-        scored(protocol, found, pool, OUT)
-    update(protocol, found)
+            best = {tracker: {} for tracker in protocol.trackers}
+            for tracker, name, of in all_tuned(protocol, pool, Kept(given.resume)):
+                print(f"{tracker}, {name}: {of}", flush=True)
+                best[tracker][name] = of
+            values.write_text(yaml.safe_dump(best, sort_keys=False), encoding="utf-8")
+        best = yaml.safe_load(values.read_text(encoding="utf-8"))
+        scored(protocol, best, pool, OUT)
+    update(protocol, best)
 
 
 if __name__ == "__main__":

@@ -5,24 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE
-from trackbench.subjects.tuning.objectives import PRICE
 from trackbench.subjects.tuning.parameters import Parameter
 
 from .protocol import Protocol
-from .trust import DOF, Scores, believable, by_distance, described, furthest, reasons, undecided
 
+#: What is shown, by what it is called and its unit.
+METRICS = {"position_rmse": ("position", "m"), "velocity_rmse": ("velocity", "m/s")}
 #: What a set of values for several scenarios may cost in error against values for the very scenario.
 REGRET = 0.1
-#: The condition of which an own table is made.
-TURNING = "turning"
-WITHIN = DOF * (1 - TOLERANCE), DOF * (1 + TOLERANCE)
-UNDER = DOF * (1 - BELOW), DOF * (1 + ABOVE)
-TRUSTED = (
-    f"shown to be within {WITHIN[0]:.1f} and {WITHIN[1]:.1f}, where {DOF} is right, over all estimates, and within "
-    f"{UNDER[0]:g} and {UNDER[1]:g} under every condition that has {100 * SMALLEST_SHARE:.0f} % of the estimates: each "
-    "manoeuvre, each range, position and velocity alone"
-)
+
+Scores = Mapping[str, Any]
 
 
 def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
@@ -30,11 +22,9 @@ def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
     parts = (
         ["# Trackers tuned alike", ""],
         _protocol(protocol),
-        _summary(protocol, scores),
-        _reasons(protocol, scores),
-        _errors(protocol, scores),
-        _trust(protocol, scores),
-        _turning(protocol, scores),
+        _best(protocol, scores),
+        *(_errors(protocol, scores, metric) for metric in METRICS),
+        _covariance(protocol, scores),
         _regret(protocol, scores),
         _values(protocol, values),
     )
@@ -46,11 +36,9 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
-        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the position error, and a price "
-        "on the mean NEES that is furthest off in any condition: each per cent beyond counts as much as "
-        f"{PRICE:g} % of error), on {protocol.tuned_on}. It is scored on {protocol.scored_on} with other traffic and "
-        "other noise. It has one set of values for a family of scenarios; beside them stand one for the scenario alone "
-        "and one for all."
+        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune`, on {protocol.tuned_on}. It is "
+        f"scored on {protocol.scored_on} with other traffic and other noise. It has one set of values for a family of "
+        "scenarios, and beside it one for the scenario alone:"
     )
     yield ""
     for family, names in protocol.families.items():
@@ -60,155 +48,111 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
 
 
-def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    trackers = list(protocol.trackers)
+def _best(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Which tracker is best where"
     yield ""
     yield (
-        "Position RMSE with the values of the family, m, with the 95 % interval over scenes. Not shown worse: by more "
-        "than 1 % or 5 mm, paired over scenes, which is no proof of equality. Believable: trackers whose mean NEES is "
-        f"{TRUSTED}; else those of which these scenes do not decide; else the nearest, with its mean NEES that is "
-        "furthest off. Smoothed: `imm_cv_ca` with a Rauch-Tung-Striebel smoother, which uses later measurements too."
+        "Smallest RMSE with its 95 % interval over scenes; in brackets how many others are not shown to be worse by "
+        "more than 1 % and 5 mm, paired over scenes, which is no proof of equality. All are tuned for the position; "
+        "the velocity is that of the same values, and is not tested."
     )
     yield ""
     yield from _table(
-        ["scenario", "best", "RMSE", "not shown worse", "believable", "smoothed"],
+        ["scenario", "position, m", "velocity, m/s", "position with the scenario's own values"],
         [
             [
                 name,
-                of["best"],
-                _error(of["scores"][of["best"]]),
-                ", ".join(of["not shown to be worse"]) or "none",
-                _believable(trackers, of["scores"]),
-                _error(of["scores"]["smoothed"]),
+                *(_winner(of["family"], metric) for metric in METRICS),
+                _winner(of["own"], "position_rmse"),
             ]
             for name, of in scores.items()
         ],
     )
-    none = [of for of in scores.values() if not believable(trackers, of["scores"])]
-    is_open = [of for of in none if undecided(trackers, of["scores"])]
-    with_own = [of for of in none if believable(list(of["own"]), of["own"])]
-    unturned = [name for name, of in scores.items() if TURNING not in of["scores"][of["best"]]["conditions"]]
+    changed = [name for name, of in scores.items() if _leader(of["own"]) != _leader(of["family"])]
+    wins = [_leader(of["own"]) for of in scores.values()]
+    most = max(protocol.trackers, key=wins.count)
     yield (
-        f"Some tracker is shown to be believable with the values of the family in {len(scores) - len(none)} of "
-        f"{len(scores)} scenarios, and with the scenario's own, of the nearest, in {len(with_own)} more; in "
-        f"{len(is_open)} these scenes do not decide, and in {len(none) - len(is_open)} each is shown to be off "
-        f"somewhere. Too few estimates are in turns to be judged in: {', '.join(unturned)}."
+        f"With the scenario's own values {most} has the smallest position error in {wins.count(most)} of {len(scores)} "
+        f"scenarios, and the tracker that has it changes in {len(changed)}."
     )
     yield ""
 
 
-def _believable(trackers: Sequence[str], scores: Scores) -> str:
-    if right := believable(trackers, scores):
-        return ", ".join(right)
-    if open_of := undecided(trackers, scores):
-        return f"not decided of {', '.join(open_of)}"
-    best = by_distance(trackers, scores)[0]
-    return f"none; {best}: {described(furthest(scores[best]))}"
+def _leader(scores: Scores) -> str:
+    return str(scores["position_rmse"]["best"])
 
 
-def _reasons(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    trackers = list(protocol.trackers)
-    none = {name: of for name, of in scores.items() if not believable(trackers, of["scores"])}
-    if none:
-        yield "## Where none is shown to be believable"
-        yield ""
-        yield "Mean NEES, of which 4 is right, with the values of the family; of the others in brackets what they miss."
-        yield ""
-        for name, of in none.items():
-            yield f"- {name}: {'; '.join(reasons(trackers, of['scores'], of['own']))}."
-        yield ""
+def _winner(scores: Scores, metric: str) -> str:
+    """ "imm_three 0.106 ±0.005 (2)"."""
+    best, others = scores[metric]["best"], scores[metric]["not worse"]
+    return f"{best} {_error(scores['trackers'][best][metric])}{f' ({len(others)})' if others else ''}"
 
 
-def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    yield "## Position error"
+def _errors(protocol: Protocol, scores: Scores, metric: str) -> Iterator[str]:
+    word, unit = METRICS[metric]
+    tested = " and those not shown worse" if metric == "position_rmse" else ", which is not tested"
+    yield f"## {word.capitalize()} error"
     yield ""
     yield (
-        "RMSE with the values of the family, m; bold: the best and those not shown worse. In brackets: runs that "
-        "diverged."
+        f"RMSE with the values of the family, {unit}; bold: the best{tested}. In square brackets: runs that diverged. "
+        "Smoothed: `imm_cv_ca` with a Rauch-Tung-Striebel smoother, which uses later measurements "
+        "too."
     )
     yield ""
-    yield from _table(
-        ["scenario", *protocol.trackers, "smoothed"],
-        [
-            [
-                name,
-                *(
-                    _bold(_error(of["scores"][item]), item == of["best"] or item in of["not shown to be worse"])
-                    for item in (*protocol.trackers, "smoothed")
-                ),
-            ]
-            for name, of in scores.items()
-        ],
-    )
+    rows = []
+    for name, of in scores.items():
+        best = {of["family"][metric]["best"], *of["family"][metric]["not worse"]}
+        cells = []
+        for item in (*protocol.trackers, "smoothed"):
+            tracker = of["family"]["trackers"][item]
+            diverged = f" [{tracker['diverged']}]" if tracker["diverged"] else ""
+            cells.append(_bold(_error(tracker[metric]) + diverged, item in best))
+        rows.append([name, *cells])
+    yield from _table(["scenario", *protocol.trackers, "smoothed"], rows)
 
 
-def _trust(protocol: Protocol, scores: Scores) -> Iterator[str]:
+def _covariance(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Whose covariance can be believed"
     yield ""
     yield (
-        f"Mean NEES with the values of the family, of which 4 is right. Bold: {TRUSTED}. Otherwise the condition that "
-        "is furthest off, or that these scenes do not decide; position and velocity alone are doubled, so that 4 is "
-        "right of them too."
+        "Mean NEES with the values of the family, of which 4 is right, and the verdict on it in every condition "
+        "([its words](../../docs/metrics.md)). The values are those of the smallest position error; `trackbench tune "
+        "--objective consistent_rmse` tunes for both."
     )
     yield ""
-    yield from _table(
-        ["scenario", *protocol.trackers],
-        [[name, *(_nees(of["scores"][item]) for item in protocol.trackers)] for name, of in scores.items()],
-    )
-
-
-def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    yield "## In turns"
-    yield ""
-    yield (
-        "Mean NEES while a vehicle turns, with the values of the family; bold: shown to be within "
-        f"{UNDER[0]:g} and {UNDER[1]:g}."
-    )
-    yield ""
-    yield from _table(
-        ["scenario", *protocol.trackers],
-        [
-            [
-                name,
-                *(
-                    _bold(f"{turning['mean']:.1f}", turning["verdict"] == "consistent")
-                    for turning in (of["scores"][item]["conditions"][TURNING] for item in protocol.trackers)
-                ),
-            ]
-            for name, of in scores.items()
-            if TURNING in of["scores"][of["best"]]["conditions"]
-        ],
-    )
+    rows = []
+    for name, of in scores.items():
+        nees = [of["family"]["trackers"][item]["nees"] for item in protocol.trackers]
+        rows.append(
+            [name, *(_bold(f"{item['value']:.1f} {item['verdict']}", item["verdict"] == "consistent") for item in nees)]
+        )
+    yield from _table(["scenario", *protocol.trackers], rows)
 
 
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Error with one set of values"
     yield ""
     yield (
-        "Position error with the values of the family, and with those of all scenarios, over that with the scenario's "
-        f"own values, on {protocol.compared_on}; above {100 * REGRET:.0f} % bold. It is no full cost: all values are "
-        "chosen for error and consistency together, so that it may be below zero. Left out: a scenario that is a "
-        "family by itself."
+        "Position RMSE with the values of the family over that with the scenario's own values, on the same "
+        f"measurements; above {100 * REGRET:.0f} % bold. Below zero: the scenario's own values fit the scenes that "
+        "they were tuned on. Left out: a scenario that is a family by itself."
     )
     yield ""
-    rows, worst = [], []
+    rows, costs = [], []
     for name, of in scores.items():
         if len(protocol.families[protocol.family_of(name)]) == 1:
             continue
         cells = [name]
         for item in protocol.trackers:
-            error = {which: of["position_rmse"][which][item] for which in ("own", "family", "all")}
-            ratios = [error[which] / error["own"] - 1.0 for which in ("family", "all")]
-            worst.append((ratios[0], name, item))
-            cells.append(", ".join(_bold(f"{ratio:+.1%}", ratio > REGRET) for ratio in ratios))
+            family, own = (of[which]["trackers"][item]["position_rmse"]["value"] for which in ("family", "own"))
+            costs.append((family / own - 1.0, name, item))
+            cells.append(_bold(f"{family / own - 1.0:+.1%}", family / own - 1.0 > REGRET))
         rows.append(cells)
     yield from _table(["scenario", *protocol.trackers], rows)
-    value, name, item = max(worst)
+    cost, name, item = max(costs)
     yield (
-        f"With the values of the family it is at most {100 * REGRET:.0f} % larger in "
-        f"{sum(ratio <= REGRET for ratio, _, _ in worst)} of {len(worst)} cases, and {value:.1%} at most, of {item} in "
-        f"{name}."
+        f"It is at most {100 * REGRET:.0f} % larger in {sum(of <= REGRET for of, _, _ in costs)} of {len(costs)} "
+        f"cases, and {cost:.1%} at most, of {item} in {name}."
     )
     yield ""
 
@@ -218,34 +162,26 @@ def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
     yield ""
     yield "In brackets: at an end of the range that was searched, so that a better one may lie beyond."
     yield ""
-    names = [*protocol.families, "all"]
     loaded = protocol.loaded(protocol.scenarios[0], protocol.entries)
     rows = [
-        [f"{tracker}: `{option.key}`", *(_value(option, values[tracker][name][option.key]) for name in names)]
+        [
+            f"{tracker}: `{option.key}`",
+            *(_value(option, values[tracker][name][option.key]) for name in protocol.families),
+        ]
         for tracker in protocol.trackers
         for option in protocol.parameters(tracker, loaded)
     ]
-    yield from _table(["option", *names], rows)
+    yield from _table(["option", *protocol.families], rows)
 
 
 def _value(option: Parameter, value: float) -> str:
     return f"{value:.3g}" if option.edge(value) is None else f"({value:.3g})"
 
 
-def _error(scores: Scores) -> str:
-    low, high = scores["ci95"]
-    diverged = f" [{scores['diverged']}]" if scores["diverged"] else ""
-    return f"{scores['position_rmse']:.3f} (±{(high - low) / 2:.3f}){diverged}"
-
-
-def _nees(scores: Scores) -> str:
-    text = f"{scores['nees']:.1f}"
-    if scores["verdict"] == "consistent":
-        return f"**{text}**"
-    if scores["verdict"] == "undecided":
-        return f"{text} (not decided)"
-    off = furthest(scores)
-    return f"{text} ({off.condition} {off.value:.1f})" if off.condition else text
+def _error(error: Mapping[str, Any]) -> str:
+    """ "0.106 ±0.005"."""
+    low, high = error["ci95"]
+    return f"{error['value']:.3f} ±{(high - low) / 2:.3f}"
 
 
 def _bold(text: str, where: bool) -> str:

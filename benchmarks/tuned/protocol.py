@@ -45,7 +45,6 @@ class Protocol:
     around_the_best: Refinement
     tuned_on: Budget
     scored_on: Budget
-    compared_on: Budget
     families: dict[str, list[str]]
     trackers: dict[str, dict[str, Any]]
     remarks: str
@@ -83,5 +82,5 @@ class Protocol:
 def read() -> Protocol:
     """The protocol of the file."""
     content = yaml.safe_load((HERE / "protocol.yaml").read_text(encoding="utf-8"))
-    budgets = {name: Budget(**content.pop(name)) for name in ("tuned_on", "scored_on", "compared_on")}
+    budgets = {name: Budget(**content.pop(name)) for name in ("tuned_on", "scored_on")}
     return Protocol(around_the_best=Refinement(**content.pop("around_the_best")), **budgets, **content)

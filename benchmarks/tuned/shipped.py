@@ -27,11 +27,11 @@ def tuned_text(protocol: Protocol, values: Mapping[str, Any], scenario: str) -> 
     family = protocol.family_of(scenario)
     entries = protocol.entries
     loaded = protocol.loaded(scenario, entries)
-    found = {
+    tuned = {
         tracker: plain(loaded, tracker, {key: _rounded(value) for key, value in values[tracker][family].items()})
         for tracker in entries
     }
-    trackers = {"trackers": {"raw": {"use": "raw"}, **found}}
+    trackers = {"trackers": {"raw": {"use": "raw"}, **tuned}}
     text = (SCENARIOS / f"{scenario}.yaml").read_text(encoding="utf-8")
     before, _, after = text.partition(BEGIN)
     heading = f'{BEGIN}, with one set of values for the scenarios of "{family}": results/tuned/tuned.md.\n'

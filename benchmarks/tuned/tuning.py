@@ -45,7 +45,7 @@ class Tried:
         self.outcomes = outcomes
         train = halved(loaded, Split(budget.scenes, 1, budget.runs, 1)).train
         bench = Bench(train, PendingTruths(train, InProcess()).collect(no_progress))
-        self._evaluator = Evaluator([bench], tracker, self.parameters, InProcess())
+        self._evaluator = Evaluator([bench], tracker, self.parameters, InProcess(), engine="fused")
 
     @property
     def as_it_is(self) -> Sums | None:
@@ -56,8 +56,8 @@ class Tried:
         """What comes of each."""
         keys = [json.dumps(point) for point in points]
         missing = {key: point for key, point in zip(keys, points, strict=True) if key not in self.outcomes}
-        found = self._evaluator(list(missing.values())) if missing else []
-        self.outcomes |= {key: outcome for key, (outcome,) in zip(missing, found, strict=True)}
+        outcomes = self._evaluator(list(missing.values())) if missing else []
+        self.outcomes |= {key: outcome for key, (outcome,) in zip(missing, outcomes, strict=True)}
         return [self.outcomes[key] for key in keys]
 
 
@@ -70,12 +70,12 @@ def tuned(
     """
     tried = [Tried(protocol, tracker, *of) for of in zip(scenarios, outcomes, strict=True)]
     objective = OBJECTIVES[protocol.objective]
-    start = [found for item in tried if (found := item.as_it_is) is not None]
+    start = [sums for item in tried if (sums := item.as_it_is) is not None]
     assert len(start) == len(tried), f"{tracker} fails as it is"
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
-        found = zip(*(item(points) for item in tried), strict=True)
-        return [trial_of(objective, point, of, start) for point, of in zip(points, found, strict=True)]
+        outcomes = zip(*(item(points) for item in tried), strict=True)
+        return [trial_of(objective, point, of, start) for point, of in zip(points, outcomes, strict=True)]
 
     parameters = tried[0].parameters
     study = Study(tracker, None, parameters, objective.axes, {})
@@ -91,7 +91,7 @@ def batches(protocol: Protocol) -> list[Proposals]:
     return [Proposals("spread", protocol.spread), *(Proposals("local", local.size, radius) for radius in local.radii)]
 
 
-class KernelCache:
+class Kept:
     """What came of each scenario's own search, in a folder if one is given: a search that was interrupted, or that has
     other families, does not try it again."""
 
@@ -115,8 +115,8 @@ class KernelCache:
         return None if self._folder is None else self._folder / f"{tracker}_{scenario}.pickle"
 
 
-def all_tuned(protocol: Protocol, pool: Executor, kept: KernelCache) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Tracker, set of scenarios and values: of each scenario by itself, then of the families and of all."""
+def all_tuned(protocol: Protocol, pool: Executor, kept: Kept) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Tracker, set of scenarios and values: of each scenario by itself, then of the families of several."""
     alone = {
         (tracker, name): pool.submit(tuned, protocol, tracker, [name], [kept.of(tracker, name)])
         for tracker in protocol.trackers
@@ -129,8 +129,9 @@ def all_tuned(protocol: Protocol, pool: Executor, kept: KernelCache) -> Iterator
             best, (outcomes[name],) = alone.pop((tracker, name)).result()
             kept.keep(tracker, name, outcomes[name])
             yield tracker, name, best
-        for name, scenarios in {**protocol.families, "all": protocol.scenarios}.items():
-            known = [outcomes[item] for item in scenarios]
-            together[tracker, name] = pool.submit(tuned, protocol, tracker, scenarios, known)
+        for name, scenarios in protocol.families.items():
+            if len(scenarios) > 1:
+                tried = [outcomes[item] for item in scenarios]
+                together[tracker, name] = pool.submit(tuned, protocol, tracker, scenarios, tried)
     for (tracker, name), future in together.items():
         yield tracker, name, future.result()[0]
