@@ -32,6 +32,7 @@ def run(
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
+    tracker_memory: float | None = None,
     progress: Progress = no_progress,
     **files: bool,
 ) -> ReportableResult: ...
@@ -45,6 +46,7 @@ def run(
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
+    tracker_memory: float | None = None,
     progress: Progress = no_progress,
     **files: bool,
 ) -> list[ReportableResult]: ...
@@ -57,6 +59,7 @@ def run(
     engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
+    tracker_memory: float | None = None,
     progress: Progress = no_progress,
     **files: bool,
 ) -> ReportableResult | list[ReportableResult]:
@@ -74,6 +77,7 @@ def run(
             ``trackbench[fast]``; or ``auto``, the fused one where it can be had and there is work enough for it.
         in_process: whether trackers of your own get no process of their own: for a debugger.
         tracker_timeout: longest time that one may take to answer a scan, s.
+        tracker_memory: most memory that one may take, GB; a quarter of the machine's or container's unless given.
         progress: called with the number of runs done and of all of a scenario.
         files: ``recording=False`` leaves ``recording.rrd`` out of the folder, and so for each such file.
 
@@ -91,7 +95,7 @@ def run(
         if name not in artifacts:
             raise TypeError(f"run() got an unexpected keyword argument {name!r}")
     left_out = frozenset(artifacts[name] for name, written in files.items() if not written)
-    isolation = Isolation(in_process, tracker_timeout)
+    isolation = Isolation(in_process, tracker_timeout, tracker_memory)
     plan = RunPlan(None if out is None else Path(out), workers, cluster, left_out, isolation, engine)
     listener = Counter(progress, "runs")
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]

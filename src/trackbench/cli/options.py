@@ -57,12 +57,20 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
         metavar="S",
         help="Most that your own tracker may take for a scan, s.",
     )
-    @click.option("--in-process", is_flag=True, help="Run it in this process, without a timeout, for a debugger.")
+    @click.option(
+        "--tracker-memory",
+        type=click.FloatRange(0, min_open=True),
+        metavar="GB",
+        help="Most memory that it may take; a quarter of the machine's or container's.",
+    )
+    @click.option("--in-process", is_flag=True, help="Run it in this process, without limits, for a debugger.")
     @functools.wraps(command)
-    def wrapped(*arguments: Any, tracker_timeout: float, in_process: bool, **options: Any) -> Any:
+    def wrapped(
+        *arguments: Any, tracker_timeout: float, tracker_memory: float | None, in_process: bool, **options: Any
+    ) -> Any:
         from trackbench.driving.isolation import Isolation
 
-        return command(*arguments, isolation=Isolation(in_process, tracker_timeout), **options)
+        return command(*arguments, isolation=Isolation(in_process, tracker_timeout, tracker_memory), **options)
 
     return wrapped
 

@@ -9,11 +9,9 @@ import resource
 import signal
 import socket
 import sys
-import threading
-import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -28,8 +26,6 @@ from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
 
-#: How often a process looks whether the bench is still there, s.
-ORPHANED = 2.0
 #: The keys of a request that are no arguments of its method.
 PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd")
 
@@ -109,15 +105,14 @@ class Host:
         return self._numbers
 
 
-def serve(connection: socket.socket, dump: int, bench: int) -> None:
+def serve(connection: socket.socket, dump: int) -> NoReturn:
     """Answer the bench until it ends.
 
     Args:
         connection: to the bench.
         dump: file descriptor to which the traceback goes when the process is killed by a fault.
-        bench: number of the process of the bench.
     """
-    _prepare(dump, bench)
+    _prepare(dump)
     host = Host()
     while True:
         try:
@@ -163,8 +158,8 @@ def _arrays(estimate: Estimate | Tracks) -> Arrays:
     return arrays
 
 
-def _prepare(dump: int, bench: int) -> None:
-    # A group of its own: it is ended together with whatever the tracker starts.
+def _prepare(dump: int) -> None:
+    # A group of its own, which a tracker may kill.
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     file = os.fdopen(dump, "w")
@@ -178,14 +173,6 @@ def _prepare(dump: int, bench: int) -> None:
     # Where a tracker leaves by this way is worth knowing.
     os._exit = exiting  # type: ignore[assignment]
 
-    def watch() -> None:
-        with suppress(ProcessLookupError):
-            while True:
-                os.kill(bench, 0)
-                time.sleep(ORPHANED)
-        leave(0)
-
-    threading.Thread(target=watch, daemon=True).start()
     if isinstance(sys.stdout, io.TextIOWrapper):
         # What a tracker printed before its process is killed is seen.
         sys.stdout.reconfigure(line_buffering=True)

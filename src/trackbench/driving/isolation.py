@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from trackbench.base.errors import InputError
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -10,6 +14,9 @@ from trackbench.trackers.published import built_in
 
 #: A day, s.
 LONGEST = 86_400.0
+#: Of the memory of the container, unless another number of bytes is stated.
+SHARE = 0.25
+GIGABYTE = 10**9
 
 
 def plugged_in(config: FilterConfig | PluginConfig) -> bool:
@@ -25,15 +32,44 @@ class Isolation:
     """Whether they are not: for a debugger."""
     timeout: float = 300.0
     """The longest that one may take for a step, s."""
+    memory: float | None = None
+    """The most that one may take, GB, resident and with all that it starts; a quarter of the container's unless set."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= LONGEST:
             problem = f"{self.timeout!r} is no time; give a number of seconds above 0, at most {LONGEST:g}"
             raise InputError(problem, key="tracker_timeout")
+        if self.memory is not None and not 0.0 < self.memory < float("inf"):
+            raise InputError(f"{self.memory!r} is no memory; give GB above 0", key="tracker_memory")
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
         """Whether a tracker gets a process of its own."""
         return plugged_in(config) and not self.in_process
+
+    @property
+    def bytes(self) -> int:
+        """The most memory that one may take on this machine."""
+        return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
+
+
+def container_memory() -> int:
+    """Memory of the container, or of the machine where none is limited, bytes."""
+    return min([os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), *_group_limits()])
+
+
+def _group_limits() -> Iterator[int]:
+    """The limits of the control groups in which this process is, of either version, bytes."""
+    with suppress(OSError):
+        for line in Path("/proc/self/cgroup").read_text().splitlines():
+            _, controllers, group = line.split(":", 2)
+            if controllers not in ("", "memory"):
+                continue
+            mounted = Path("/sys/fs/cgroup", controllers)
+            place = mounted / group.lstrip("/")
+            # In a container the path may be that of the host, which is not seen here.
+            for folder in [place, *(parent for parent in place.parents if parent.is_relative_to(mounted))]:
+                with suppress(OSError, ValueError):
+                    yield int((folder / ("memory.limit_in_bytes" if controllers else "memory.max")).read_text())
 
 
 ISOLATED = Isolation()

@@ -12,23 +12,28 @@ import tempfile
 import threading
 import time
 import weakref
+from collections import Counter
 from contextlib import suppress
 from typing import IO, Any
 
 import numpy.typing as npt
 
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError
+from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import KINDS, TrackFault
-from trackbench.driving.wire import REPORT, Malformed, receive_answer, send_request
+from trackbench.driving.isolation import GIGABYTE, Isolation
+from trackbench.driving.wire import Limits, Malformed, Report, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"
 #: How often the bench looks whether a process is still there while it waits for its answer, s.
 GLANCE = 0.5
 #: How long a process that has been told to end may take to write down where it was, s.
 DUMPING = 1.0
-#: How long it may take to start one, s.
-STARTING = 60.0
+#: How long it may take to start one, and to end it with all that it has started, s.
+STARTING, ENDING = 60.0, 10.0
+#: Lines that are shown of what all processes of a tracker print.
+SHOWN = 100
 NO_ANSWER = "its process sent what is no answer"
 
 Answer = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
@@ -52,76 +57,106 @@ class Template:
                 # Ctrl-C is for the bench, which ends the trackers.
                 start_new_session=True,
             )
-        self._lock = threading.Lock()
-        self._statuses: dict[int, int] = {}
+        # A process may be ended by the garbage collector while a report is waited for.
+        self._lock = threading.RLock()
+        self._started: list[int] = []
+        self._ends: dict[int, Report] = {}
+        self._names: dict[int, str] = {}
+        self._lines: Counter[str] = Counter()
+        self.unshown: Counter[str] = Counter()
+        """Lines that were not shown, by the name of a tracker."""
 
     @property
     def ended(self) -> bool:
         """Whether it was killed."""
         return self._process.poll() is not None
 
-    def copy(self, connection: socket.socket, dump: IO[bytes]) -> int:
+    def copy(self, connection: socket.socket, dump: IO[bytes], memory: int, name: str) -> int:
         """Start a process that serves a connection, and writes its traceback to a file where it is killed.
+
+        Args:
+            connection: to the bench.
+            dump: the file.
+            memory: what it may take, bytes.
+            name: what its output is said to be of.
+
+        Returns:
+            The number of the process that guards it.
 
         Raises:
             TrackbenchError: no process can be started.
         """
         with self._lock:
             self._control.settimeout(STARTING)
+            # Another process of the tracker shows what this one leaves.
+            limits = Limits(memory, SHOWN - self._lines[name], name)
+            self._lines[name] = SHOWN
             try:
-                socket.send_fds(self._control, [b"+"], [connection.fileno(), dump.fileno()])
-                while True:
-                    started, process, status = self._message()
-                    if started:
-                        return process
-                    self._statuses[process] = status
+                socket.send_fds(self._control, [limits.packed()], [connection.fileno(), dump.fileno()])
+                while not self._started:
+                    self._message()
+                process = self._started.pop()
+                self._names[process] = name
+                return process
             except (OSError, EOFError) as error:
                 self._process.kill()
                 raise TrackbenchError("no process can be started for a tracker") from error
             finally:
                 self._control.settimeout(None)
 
-    def status(self, process: int, seconds: float) -> int | None:
-        """How a process ended, as of ``os.waitpid``; None where it has not within some time."""
+    def end_of(self, process: int, seconds: float) -> Report | None:
+        """How a process ended; None where it has not within some time."""
         until = time.monotonic() + seconds
         with self._lock:
             try:
-                while process not in self._statuses:
+                while process not in self._ends:
                     self._control.settimeout(max(1e-3, until - time.monotonic()))
-                    _, ended, self._statuses[ended] = self._message()
+                    self._message()
             except (OSError, EOFError):
                 return None
             finally:
                 self._control.settimeout(None)
-            return self._statuses[process]
+            return self._ends[process]
+
+    def end(self, process: int) -> None:
+        """End a process with all that it has started, and wait for it."""
+        if process not in self._ends:
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(process, signal.SIGTERM)
+            self.end_of(process, ENDING)
 
     def close(self) -> None:
         """End it, with all that its copies have left behind."""
         self._control.close()
         try:
-            self._process.wait(DUMPING)
+            self._process.wait(ENDING)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
-    def _message(self) -> tuple[bool, int, int]:
-        message = self._control.recv(REPORT.size)
-        if len(message) < REPORT.size:
-            raise EOFError
-        report: tuple[bool, int, int] = REPORT.unpack(message)
-        return report
+    def _message(self) -> None:
+        report = Report.unpacked(self._control.recv(4096))
+        if report.started:
+            self._started.append(report.process)
+            return
+        name = self._names.pop(report.process, None)
+        if name is not None:
+            self._ends[report.process] = report
+            self._lines[name] -= report.lines
+            self.unshown[name] += report.unshown
 
 
 class TrackerProcess:
     """A process in which one tracker of a scenario lives.
 
     Args:
-        timeout: the longest that it may take to answer, s.
+        isolation: the longest that it may take to answer, and the most memory.
+        name: what its output is said to be of.
         members: of the batch that it follows.
     """
 
-    def __init__(self, timeout: float, members: int = 0) -> None:
-        self.timeout = timeout
+    def __init__(self, isolation: Isolation, name: str, members: int = 0) -> None:
+        self.timeout, self._memory = isolation.timeout, isolation.bytes
         self._members = members
         self._exchange = 0
         self.fault: TrackFault | None = None
@@ -132,8 +167,8 @@ class TrackerProcess:
         self._socket, theirs = socket.socketpair()
         with theirs:
             self._template = _template()
-            self._number = self._template.copy(theirs, self._dump)
-        self._end = weakref.finalize(self, _end, self._number, self._socket, self._dump)
+            self._number = self._template.copy(theirs, self._dump, self._memory, name)
+        self._end = weakref.finalize(self, _end, self._template, self._number, self._socket, self._dump)
 
     def ask(self, do: str, **request: Any) -> Answer:
         """What the process answers to a request.
@@ -166,7 +201,7 @@ class TrackerProcess:
         except (EOFError, OSError):
             raise self._ended(self._how_it_ended()) from None
         except (Malformed, TypeError, ValueError):
-            raise self._ended(NO_ANSWER, signal.SIGKILL) from None
+            raise self._ended(NO_ANSWER, signal.SIGTERM) from None
         return values, arrays
 
     def start(self, do: str, **request: Any) -> tuple[int, dict[str, Any]]:
@@ -180,7 +215,7 @@ class TrackerProcess:
             values, _ = self.ask(do, **request)
             return int(values["number"]), values
         except (KeyError, TypeError, ValueError):
-            raise self._ended(NO_ANSWER, signal.SIGKILL) from None
+            raise self._ended(NO_ANSWER, signal.SIGTERM) from None
 
     def close(self) -> None:
         """End the process."""
@@ -198,23 +233,23 @@ class TrackerProcess:
             try:
                 return self._socket.recv_into(buffer)
             except TimeoutError:
-                if self._template.status(self._number, 0.0) is not None:
+                if self._template.end_of(self._number, 0.0) is not None:
                     raise EOFError from None
 
     def _how_it_ended(self) -> str:
-        status = self._template.status(self._number, DUMPING)
-        if status is None:
+        report = self._template.end_of(self._number, ENDING)
+        if report is None:
             return "its process closed the connection"
-        code = os.waitstatus_to_exitcode(status)
-        if code >= 0:
-            return f"its process ended itself, with status {code}"
-        names = {number.value: f" ({number.name})" for number in signal.Signals}
-        return f"its process was killed by signal {-code}{names.get(-code, '')}"
+        if report.memory:
+            taken, most = report.memory / GIGABYTE, self._memory / GIGABYTE
+            return f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
+        return how_it_ended(report.status)
 
     def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
         if by is not None:
-            _signal(self._number, by)
-            self._template.status(self._number, DUMPING)
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(self._number, by)
+            self._template.end_of(self._number, DUMPING)
         self._dump.seek(0)
         place = place_in_dump(self._dump.read().decode(errors="replace"))
         self._end()
@@ -240,18 +275,10 @@ def _raise_error(values: dict[str, Any], members: int) -> None:
         raise TrackFault(str(cause), kind, None if place is None else str(place), member)
 
 
-def _end(process: int, connection: socket.socket, dump: IO[bytes]) -> None:
-    _signal(process, signal.SIGKILL)
+def _end(template: Template, process: int, connection: socket.socket, dump: IO[bytes]) -> None:
     connection.close()
     dump.close()
-
-
-def _signal(process: int, number: signal.Signals) -> None:
-    """To a process and what it has started."""
-    for send in (os.killpg, os.kill):
-        with suppress(ProcessLookupError, PermissionError):
-            send(process, number)
-            return
+    template.end(process)
 
 
 def _is_open(descriptor: int) -> bool:
@@ -272,3 +299,12 @@ def _template() -> Template:
         _templates[own] = Template()
         atexit.register(_templates[own].close)
     return _templates[own]
+
+
+def take_unshown() -> Counter[str]:
+    """By name of a tracker, how many lines of its output were not shown since the last call."""
+    template = _templates.get(os.getpid())
+    if template is None:
+        return Counter()
+    unshown, template.unshown = template.unshown, Counter()
+    return unshown

@@ -29,7 +29,7 @@ class TrackerTrial:
 
     def __init__(self, config: PluginConfig, folder: Path | None, isolation: Isolation) -> None:
         self._config, self._folder = config, folder
-        self._process = TrackerProcess(isolation.timeout) if isolation.of(config) else None
+        self._process = TrackerProcess(isolation, config.use) if isolation.of(config) else None
 
     def check(self) -> None:
         """Find it and hold its options against what it declares; it is not started.
@@ -85,7 +85,7 @@ def start(
     """
     if not isolation.of(config):
         return local(config, folder, batch, prepare, several)
-    process = TrackerProcess(isolation.timeout, batch)
+    process = TrackerProcess(isolation, _use(config), batch)
     try:
         return RemoteStepper(process, config, folder, batch, several)
     except BaseException:
@@ -104,7 +104,7 @@ def fresh_tracks(
     """
     make: Callable[[], Stepper] = partial(local, config, folder, 1, lambda tracker: tracker, several=True)
     if isolation.of(config):
-        make = partial(RemoteStepper, TrackerProcess(isolation.timeout, 1), config, folder, 1, several=True)
+        make = partial(RemoteStepper, TrackerProcess(isolation, _use(config), 1), config, folder, 1, several=True)
     make()
     return make
 
@@ -119,7 +119,7 @@ def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Iso
     config = PluginConfig(use=use, options=options)
     if not isolation.of(config):
         return create(use, options, folder)
-    process = TrackerProcess(isolation.timeout)
+    process = TrackerProcess(isolation, use)
     make = partial(RemoteTracker.fresh, process, _named(config, folder))
     make()
     return make
@@ -198,6 +198,11 @@ class RemoteTracker:
     def __del__(self) -> None:
         if self._process.fault is None:
             self._process.dropped.append(self._number)
+
+
+def _use(config: FilterConfig | PluginConfig) -> str:
+    assert isinstance(config, PluginConfig)
+    return config.use
 
 
 def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:

@@ -1,46 +1,23 @@
 """The process that the processes of trackers are copies of: it has imported what they need, and knows nothing else.
 
-Run as ``python -m trackbench.driving.template DESCRIPTOR``, by :mod:`trackbench.driving.processes`.
+Run as ``python -m trackbench.driving.template DESCRIPTOR``, by :mod:`trackbench.driving.processes`. A copy is a guard,
+which starts the tracker's process and ends it.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import socket
 import sys
 from contextlib import suppress
-from pathlib import Path
 
-from trackbench.driving import host
-from trackbench.driving.wire import INSIDE, REPORT
+from trackbench.base.descendants import adopt_orphans, end_descendants
+from trackbench.driving import guard
+from trackbench.driving.wire import INSIDE, LONGEST_LIMITS, Limits, Report
 
-#: prctl(2)
-PR_SET_CHILD_SUBREAPER = 36
-
-
-def adopt_orphans() -> None:
-    """Become the parent of every descendant whose own parent ends, also of those in sessions of their own."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-
-
-def end_descendants() -> None:
-    """Kill whatever descends from this process."""
-    while children := _children(os.getpid()):
-        for process in children:
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
-            with suppress(ChildProcessError):
-                os.waitpid(process, 0)
-
-
-def _children(process: int) -> list[int]:
-    try:
-        return [int(number) for number in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
-    except OSError:
-        return []
+#: How often it looks whether the bench is still there, s.
+ORPHANED = 2.0
 
 
 def main(descriptor: int) -> None:
@@ -48,43 +25,56 @@ def main(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[INSIDE] = "1"
     adopt_orphans()
-    bench = os.getppid()
+    bench, own = os.getppid(), os.getpid()
+    guards: set[int] = set()
     with socket.socket(fileno=descriptor) as control:
 
         def ended(*_: object) -> None:
-            while True:
-                try:
-                    process, status = os.waitpid(-1, os.WNOHANG)
-                except ChildProcessError:
-                    return
-                if process == 0:
-                    return
-                control.send(REPORT.pack(False, process, status))
+            with suppress(ChildProcessError):
+                while (end := os.waitpid(-1, os.WNOHANG))[0] != 0:
+                    process, status = end
+                    if process in guards and status != 0:
+                        # It was killed: what it should have ended has become a child of this process.
+                        end_descendants(guards)
+                        with suppress(OSError):
+                            control.send(Report(False, process, status).packed())
+                    guards.discard(process)
 
         signal.signal(signal.SIGCHLD, ended)
+        control.settimeout(ORPHANED)
         while True:
             try:
-                _, descriptors, _, _ = socket.recv_fds(control, 1, 2)
+                limits, descriptors, _, _ = socket.recv_fds(control, LONGEST_LIMITS, 2)
+            except TimeoutError:
+                if os.getppid() != bench:
+                    break
+                continue
             except ConnectionResetError:
-                return
+                break
             if not descriptors:
-                return
+                break
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
             process = os.fork()
             if process == 0:
-                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-                signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
-                control.close()
-                host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], bench)
+                control.settimeout(None)
+                connection = socket.socket(fileno=descriptors[0])
+                guard.watch(control, connection, descriptors[1], Limits.unpacked(limits), own)
+            guards.add(process)
             for number in descriptors:
                 os.close(number)
-            control.send(REPORT.pack(True, process, 0))
+            control.send(Report(True, process).packed())
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        for process in guards:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGTERM)
+        for process in guards:
+            with suppress(ChildProcessError):
+                os.waitpid(process, 0)
 
 
 if __name__ == "__main__":
     # The bench may end, or be killed, before it is told what has become of a copy.
     with suppress(BrokenPipeError):
         main(int(sys.argv[1]))
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     end_descendants()

@@ -10,13 +10,11 @@ import pickle
 import socket
 import struct
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-#: Report of the template: whether it is of a start, the process, and how that ended (as of ``os.waitpid``).
-REPORT = struct.Struct("<?ii")
 #: Set in the environment of every tracker's process.
 INSIDE = "TRACKBENCH_TRACKER_PROCESS"
 _LENGTH = struct.Struct("<Q")
@@ -27,6 +25,63 @@ LARGEST_ARRAYS = 1 << 32
 _TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_), "l": np.dtype(np.int64)}
 
 Arrays = Mapping[str, npt.NDArray[Any]]
+
+
+class Report(NamedTuple):
+    """What the bench is told of the process that guards a tracker's."""
+
+    started: bool
+    """Whether it was started; else it has ended."""
+    process: int
+    """Its number."""
+    status: int = 0
+    """How the tracker's process ended, as of ``os.waitpid``."""
+    memory: int = 0
+    """What the tracker took when it was ended for that, bytes; else 0."""
+    unshown: int = 0
+    """Lines that it printed and that were not shown."""
+    lines: int = 0
+    """How many more would have been shown."""
+
+    def packed(self) -> bytes:
+        """As bytes, of which there are always as many."""
+        return _REPORT.pack(*self)
+
+    @classmethod
+    def unpacked(cls, content: bytes) -> Report:
+        """From bytes.
+
+        Raises:
+            EOFError: they are not all there.
+        """
+        if len(content) < _REPORT.size:
+            raise EOFError
+        return cls(*_REPORT.unpack(content))
+
+
+#: Bytes of limits.
+LONGEST_LIMITS = 8192
+_REPORT = struct.Struct("<?iiQQQ")
+
+
+class Limits(NamedTuple):
+    """What a tracker may take and print."""
+
+    memory: int
+    """Bytes."""
+    lines: int
+    """Shown ones."""
+    name: str
+    """What its output is said to be of."""
+
+    def packed(self) -> bytes:
+        """As bytes, at most ``LONGEST_LIMITS``."""
+        return json.dumps(self._replace(name=self.name[:500])).encode()
+
+    @classmethod
+    def unpacked(cls, content: bytes) -> Limits:
+        """From bytes."""
+        return cls(*json.loads(content))
 
 
 class Malformed(Exception):

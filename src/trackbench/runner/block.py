@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.types import Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
+from trackbench.driving.processes import take_unshown
 from trackbench.engine.equations import EngineUsed
 from trackbench.results import Failure
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
@@ -53,6 +55,8 @@ class Block:
     """Those of the recorded run, if it is in this block."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
+    unshown: Counter[str] = field(default_factory=Counter)
+    """Lines that plug-ins printed and that were not shown."""
 
     @property
     def recorded(self) -> dict[str, RecordedEstimates]:
@@ -112,7 +116,7 @@ def run_block(
     outcomes = {name: tracker.close() for name, tracker in trackers.items()}
     engines = {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
     random = frozenset(name for name, tracker in trackers.items() if tracker.random)
-    return Block(piece, outcomes, detections, measurements.digests, engines, recorded, random)
+    return Block(piece, outcomes, detections, measurements.digests, engines, recorded, random, take_unshown())
 
 
 def _advance(

@@ -101,12 +101,16 @@ def connected(address: str) -> Cluster:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         if here is not None:
-            scheduler = distributed.LocalCluster(
-                n_workers=0, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL
-            )
-            stack.callback(_close, scheduler)
             scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
             tell_scratch(Path(scratch))
+            scheduler = distributed.LocalCluster(
+                n_workers=0,
+                host="127.0.0.1",
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                scheduler_kwargs={"local_directory": scratch},
+            )
+            stack.callback(_close, scheduler)
             for _ in range(int(here[1])):
                 stack.callback(_kill, _start_worker(scheduler.scheduler_address, scratch))
         try:

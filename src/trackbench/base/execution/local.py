@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from loky import ProcessPoolExecutor
+from loky import ProcessPoolExecutor, process_executor
 from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool
 
@@ -35,6 +37,8 @@ class LocalProcesses(Executor):
         self._number = number
         self._deaths = 0
         self._lock = threading.RLock()
+        # Loky would also kill what a worker has started, and with it what ends the children of a tracker.
+        process_executor.kill_process_tree = _kill
         _start_resource_tracker()
         self._pool = self._new()
 
@@ -91,6 +95,12 @@ class LocalProcesses(Executor):
         failure = TrackbenchError(DIED)
         failure.__cause__ = error
         outcome.set_exception(failure)
+
+
+def _kill(worker: Any) -> None:
+    with suppress(ProcessLookupError):
+        os.kill(worker.pid, signal.SIGKILL)
+    worker.join()
 
 
 def _start_resource_tracker() -> None:

@@ -65,6 +65,7 @@ def doctor(
     skip: Sequence[str] = (),
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
+    tracker_memory: float | None = None,
     out: Path | str | None = None,
     progress: Progress = no_progress,
 ) -> Examination:
@@ -81,6 +82,7 @@ def doctor(
         skip: checks that are left out, by name or by name and sensor: ``gain``, ``gain.radar``.
         in_process: whether a tracker that is not built in gets no process of its own: for a debugger.
         tracker_timeout: longest time that one may take to answer a scan, s.
+        tracker_memory: most memory that one may take, GB; a quarter of the machine's or container's unless given.
         out: the folder of the findings, the report and the replay; nothing is written unless given.
         progress: called with the number of steps done and of all, about, of the examination and then of its evidence.
 
@@ -90,7 +92,7 @@ def doctor(
         TrackFault: the tracker's process ended before anything could be asked.
         TrackbenchError: the folder cannot be written.
     """
-    values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout)
+    values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
     path = None if scenario is None else Path(scenario)
     # What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults.
     with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):

@@ -108,6 +108,7 @@ def doctor_command(
                 skip=skip,
                 in_process=isolation.in_process,
                 tracker_timeout=isolation.timeout,
+                tracker_memory=isolation.memory,
                 progress=advance,
             )
     except InputError as error:
