@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,8 @@ from trackbench.results import Result
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux")
 
+#: How long a test waits on a busy machine, s.
+PATIENCE = 240.0
 SCENARIO = """\
 name: left
 truth: {source: scripted, duration_s: 1, rate_hz: 10, objects: {car: {start: {x: 20, y: 5, speed_mps: 10}}}}
@@ -77,8 +79,9 @@ def marked(variable: str) -> list[int]:
 
 
 @pytest.fixture
-def begin(tmp_path: Path, trackbench: str) -> Callable[..., tuple[subprocess.Popen[str], str]]:
+def begin(tmp_path: Path, trackbench: str) -> Iterator[Callable[..., tuple[subprocess.Popen[str], str]]]:
     """Begins a run with a tracker; also gives what marks its processes."""
+    begun: list[subprocess.Popen[str]] = []
 
     def call(code: str, *options: str) -> tuple[subprocess.Popen[str], str]:
         (tmp_path / "left.yaml").write_text(SCENARIO, encoding="utf-8")
@@ -87,15 +90,21 @@ def begin(tmp_path: Path, trackbench: str) -> Callable[..., tuple[subprocess.Pop
         mark = f"TRACKBENCH_TEST={uuid4()}"
         command = [trackbench, "run", "left.yaml", "--no-recording", "--quiet", "--tracker-timeout", "20", *options]
         environment = os.environ | dict([mark.split("=")]) | {"TMPDIR": str(tmp_path / "scratch")}
-        return subprocess.Popen(
-            command, cwd=tmp_path, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        ), mark
+        begun.append(
+            subprocess.Popen(
+                command, cwd=tmp_path, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            )
+        )
+        return begun[-1], mark
 
-    return call
+    yield call
+    for run in begun:
+        run.kill()
+        run.communicate()
 
 
 def none_left(mark: str) -> bool:
-    limit = time.monotonic() + 30
+    limit = time.monotonic() + PATIENCE
     while marked(mark) and time.monotonic() < limit:
         time.sleep(0.1)
     return not marked(mark)
@@ -116,7 +125,7 @@ def test_nothing_outlives_a_run_of_which_a_process_is_killed(
     begin: Any, tmp_path: Path, options: str, victim: str
 ) -> None:
     run, mark = begin(DAEMONS % (60, "time.sleep(1e6)"), *options.split())
-    limit = time.monotonic() + 60
+    limit = time.monotonic() + PATIENCE
     while not (tmp_path / "under_way").exists():
         assert time.monotonic() < limit
         assert run.poll() is None, run.communicate()
@@ -124,7 +133,7 @@ def test_nothing_outlives_a_run_of_which_a_process_is_killed(
     template = next(process for process in descendants(run.pid) if is_template(process))
     assert len(marked(mark)) > 60
     os.kill(VICTIMS[victim](run.pid, template), signal.SIGKILL)
-    _, err = run.communicate(timeout=60)
+    _, err = run.communicate(timeout=PATIENCE)
     assert run.returncode == {"supervisor": -signal.SIGKILL, "bench": 70}.get(victim, 3), err
     assert "Traceback" not in err
     assert none_left(mark)
@@ -136,7 +145,7 @@ def test_nothing_outlives_a_run_of_which_a_process_is_killed(
 @pytest.mark.parametrize("options", ["", "--workers 2", "--cluster local:2"])
 def test_nothing_outlives_a_run_that_ends(begin: Any, tmp_path: Path, options: str) -> None:
     run, mark = begin(DAEMONS % (6, "return 0, None"), *options.split())
-    _, err = run.communicate(timeout=120)
+    _, err = run.communicate(timeout=PATIENCE)
     assert run.returncode == 3, err
     assert none_left(mark)
     assert list((tmp_path / "scratch").iterdir()) == []
@@ -186,7 +195,7 @@ def test_what_a_tracker_prints_is_capped_and_counted(begin: Any) -> None:
         "        for n in range(1000): print(n); print(n, file=sys.stderr)\n        return 0, None\n"
     )
     run, _ = begin(code)
-    lines = run.communicate(timeout=120)[1].splitlines()
+    lines = run.communicate(timeout=PATIENCE)[1].splitlines()
     # Of 11 scans, twice: in the run and in its second drive.
     assert lines[100] == "mine:Mine: what it prints from here on is not shown"
     assert lines[-1] == "mine:Mine printed 43900 lines more, which were not shown"

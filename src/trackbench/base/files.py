@@ -120,11 +120,14 @@ def read_json(file: Path) -> Any:
 
 
 def cache_folder() -> Path:
-    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME, else ~/.cache/trackbench."""
+    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME or ~/.cache; of a user without a home in /tmp."""
     own = os.environ.get("TRACKBENCH_CACHE")
     if own:
         return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
+    except RuntimeError:
+        return Path(tempfile.gettempdir()) / f"trackbench-{os.getuid()}"
 
 
 def write_whole(file: Path, content: bytes) -> None:

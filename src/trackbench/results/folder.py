@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,8 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         for name, write in files.items():
             write(temporary / name)
         written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
-        _put(temporary, folder, mark)
+        with _locked(folder.parent):
+            _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
         # A reader knows the folder by its final name.
         cause = error if isinstance(error, OSError) else error.__cause__
@@ -133,7 +135,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.unfinished")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
@@ -152,6 +154,18 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_file(text: str, path: Path) -> None:
     """Write a file of a folder that is put in its place as a whole."""
     path.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """While no other command puts a result into a folder, where the file system has locks."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:
