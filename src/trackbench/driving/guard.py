@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from trackbench.base.descendants import adopt_orphans, descendants, end_descendants, end_with_parent
 from trackbench.driving import host
-from trackbench.driving.wire import Limits, Report
+from trackbench.driving.wire import Limits, ProcessReport
 
 #: Between two looks at the memory, s.
 INTERVAL = 0.1
@@ -95,7 +95,9 @@ class _Guard:
         self._show()
         status = signal.SIGKILL if self._status is None else self._status
         with suppress(OSError):
-            self._control.send(Report(False, os.getpid(), status, self._memory, self._unshown, self._lines).packed())
+            self._control.send(
+                ProcessReport(False, os.getpid(), status, self._memory, self._unshown, self._lines).packed()
+            )
 
     def _end(self, *_: object) -> None:
         self._ending = True

@@ -23,7 +23,7 @@ from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import KINDS, TrackFault
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import Limits, Malformed, Report, receive_answer, send_request
+from trackbench.driving.wire import Limits, Malformed, ProcessReport, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"
 #: How often the bench looks whether a process is still there while it waits for its answer, s.
@@ -60,7 +60,7 @@ class Template:
         # A process may be ended by the garbage collector while a report is waited for.
         self._lock = threading.RLock()
         self._started: list[int] = []
-        self._ends: dict[int, Report] = {}
+        self._ends: dict[int, ProcessReport] = {}
         self._names: dict[int, str] = {}
         self._lines: Counter[str] = Counter()
         self.unshown: Counter[str] = Counter()
@@ -104,7 +104,7 @@ class Template:
             finally:
                 self._control.settimeout(None)
 
-    def end_of(self, process: int, seconds: float) -> Report | None:
+    def end_of(self, process: int, seconds: float) -> ProcessReport | None:
         """How a process ended; None where it has not within some time."""
         until = time.monotonic() + seconds
         with self._lock:
@@ -135,7 +135,7 @@ class Template:
             self._process.wait()
 
     def _message(self) -> None:
-        report = Report.unpacked(self._control.recv(4096))
+        report = ProcessReport.unpacked(self._control.recv(4096))
         if report.started:
             self._started.append(report.process)
             return

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from trackbench.base.descendants import adopt_orphans, end_descendants
 from trackbench.driving import guard
-from trackbench.driving.wire import INSIDE, LONGEST_LIMITS, Limits, Report
+from trackbench.driving.wire import INSIDE, LONGEST_LIMITS, Limits, ProcessReport
 
 #: How often it looks whether the bench is still there, s.
 ORPHANED = 2.0
@@ -37,7 +37,7 @@ def main(descriptor: int) -> None:
                         # It was killed: what it should have ended has become a child of this process.
                         end_descendants(guards)
                         with suppress(OSError):
-                            control.send(Report(False, process, status).packed())
+                            control.send(ProcessReport(False, process, status).packed())
                     guards.discard(process)
 
         signal.signal(signal.SIGCHLD, ended)
@@ -62,7 +62,7 @@ def main(descriptor: int) -> None:
             guards.add(process)
             for number in descriptors:
                 os.close(number)
-            control.send(Report(True, process).packed())
+            control.send(ProcessReport(True, process).packed())
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         for process in guards:

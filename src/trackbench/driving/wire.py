@@ -27,7 +27,7 @@ _TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_), "l": np.dtype(np.i
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 
-class Report(NamedTuple):
+class ProcessReport(NamedTuple):
     """What the bench is told of the process that guards a tracker's."""
 
     started: bool
@@ -48,7 +48,7 @@ class Report(NamedTuple):
         return _REPORT.pack(*self)
 
     @classmethod
-    def unpacked(cls, content: bytes) -> Report:
+    def unpacked(cls, content: bytes) -> ProcessReport:
         """From bytes.
 
         Raises:
