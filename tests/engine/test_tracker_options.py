@@ -124,7 +124,7 @@ def test_smoothers(name: str, given: Drive) -> None:
     for one, other in zip(said, expected, strict=True):
         assert agreement.of_estimates(one, other) < ROUGH_LIMIT
     several = "smoothing: several motion models are smoothed by NumPy"
-    assert fused.engine_used == (("fused and numpy", several, 0) if name == "ekf-imm" else ("fused", "", 0))
+    assert fused.engine_used[:3] == (("fused and numpy", several, 0) if name == "ekf-imm" else ("fused", "", 0))
 
 
 COPIES: dict[str, Callable[[FilterTracker], FilterTracker]] = {
@@ -150,7 +150,7 @@ def test_copies_go_on_where_the_tracker_is(how: str, name: str, given: Drive) ->
         for one, two in zip(found, said, strict=True):
             assert (one is None) == (two is None)
             assert one is None or one.tobytes() == two.tobytes()
-    assert other.engine_used == fused.engine_used == ("fused", "", 0)
+    assert other.engine_used[:3] == fused.engine_used[:3] == ("fused", "", 0)
 
 
 def test_a_single_object(given: Drive) -> None:

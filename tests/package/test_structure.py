@@ -16,8 +16,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 65_674
-MOST_FILES = 386
+MOST_LINES = 66_200
+MOST_FILES = 387
 
 
 def lines_of(file: Path) -> int:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.engine.equations import Compute, EngineUsed, by_numpy
@@ -78,10 +81,36 @@ def compute_by(engine: Engine) -> Compute:
 def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
     """A filter as an engine computes it."""
     if engine == "numpy":
-        return filter
+        from trackbench.models.sensors import SENSOR_MODELS
+
+        models = [type(item) for motion in filter.motions for item in (motion, *vars(motion).values())]
+        if not _of_users([*models, *SENSOR_MODELS.found.values()]):
+            return filter
+        from trackbench.engine.filters import checked
+
+        return checked(filter)
     from trackbench.engine.filters import fused
 
     return fused(filter)
+
+
+def draw_comparisons(engine: Engine, random: np.random.Generator) -> None:
+    """Draw when, in the run that begins, equations of users are computed a second way, and of which members."""
+    from trackbench.models.motion import MOTION_MODELS
+    from trackbench.models.sensors import SENSOR_MODELS
+
+    if _of_users([*MOTION_MODELS.found.values(), *SENSOR_MODELS.found.values()]):
+        from trackbench.engine.filters import checks, kernels
+        from trackbench.engine.user_equations import Comparisons
+
+        (checks() if engine == "numpy" else kernels()).comparisons = Comparisons(random)
+
+
+def _of_users(kinds: Iterable[type]) -> bool:
+    """Whether one of them is a model or sensor that is none of the bench's own."""
+    from trackbench.base.config import Config
+
+    return any(issubclass(kind, Config) and not kind.__module__.startswith("trackbench.") for kind in kinds)
 
 
 def used(filter: Filter[Any]) -> EngineUsed:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from math import prod
 from typing import Any, Literal, NamedTuple, Protocol
 
-from trackbench.base.types import Array
+import numpy as np
+
+from trackbench.base.types import Array, Indices
 
 ComputedBy = Literal["numpy", "fused", "fused and numpy"]
 
@@ -15,9 +18,13 @@ class EngineUsed(NamedTuple):
 
     engine: ComputedBy
     why_numpy: str = ""
-    """Why the fused engine left some or all of them to NumPy; empty where it did not, or was not asked."""
+    """Why the fused engine left some or all of them to NumPy, or what is wrong with a model by NumPy; else empty."""
     again: int = 0
     """How many members of batches NumPy computed again, of which the trace did not hold."""
+    of_user: bool = False
+    """Whether ``why_numpy`` is of a model or sensor of the user's own."""
+    invalid: bool = False
+    """Whether machine code turned out to compute something else than NumPy, so that all has to be computed again."""
 
 
 def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
@@ -28,7 +35,8 @@ def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
     engines = {part.engine for part in used}
     reasons = dict.fromkeys(part.why_numpy for part in used if part.why_numpy)
     engine = engines.pop() if len(engines) == 1 else "fused and numpy"
-    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used))
+    of_user, invalid = (any(getattr(part, name) for part in used) for name in ("of_user", "invalid"))
+    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in used), of_user, invalid)
 
 
 #: Arrays by name; inside a function each is ``(components..., batch...)``, or without batch axes the same for all.
@@ -67,3 +75,56 @@ class Compute(Protocol):
 def by_numpy(equations: Equations, values: Values) -> dict[str, Array]:
     """The reference: NumPy computes the function as it stands."""
     return dict(equations.function(values))
+
+
+def by_numpy_alone(
+    equations: Equations, batch: tuple[int, ...], values: Values, outputs: Mapping[str, Array], places: Indices
+) -> dict[str, Array]:
+    """What NumPy gives of some members of a batch: of each output ``(components..., places)``.
+
+    Args:
+        equations: what to compute.
+        batch: the lengths of the batch axes.
+        values: the inputs of all members.
+        outputs: of all members, as far as there are any.
+        places: numbers of the members that are asked for, all at once.
+    """
+    if batch and len(places) == 1:
+        # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
+        places = places.repeat(2)
+    count, outcome = len(places), {}
+    chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
+    for name, result in by_numpy(equations, chosen).items():
+        if result is None:
+            continue
+        array = np.asarray(result)
+        axes = (outputs[name].ndim if name in outputs else array.ndim) - len(batch)
+        components, missing = array.shape[:axes], axes + len(batch) - array.ndim
+        full = array.reshape(components + (1,) * missing + array.shape[axes:])
+        full = np.broadcast_to(full, components + _one_axis(len(batch), count))
+        outcome[name] = full.reshape(*components, count)
+    return outcome
+
+
+def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
+    """The batch axes of inputs together."""
+    shapes = {np.shape(values[name])[rank:] for name, rank in ranks.items()}
+    if len(shapes) == 1:
+        return shapes.pop()
+    shapes.discard(())
+    return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
+
+
+def _members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> Any:
+    """Some members of an input, along one batch axis."""
+    array = np.asarray(value)
+    if array.ndim == rank:
+        return value
+    components = array.shape[:rank]
+    chosen = np.broadcast_to(array, components + batch).reshape(*components, prod(batch))[..., places]
+    return chosen.reshape(components + _one_axis(array.ndim - rank, len(places)))
+
+
+def _one_axis(axes: int, count: int) -> tuple[int, ...]:
+    """The lengths of batch axes of which the last has all members."""
+    return (1,) * (axes - 1) + (count,) * (axes > 0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+import time
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
@@ -23,9 +25,10 @@ from trackbench.engine.beliefs import (
     scan_placeholder,
     taken_apart,
 )
-from trackbench.engine.equations import EngineUsed, Equations, Values
-from trackbench.engine.kernels import Kernels
-from trackbench.engine.user_equations import SourceFingerprint, is_traced, is_user_type, settled
+from trackbench.engine.constants import SourceFingerprint
+from trackbench.engine.equations import ComputedBy, EngineUsed, Equations, Values
+from trackbench.engine.kernels import CHANGED, Kernels
+from trackbench.engine.user_equations import is_traced, is_user_type, user_sources
 from trackbench.filters import (
     AnyBelief,
     Belief,
@@ -55,13 +58,13 @@ class FusedFilter:
         self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
         self._options = options.options(filter)
         self._per_member = any(np.ndim(value) > 0 for value in self._options.values())
-        self._form = options.form(filter)
+        self.form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
         """The one that is taken in, of which kernels know but a part."""
-        self._by_kernels, self._again = False, 0
+        self._by_kernels, self._again, self._invalid = False, 0, False
         self._untraced: dict[str, str] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -71,10 +74,17 @@ class FusedFilter:
     @property
     def used(self) -> EngineUsed:
         """What computed the steps so far."""
-        reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items())
+        sources = {source for equations in self._equations.values() for source in user_sources(equations.key)}
+        if self._kernels.compiles and self._by_kernels and any(source.changed for source in sources):
+            self._untraced |= {} if CHANGED in self._untraced.values() else {"all steps": CHANGED}
+            self._invalid = True
+        engine: ComputedBy = "fused and numpy" if self._untraced or self._again else "fused"
         if self._untraced and not self._by_kernels:
-            return EngineUsed("numpy", reasons)
-        return EngineUsed("fused and numpy" if self._untraced or self._again else "fused", reasons, self._again)
+            engine = "numpy"
+        # What is the same of several kinds of steps is said of the first.
+        firsts = {why: name for name, why in reversed(self._untraced.items())}
+        reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items() if firsts[why] == name)
+        return EngineUsed(engine, reasons, self._again, bool(sources and reasons), self._invalid)
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
@@ -169,10 +179,11 @@ class FusedFilter:
         equations = self._equations.get(key)
         if equations is None:
             equations = self._equations[key] = self._made(name, function, values, scan, made_for)
-        before = self._kernels.members_by_numpy
+        before, disagreements = self._kernels.members_by_numpy, self._kernels.disagreements
         result = self._kernels(equations, values)
         self._scan = None
         self._again += self._kernels.members_by_numpy - before
+        self._invalid |= self._kernels.disagreements > disagreements
         if equations.key in self._kernels.untraced:
             self._untraced.setdefault(*self._kernels.untraced[equations.key])
         else:
@@ -195,14 +206,13 @@ class FusedFilter:
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
 
-        def of(filter: Filter[Any], values: Values) -> Values:
+        def any_filter(values: Values) -> Values:
             call_scan = scan_placeholder(kind) if is_traced(values) else self._scan
-            return function(FilterCall(filter, self.modes, call_scan), values)
+            return function(FilterCall(options.with_options(self.filter, values), self.modes, call_scan), values)
 
-        any_filter = settled(of, self.filter, options.with_options, options.models, sensors)
         # Of a user's class its source counts too.
         sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
-        key = name, self._form, *sources, made_for, tuple(inputs)
+        key = name, self.form, *sources, made_for, tuple(inputs)
         equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
         if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
             return equations
@@ -230,6 +240,58 @@ class FilterCall(NamedTuple):
     """How many the beliefs have, 0 where they are of one motion model."""
     scan: Scan
     """The one on which it depends, without the arrays that are among the values."""
+
+
+class CheckedFilter:
+    """A filter with a user's model or sensor by NumPy, of which a member is now and then asked for by itself."""
+
+    def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
+        self.filter = filter
+        self._kernels, self._checked = kernels, FusedFilter(filter, kernels)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return checked, (self.filter,)
+
+    @property
+    def used(self) -> EngineUsed:
+        """That NumPy computed the steps, and what it gave other numbers of."""
+        return self._checked.used._replace(engine="numpy", invalid=False)
+
+    def __getattr__(self, name: str) -> Any:
+        method = getattr(self.filter, name)
+        if name not in ("predict", "predict_measurement", "update", "step"):
+            return method
+
+        def computed(*arguments: Any) -> Any:
+            if self._kernels.comparisons.due(CheckedFilter):
+                self._check(name, arguments)
+            return method(*arguments)
+
+        return computed
+
+    def _check(self, name: str, arguments: Sequence[Any]) -> None:
+        """Ask again, unless that would change what the models give."""
+        begin = time.perf_counter()
+        sensors = [SENSOR_MODELS[argument.kind] for argument in arguments if isinstance(argument, Scan)]
+        sources = [*user_sources(self._checked.form), *map(SourceFingerprint, filter(is_user_type, sensors))]
+        if not any(source.refusal for source in sources):
+            # What cannot be asked again has no other fault than that.
+            with suppress(Exception), ExitStack() as stack:
+                for source in sources:
+                    stack.enter_context(source.kept())
+                getattr(self._checked, name)(*arguments)
+        self._kernels.comparisons.took(time.perf_counter() - begin)
+
+
+@cache
+def checks() -> Kernels:
+    """Those of this process that compile nothing, and ask NumPy again."""
+    return Kernels(compiles=False)
+
+
+def checked(filter: Filter[Any]) -> CheckedFilter:
+    """A filter by NumPy, with a check of its models."""
+    return CheckedFilter(filter, checks())
 
 
 def describe(filter: Filter[Any]) -> str:

@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Sequence
+from contextlib import ExitStack
+from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.types import Array, Mask
 from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
-from trackbench.engine.equations import Equations, Values, by_numpy
+from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
-from trackbench.engine.user_equations import has_user_equations
+from trackbench.engine.user_equations import MEMBERS, Comparisons, user_sources
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
 #: From how many members on a group is computed by itself: its last vector computes some members twice.
 LEAST_GROUP = 8 * vector_code.WIDTH
-#: How far machine code of a user's function may be from NumPy, as a share of the largest component: any rounding.
-AGREEMENT = 1e-6
 OTHER_NUMBERS = "its machine code gives other numbers than NumPy"
+DEPENDENT = "the numbers of a member depend on the others in its batch"
+CHANGED = "what it reads changed during the run"
+#: How many members are compared beside those that NumPy computes in any case.
+BESIDE = 4
+NO_MEMBERS = np.zeros(0, dtype=np.intp)
 
 
 class Kernel(NamedTuple):
@@ -47,13 +52,14 @@ class CallPlan(NamedTuple):
     equations: Equations
     kernel: Kernel | None
     """None: NumPy computes."""
-    made_for: Hashable
     batch: tuple[int, ...]
     members: int
     groups: int
     """In how many parts, one after the other, the kernel computes them."""
     inputs: list[tuple[str, Input, bool]]
     """Of each that the kernel reads; whether it is read as it is, if it lies in one piece."""
+    of_user: bool = False
+    """Whether the equations read a model or sensor of a user."""
 
 
 class Kernels:
@@ -63,13 +69,22 @@ class Kernels:
     again by NumPy.
     """
 
-    def __init__(self, processor: Processor | None = None, kept: KernelCache | None = None) -> None:
-        self._processor = processor or Processor()
+    def __init__(
+        self, processor: Processor | None = None, kept: KernelCache | None = None, compiles: bool = True
+    ) -> None:
+        self.compiles = compiles
+        self._own_processor = processor
         self._kept = kept or KernelCache()
-        self._found: dict[Hashable, Kernel | None] = {}
+        self._found: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
-        self._unproven: set[Hashable] = set()
-        """For what the kernels of a user's functions were made that have not been compared with NumPy."""
+        self.comparisons = Comparisons(np.random.default_rng(0))
+        """Of users' equations, drawn anew for every run."""
+        self._compared: set[int] = set()
+        """The kernels that were compared before."""
+        self.disagreements = 0
+        """How often equations of a user turned out to be others than those that were compiled."""
+        self._distrusted: dict[Hashable, str] = {}
+        """Why, by the key of the equations."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
         """By the key of equations that NumPy computes, their name and why."""
         self.members_by_numpy = 0
@@ -79,21 +94,32 @@ class Kernels:
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
+        if not self.compiles:
+            return self._asked_again(equations, values)
         plan = self._plan(equations, values)
         if plan.kernel is None or plan.members == 0:
             return by_numpy(equations, values)
         outputs, held = _run(plan, plan.kernel, values)
-        # The set is empty nearly always, and what a kernel was made for takes its time to hash.
-        unproven = self._unproven and plan.made_for in self._unproven
-        if unproven and not self._proves(equations, plan, values, outputs, held):
+        count = 0
+        if plan.of_user and id(plan.kernel) not in self._compared:
+            # What was just made is compared for all members.
+            count = plan.members
+            self._compared.add(id(plan.kernel))
+        elif plan.of_user and self.comparisons.due(id(plan.kernel)):
+            count = MEMBERS
+        if (count or held is not None) and not self._again(equations, plan, values, outputs, held, count):
             return by_numpy(equations, values)
-        if held is not None:
-            self._again(equations, plan, values, outputs, ~held)
         return outputs
 
     def why_numpy(self, equations: Equations, values: Values) -> str | None:
         """Why NumPy computes the equations of such values; None where a kernel does."""
-        return self.untraced[equations.key][1] if self._plan(equations, values).kernel is None else None
+        if not self.compiles or self._plan(equations, values).kernel is not None:
+            return None
+        return self.untraced[equations.key][1]
+
+    @cached_property
+    def _processor(self) -> Processor:
+        return self._own_processor or Processor()
 
     def code(self, text: str, arrays: int) -> MachineCode:
         """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
@@ -120,8 +146,6 @@ class Kernels:
             begin = time.perf_counter()
             self._found[made_for] = self._made(equations, inputs)
             self.seconds += time.perf_counter() - begin
-            if self._found[made_for] is not None and has_user_equations(equations.key):
-                self._unproven.add(made_for)
         kernel = self._found[made_for]
         ways = []
         for item in kernel.layout.inputs if kernel else ():
@@ -133,10 +157,16 @@ class Kernels:
         # The equations are kept, so that no others have their id.
         grouped = any(item.level == GROUP for _, item, _ in ways)
         groups = prod(batch[:-1]) if grouped else 1
-        plan = self._plans[key] = CallPlan(equations, kernel, made_for, batch, prod(batch), groups, ways)
+        of_user = any(user_sources(equations.key))
+        plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways, of_user)
         return plan
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+        refusals = (source.refusal for source in user_sources(equations.key))
+        refusal = self._distrusted.get(equations.key) or next(filter(None, refusals), None)
+        if refusal:
+            self.untraced[equations.key] = equations.name, refusal
+            return None
         own = source_key(equations, inputs)
         data = own and self._kept.find(self._key(own))
         kept = unpacked(data) if data else None
@@ -162,7 +192,10 @@ class Kernels:
         Raises:
             Untraceable: there is none; says why.
         """
-        traced = trace(equations, inputs)
+        with ExitStack() as stack:
+            for source in user_sources(equations.key):
+                stack.enter_context(source.kept())
+            traced = trace(equations, inputs)
         text = vector_code.function(FUNCTION, traced.layout, traced.outputs, traced.guard)
         if not own:
             return traced.layout, self._code(text)
@@ -182,67 +215,68 @@ class Kernels:
     def _key(self, what: str) -> str:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
 
-    def _proves(
-        self, equations: Equations, plan: CallPlan, values: Values, outputs: Mapping[str, Array], held: Mask | None
-    ) -> bool:
-        """Whether NumPy gives the same of the first and the last member, which makes sure that a user's function is one
-        of each member by itself, and does not go by the type of what it is given."""
-        good = np.arange(plan.members) if held is None else np.flatnonzero(held)
-        if not len(good):
-            return True
-        self._unproven.discard(plan.made_for)
-        places = good[[0, -1]] if plan.batch else good
-        for name, expected in _by_numpy_alone(equations, plan, values, outputs, places):
-            result = outputs[name].reshape(*expected.shape[:-1], plan.members)[..., places]
-            scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))
-            if not np.allclose(result, expected, AGREEMENT, AGREEMENT * scale, equal_nan=True):
-                self._found[plan.made_for] = None
-                self.untraced[equations.key] = equations.name, OTHER_NUMBERS
-                self._plans.clear()
-                return False
-        return True
-
     def _again(
-        self, equations: Equations, plan: CallPlan, values: Values, outputs: dict[str, Array], which: Mask
-    ) -> None:
-        """Compute some members by NumPy."""
-        places = np.flatnonzero(which)
-        self.members_by_numpy += len(places)
-        if plan.batch and len(places) == 1:
-            # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
-            places = places.repeat(2)
-        for name, value in _by_numpy_alone(equations, plan, values, outputs, places):
+        self,
+        equations: Equations,
+        plan: CallPlan,
+        values: Values,
+        outputs: dict[str, Array],
+        held: Mask | None,
+        count: int,
+    ) -> bool:
+        """Compute those by NumPy of which the trace does not hold; whether a user's equations agree of some others.
+
+        These are computed beside them, since a user's function may look at all members together.
+        """
+        begin = time.perf_counter()
+        right, failed = np.arange(plan.members), NO_MEMBERS
+        if held is not None:
+            right, failed = np.flatnonzero(held), np.flatnonzero(~held)
+        compared = self.comparisons.drawn(right, count or BESIDE) if plan.of_user else NO_MEMBERS
+        self.members_by_numpy += len(failed)
+        places = np.union1d(failed, compared)
+        wrong, expected = "", {}
+        try:
+            expected = by_numpy_alone(equations, plan.batch, values, outputs, places)
+            if not self.comparisons.agree(equations, plan.batch, values, outputs, expected, places, compared):
+                wrong = OTHER_NUMBERS
+        except Exception:
+            # A user's function may fail for a batch of another size.
+            if not plan.of_user:
+                raise
+            wrong = OTHER_NUMBERS
+        if count and any(source.changed for source in user_sources(equations.key)):
+            wrong = CHANGED
+        if wrong:
+            self.disagreements += 1
+            self._distrusted[equations.key] = wrong
+            self.untraced[equations.key] = equations.name, wrong
+            self._found = {key: None if key[1] == equations.key else kernel for key, kernel in self._found.items()}
+            self._plans.clear()
+            return False
+        for name, value in expected.items():
             components = value.shape[:-1]
             if name not in outputs:
                 # Of the others there is nothing to be said.
                 outputs[name] = np.zeros(components + plan.batch, dtype=value.dtype)
-            outputs[name].reshape(*components, plan.members)[..., places] = value
+            outputs[name].reshape(*components, plan.members)[..., failed] = value[..., np.searchsorted(places, failed)]
+        if count:
+            self.comparisons.took(time.perf_counter() - begin)
+        return True
 
-
-def _by_numpy_alone(
-    equations: Equations, plan: CallPlan, values: Values, outputs: Mapping[str, Array], places: Indices
-) -> Iterator[tuple[str, Array]]:
-    """What NumPy gives of some members: of each output its name, and ``(components..., places)``."""
-    batch, count = plan.batch, len(places)
-    chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
-    for name, result in by_numpy(equations, chosen).items():
-        if result is None:
-            continue
-        array = np.asarray(result)
-        axes = (outputs[name].ndim if name in outputs else array.ndim) - len(batch)
-        components, missing = array.shape[:axes], axes + len(batch) - array.ndim
-        full = array.reshape(components + (1,) * missing + array.shape[axes:])
-        full = np.broadcast_to(full, components + _one_axis(len(batch), count))
-        yield name, full.reshape(*components, count)
-
-
-def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
-    """The batch axes of inputs together."""
-    shapes = {np.shape(values[name])[rank:] for name, rank in ranks.items()}
-    if len(shapes) == 1:
-        return shapes.pop()
-    shapes.discard(())
-    return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
+    def _asked_again(self, equations: Equations, values: Values) -> dict[str, Array]:
+        """What NumPy gives; notes where a member by itself has other numbers."""
+        # A function may write into its inputs.
+        copies = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        outputs = by_numpy(equations, copies)
+        batch = batch_of(equations.ranks, values)
+        own = {name: value for name, value in outputs.items() if np.shape(value)[-len(batch) :] == batch}
+        if prod(batch) > 1:
+            place = self.comparisons.drawn(np.arange(prod(batch)), 1)
+            expected = by_numpy_alone(equations, batch, values, own, place)
+            if not self.comparisons.agree(equations, batch, values, own, expected, place, place):
+                self.untraced[equations.key] = equations.name, DEPENDENT
+        return outputs
 
 
 def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
@@ -290,18 +324,3 @@ def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.N
         whole[:, members:] = whole[:, members - 1 : members]
         return whole
     return array
-
-
-def _members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> Any:
-    """Some members of an input, along one batch axis."""
-    array = np.asarray(value)
-    if array.ndim == rank:
-        return value
-    components = array.shape[:rank]
-    chosen = np.broadcast_to(array, components + batch).reshape(*components, prod(batch))[..., places]
-    return chosen.reshape(components + _one_axis(array.ndim - rank, len(places)))
-
-
-def _one_axis(axes: int, count: int) -> tuple[int, ...]:
-    """The lengths of batch axes of which the last has all members."""
-    return (1,) * (axes - 1) + (count,) * (axes > 0)

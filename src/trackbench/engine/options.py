@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from trackbench.engine.constants import SourceFingerprint
 from trackbench.engine.equations import Values
-from trackbench.engine.user_equations import SourceFingerprint, is_user_type
+from trackbench.engine.user_equations import is_user_type
 from trackbench.filters import Filter, InteractingMultipleModel
 from trackbench.models.motion import MotionModel
 

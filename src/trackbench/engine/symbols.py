@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import operator
+from collections.abc import Callable, Iterator, Sequence
+from math import prod
 from typing import Any, NoReturn
 
 import numpy as np
 
-from trackbench.engine.graph import Graph
-from trackbench.engine.nodes import Nodes, cast, is_boolean, nodes_of
+from trackbench.engine.graph import Graph, Untraceable
+from trackbench.engine.nodes import Nodes, cast, first_batch_axis, is_boolean, nodes_of
 from trackbench.engine.numpy_functions import FUNCTIONS
 
 
 def _method(function: Any) -> Callable[..., Any]:
     return lambda self, *arguments, **options: function(self, *arguments, **options)
+
+
+def _compared(compare: Callable[[int, int], bool]) -> Callable[..., bool]:
+    """A comparison of the number of members, with itself or with none."""
+    return lambda self, other: compare(1, int(other)) if type(other) is Members or other == 0 else self._refuse()
+
+
+class Members(int):
+    """How many members a batch has: an array may have as many, and there are any; more is not said in a trace."""
+
+    def _refuse(self, *_: Any) -> NoReturn:
+        raise Untraceable("the number of members of the batch is asked for")
+
+    __hash__ = int.__hash__
+    __eq__, __ne__, __lt__ = _compared(operator.eq), _compared(operator.ne), _compared(operator.lt)
+    __le__, __gt__, __ge__ = _compared(operator.le), _compared(operator.gt), _compared(operator.ge)
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = _refuse
+    __floordiv__ = __rfloordiv__ = __truediv__ = __rtruediv__ = __mod__ = __rmod__ = __pow__ = _refuse
 
 
 class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
@@ -27,7 +47,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return self.nodes.shape
+        shape, first = self.nodes.shape, first_batch_axis(self.graph, self.nodes)
+        return (*shape[:first], *map(Members, shape[first:]))
 
     @property
     def ndim(self) -> int:
@@ -35,7 +56,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
 
     @property
     def size(self) -> int:
-        return self.nodes.size
+        return prod(self.shape)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -46,7 +67,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         return Symbol(self.graph, self.nodes.T)
 
     def __len__(self) -> int:
-        return len(self.nodes)
+        size = self.shape[0]
+        return size._refuse() if isinstance(size, Members) else size
 
     def __iter__(self) -> Iterator[Symbol]:
         return (self[i] for i in range(len(self)))
@@ -55,9 +77,20 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         keys = key if isinstance(key, tuple) else (key,)
         # With an ellipsis a single entry is a view too, as it is where there are batch axes.
         keys = keys if any(item is Ellipsis for item in keys) else (*keys, ...)
+        self._keep_members(keys)
         return Symbol(self.graph, self.nodes[keys])
 
+    def _keep_members(self, keys: Sequence[Any]) -> None:
+        """Refuse to pick some members out of the batch."""
+        own = [key for key in keys if key is not None]
+        place = next((number for number, key in enumerate(own) if key is Ellipsis), len(own))
+        own[place : place + 1] = [slice(None)] * (self.ndim - len(own) + (place < len(own)))
+        for key in own[first_batch_axis(self.graph, self.nodes) :]:
+            if not isinstance(key, slice) or key != slice(None):
+                self.graph.refuse("some members are picked out of the batch")
+
     def __setitem__(self, key: Any, value: Any) -> None:
+        self._keep_members(key if isinstance(key, tuple) else (key,))
         nodes = cast(self.graph, nodes_of(self.graph, _plain(self.graph, value)), is_boolean(self.nodes))
         self.nodes[key] = nodes if nodes.ndim else nodes[()]
 
@@ -106,6 +139,8 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
     def _called(self, function: Any, arguments: Any, options: Any) -> Any:
         if self.graph.traced:
             self.graph.refuse("a value that was kept from another call")
+        if function in (np.shape, np.size) and len(arguments) == 1:
+            return getattr(arguments[0], function.__name__)
         if function not in FUNCTIONS:
             self.graph.refuse(f"numpy.{function.__name__}, which cannot be traced")
         plain = [_plain(self.graph, argument) for argument in arguments]

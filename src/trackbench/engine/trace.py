@@ -14,6 +14,7 @@ from trackbench.engine.graph import Graph, Node, Untraceable, ordered
 from trackbench.engine.layout import Input, KernelLayout, Output
 from trackbench.engine.nodes import Nodes, is_boolean
 from trackbench.engine.symbols import Symbol, nodes_of_output
+from trackbench.engine.user_equations import user_sources
 
 
 class Trace(NamedTuple):
@@ -38,6 +39,7 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
             graph.refuse(f"{item.name}, which is not given as doubles")
     symbols = {item.name: _symbol(graph, equations, item) for item in inputs}
     axes = max((item.batch_axes for item in inputs), default=0)
+    graph.batch_axes = axes if any(user_sources(equations.key)) else 0
     try:
         outputs: Any = equations.function(symbols)
         result = {

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import ctypes
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.streams import stream
 from trackbench.base.types import Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
-from trackbench.engine.equations import EngineUsed
+from trackbench.engine.choice import draw_comparisons
+from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Failure
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
@@ -95,6 +97,8 @@ def run_block(
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
     noise, kept = work.noise_of(piece.scene), None
+    if piece.scene == runs.start == 0:
+        draw_comparisons(work.engine_here, stream(work.seed, noise, 0, "comparisons"))
     if work.has_recorded_run(piece):
         kept = work.recorded_run - runs.start
     second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
@@ -216,25 +220,23 @@ class PendingBlocks:
         alone: bool = True,
     ) -> None:
         self._pieces = pieces
+        options = {"observed": observed, "alone": alone}
+        self._by_numpy = partial(PendingBlocks, loaded, replace(work, engine="numpy"), pieces, executor, **options)
         self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
         folder = own_folder(loaded)
         tasks = {scene: Task(run_block, work.of_scene(scene), folder) for scene in {piece.scene for piece in pieces}}
         here = InProcess()
-        if alone and len(pieces) == 1:
-            executor = here
         self._futures = [
-            (here if observed and work.has_recorded_run(piece) else executor).submit(
+            (here if (alone and len(pieces) == 1) or (observed and work.has_recorded_run(piece)) else executor).submit(
                 tasks[piece.scene], piece, Here(self._advance), Here(self._observe) if observed else None
             )
             for piece in pieces
         ]
 
-    def collect(
-        self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
-    ) -> Iterator[Block]:
-        """The blocks in their order, as they are done.
+    def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
+        """The blocks in their order; all of them by NumPy where machine code of a user's model turned out to be wrong.
 
         Args:
             progress: called with the number of runs done and of all.
@@ -244,10 +246,22 @@ class PendingBlocks:
             TrackbenchError: the processes that make them died.
         """
         self._progress, self._on_recorded_run = progress, on_recorded_run
+        blocks: list[Block] = []
         for piece, future in zip(self._pieces, self._futures, strict=True):
-            yield future.result()
+            blocks.append(future.result())
             self._done += len(piece.runs)
             self._progress(self._done, self._total)
+        before: dict[str, EngineUsed] = {}
+        for block in blocks:
+            for name, used in block.engines.items():
+                before[name] = joined([before.get(name, used), used]) or used
+        if any(used.invalid for used in before.values()):
+            blocks = self._by_numpy().collect(progress, on_recorded_run)
+            for block in blocks:
+                for name, used in block.engines.items():
+                    first = before.get(name, used)._replace(engine="numpy", again=0, invalid=False)
+                    block.engines[name] = joined([first, used]) or used
+        return blocks
 
     def _advance(self, done: float, _: float) -> None:
         self._progress(self._done + done, self._total)

@@ -96,7 +96,7 @@ class PendingRun:
         self, command: str = "", progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
     ) -> Result:
         """The result, once all runs are done; as ``run``."""
-        blocks = list(self._blocks.collect(progress, on_recorded_run))
+        blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
         _say_unshown(blocks)
         return assemble(self._loaded, self._truths, self._work, blocks, command)

@@ -22,6 +22,7 @@ from trackbench.metrics import Metric
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
+from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
@@ -311,6 +312,10 @@ def _together(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[_Piece]:
         entry = combined(entry, columns)
     try:
         sums, available, engine = score_labelled(work, piece, entry, number, counted, scene.log_time)
+        if engine is not None and engine.invalid:
+            log_left_to_numpy(work.scenario, TRIAL, engine)
+            by_numpy = replace(work, engine="numpy")
+            sums, available, engine = score_labelled(by_numpy, piece, entry, number, counted, scene.log_time)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:

@@ -1,0 +1,351 @@
+"""What a user's equations read, where all of it is known to be constant.
+
+What is traced is called once, and stands for all calls. So a user's function is compiled only if all that its code
+reads, and that of every function it calls, is of a kind that stays as it is. Its contents are read before every run.
+"""
+
+from __future__ import annotations
+
+import builtins
+import dis
+import hashlib
+import sys
+from collections import namedtuple
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import is_dataclass
+from enum import Enum
+from functools import cache, cached_property, partial
+from types import (
+    BuiltinFunctionType,
+    CellType,
+    CodeType,
+    FunctionType,
+    MemberDescriptorType,
+    MethodDescriptorType,
+    MethodType,
+    ModuleType,
+    NotImplementedType,
+    SimpleNamespace,
+    WrapperDescriptorType,
+)
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel
+
+from trackbench.base.user_code import Frame, last_of_user
+from trackbench.engine.graph import Untraceable
+from trackbench.models.motion import MotionModel
+from trackbench.models.sensors import Sensor
+
+#: Kinds of which the text says all.
+PLAIN = {type(None), bool, int, float, complex, str, bytes, range, slice, type(...), NotImplementedType}
+#: Kinds that stand for others, and the attributes that have them.
+WRAPPERS: dict[type, tuple[str, ...]] = {
+    MethodType: ("__func__", "__self__"),
+    partial: ("func", "args", "keywords"),
+    property: ("fget",),
+    cached_property: ("func",),
+    staticmethod: ("__func__",),
+    classmethod: ("__func__",),
+}
+#: Python's own functions that give the same for the same.
+BUILTINS = {
+    *(abs, all, any, bool, bytes, callable, complex, dict, divmod, enumerate, filter, float, frozenset, hash, int),
+    *(isinstance, issubclass, iter, len, list, map, max, min, next, object, pow, property, range, repr, reversed),
+    *(round, set, slice, sorted, str, sum, super, tuple, type, zip),
+}
+#: Packages whose functions do, and the names in them of those that do not.
+PURE = {
+    **dict.fromkeys(("math", "cmath", "itertools", "functools", "dataclasses", "typing", "enum"), ""),
+    "operator": "attrgetter methodcaller",
+    "numpy": "random load loadtxt genfromtxt fromfile fromregex save savez savez_compressed savetxt memmap vectorize",
+    "scipy": "io datasets stats",
+    "trackbench": "streams testing runner driving truth sensing api cli results report subjects",
+}
+#: Where the classes may come from that the user's are made of; and theirs.
+BASES = {"trackbench", "pydantic", "abc", "typing"}
+METACLASSES = BASES | {"builtins", "enum"}
+CONSTRUCTORS = {"__init__", "__new__", "__post_init__", "model_post_init"}
+#: Methods that equations do not call without their name.
+NAMED = CONSTRUCTORS | {"__repr__", "__str__", "__setattr__", "__delattr__", "__hash__", "__init_subclass__"}
+#: How a class has the attributes that its objects keep in themselves.
+SLOTS = MemberDescriptorType, type(vars(namedtuple("_", "of"))["of"])
+#: What the bench reads of models and sensors.
+PUBLIC = frozenset(
+    name for kind in (MotionModel, Sensor) for name in vars(kind) if not name.startswith(("__", "_abc", "model_"))
+)
+#: Of a function that refers to a name that is not yet bound.
+EMPTY = CellType()
+LOADS = {"LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR"}
+#: Instructions that change something, or read what cannot be followed.
+REFUSED = {
+    "STORE_GLOBAL": "sets the global",
+    "DELETE_GLOBAL": "deletes the global",
+    "STORE_ATTR": "sets the attribute",
+    "DELETE_ATTR": "deletes the attribute",
+    "STORE_DEREF": "sets the outer variable",
+    "IMPORT_NAME": "imports",
+    "MATCH_CLASS": "matches a class",
+}
+
+
+class SourceFingerprint:
+    """All that a user's model or class reads; equations with two that are equal give the same."""
+
+    def __init__(self, value: Any) -> None:
+        self._value, self._names = value, PUBLIC
+        self._visited: list[Any] = []
+        self.refusal = ""
+        """What of it is not known to be constant; empty where all is."""
+        try:
+            self._parts, self._names, self._visited = _read(value, PUBLIC)
+        # An object may do anything when it is asked for its attributes.
+        except Exception as reason:
+            self._parts = self.refusal = str(reason) or type(reason).__name__
+        # A kernel is looked up at every step.
+        self._hash = hash(self._parts)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, SourceFingerprint) and self._parts == other._parts)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @property
+    def changed(self) -> bool:
+        """Whether something is no longer what it was."""
+        try:
+            return not self.refusal and _read(self._value, self._names)[0] != self._parts
+        except Exception:
+            return True
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Put back what a call changes.
+
+        Raises:
+            Untraceable: it changed something.
+        """
+        before = [(item, item.copy()) for item in self._visited if type(item) in (np.ndarray, list, dict)]
+        try:
+            yield
+            if self.changed:
+                raise Untraceable("it changes what it reads")
+        finally:
+            for item, copy in before:
+                if isinstance(item, dict):
+                    item.clear()
+                    item.update(copy)
+                elif isinstance(item, list):
+                    item[:] = copy
+                elif item.flags.writeable:
+                    item[...] = copy
+
+
+def _read(value: Any, names: frozenset[str]) -> tuple[Hashable, frozenset[str], list[Any]]:
+    """The parts of a value, the attributes that its code reads, and the objects that it is made of."""
+    reader = _Reader(set(names))
+    parts = reader.read(value, getattr(value, "__name__", type(value).__name__))
+    # What was read may read further attributes.
+    return _read(value, frozenset(reader.names)) if reader.names > names else (parts, names, reader.visited)
+
+
+class CodeReads(NamedTuple):
+    """What the code of a function reads."""
+
+    names: list[tuple[str, ...]]
+    """Global names, each with the attributes that are taken of it at once."""
+    lines: list[int]
+    """Of each."""
+    attributes: set[str]
+    """All attributes that are taken of anything."""
+
+
+@cache
+def code_reads(code: CodeType) -> CodeReads:
+    """What a function reads by its code, and by the functions within it.
+
+    Raises:
+        Untraceable: it changes something, or reads what cannot be followed.
+    """
+    result, chain, before = CodeReads([], [], set()), False, None
+    for step in [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]:
+        name, line = step.argval, step.positions.lineno if step.positions else None
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+            result.names.append((name,))
+            result.lines.append(line or code.co_firstlineno)
+        elif step.opname in LOADS:
+            if chain:
+                result.names[-1] += (name,)
+            if name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}:
+                raise refusal(f"it reads {name}", code, line)
+            result.attributes.add(name)
+        elif step.opname in REFUSED and not _harmless(step.opname, name, before, code):
+            raise refusal(f"it {REFUSED[step.opname]} {name}", code, line)
+        chain = step.opname == "LOAD_GLOBAL" or (chain and step.opname in LOADS)
+        before = step.argval
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            names, lines, attributes = code_reads(part)
+            result.names.extend(names)
+            result.lines.extend(lines)
+            result.attributes.update(attributes)
+    return result
+
+
+def _harmless(operation: str, name: str, before: Any, code: CodeType) -> bool:
+    """Whether an instruction sets a variable of its own, or an attribute of the object that it constructs."""
+    if operation == "STORE_DEREF":
+        return name in code.co_cellvars
+    of = before[-1] if isinstance(before, tuple) else before
+    return operation == "STORE_ATTR" and code.co_name in CONSTRUCTORS and of == code.co_varnames[0]
+
+
+def refusal(what: str, code: CodeType, line: int | None) -> Untraceable:
+    """Why a function cannot be traced, and where it says so."""
+    where = last_of_user([Frame(code.co_filename, line or code.co_firstlineno, code.co_name)])
+    return Untraceable(f"{what} ({where})" if where else what)
+
+
+class _Reader:
+    """Looks through an object, and comes to each part once."""
+
+    def __init__(self, names: set[str]) -> None:
+        self.names = names
+        """Attributes that some code takes, of whatever."""
+        self.visited: list[Any] = []
+        self._seen: dict[int, int] = {}
+
+    def read(self, value: Any, at: str) -> Hashable:
+        """The parts of a value, which is reached as ``at``.
+
+        Raises:
+            Untraceable: it is not known to be constant.
+        """
+        kind = type(value)
+        if kind in PLAIN:
+            return kind, repr(value)
+        if isinstance(value, np.generic):
+            return kind, value.dtype.str, value.tobytes()
+        number = self._seen.setdefault(id(value), len(self._seen))
+        if number < len(self.visited):
+            return "as before", number
+        self.visited.append(value)
+        if kind is np.ndarray and not value.dtype.hasobject:
+            return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).digest()
+        if kind in (tuple, list, frozenset):
+            return kind, self._all(value, at)
+        if kind is dict:
+            return kind, self._all(value, at), self._all(value.values(), at)
+        if kind in WRAPPERS:
+            return kind, self._all([getattr(value, name) for name in WRAPPERS[kind]], at)
+        if _of_library(value):
+            return kind, value
+        if kind is FunctionType:
+            return self._function(value, at)
+        if isinstance(value, type):
+            # It may be called.
+            self.names |= CONSTRUCTORS
+            return self._class(value, at)
+        return self._instance(value, at)
+
+    def _all(self, values: Iterable[Any], at: str) -> Hashable:
+        return tuple([self.read(value, at) for value in values])
+
+    def _attributes(self, values: Mapping[str, Any], at: str, whole: bool) -> Hashable:
+        chosen = [name for name in values if not name.startswith("__") and (whole or name in self.names)]
+        return tuple([(name, self.read(values[name], f"{at}.{name}")) for name in chosen])
+
+    def _function(self, function: FunctionType, at: str) -> Hashable:
+        """Its code, and what the names in it stand for."""
+        code, scope = function.__code__, function.__globals__
+        reads = code_reads(code)
+        self.names |= reads.attributes
+        parts = [code, self._all(function.__defaults__ or (), at), self.read(function.__kwdefaults__, at)]
+        parts.append(self._attributes(vars(function), at, whole=False))
+        cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
+        for name, content in [(name, cell.cell_contents) for name, cell in cells if cell != EMPTY]:
+            # By this name super() finds the class.
+            parts.append(self._class(content, at) if name == "__class__" else self.read(content, name))
+        for chain, line in zip(reads.names, reads.lines, strict=True):
+            try:
+                parts.append(self._name(scope, chain))
+            except Untraceable as reason:
+                raise reason if str(reason).endswith(")") else refusal(str(reason), code, line) from None
+        return tuple(parts)
+
+    def _name(self, scope: Mapping[str, Any], chain: tuple[str, ...]) -> Hashable:
+        """What a global name stands for; of a module, the attributes that are taken of it."""
+        at = chain[0]
+        if at not in scope and not hasattr(builtins, at):
+            return "unbound"
+        value = scope.get(at, getattr(builtins, at, None))
+        for attribute in chain[1:]:
+            if isinstance(value, ModuleType):
+                at = f"{at}.{attribute}"
+                if attribute not in vars(value) and _top(value.__name__) not in PURE:
+                    raise Untraceable(f"{at} is computed")
+                value = getattr(value, attribute, None)
+        return self.read(value, at)
+
+    def _class(self, kind: type, at: str) -> Hashable:
+        """What those of its bases that are the user's have under the names that are read."""
+        parts: list[Hashable] = []
+        for base in kind.__mro__:
+            if base in (object, tuple, Enum, SimpleNamespace) or _top(base.__module__) in BASES:
+                parts.append(base)
+                continue
+            items = vars(base).items()
+            library = _top(base.__module__) in {*sys.stdlib_module_names, *PURE}
+            # What is not written in Python keeps its state where it cannot be read.
+            compiled = any(isinstance(item, MethodDescriptorType | WrapperDescriptorType) for _, item in items)
+            compiled |= not base.__dictoffset__ and "__slots__" not in vars(base)
+            computed = {"__getattr__", "__getattribute__"} & vars(base).keys()
+            if library or compiled or computed or _top(type(base).__module__) not in METACLASSES:
+                if {"function", "method"} & {*kind.__name__.split("_")}:
+                    raise Untraceable(f"{at} is a function that is not known to give the same for the same")
+                raise Untraceable(f"{at} is of type {kind.__name__}, which is not known to be constant")
+            for name, value in items:
+                implicit = name.startswith("__") and name not in NAMED and isinstance(value, FunctionType)
+                if (implicit or name in self.names) and not isinstance(value, SLOTS):
+                    parts.append((name, self.read(value, f"{base.__name__}.{name}")))
+        return tuple(parts)
+
+    def _instance(self, value: Any, at: str) -> Hashable:
+        """The attributes of an object that has them as Python's objects do."""
+        kind = type(value)
+        parts, slots = [self._class(kind, at)], {}
+        whole = is_dataclass(kind) or isinstance(value, BaseModel | Enum)
+        for name, attribute in [item for base in kind.__mro__ for item in vars(base).items()]:
+            if isinstance(attribute, MemberDescriptorType):
+                slots[name] = getattr(value, name, None)
+            elif isinstance(attribute, cached_property) and name in self.names:
+                # What is computed once is computed now, so that it does not appear later.
+                getattr(value, name)
+        if isinstance(value, tuple):
+            parts.append(self._all(tuple(value), at))
+        state = {**slots, **getattr(value, "__dict__", {})}
+        private = getattr(value, "__pydantic_private__", None) if isinstance(value, BaseModel) else None
+        parts += [self._attributes(state, at, whole), self._attributes(private or {}, at, whole=False)]
+        return tuple(parts)
+
+
+def _of_library(value: Any) -> bool:
+    """Whether a function or class is of a library, and gives the same for the same."""
+    if isinstance(value, np.ufunc):
+        return True
+    if isinstance(value, BuiltinFunctionType) and not isinstance(value.__self__, ModuleType):
+        return False
+    if not (isinstance(value, FunctionType | BuiltinFunctionType | type) or type(value) is type(np.sum)):
+        return False
+    path = value.__globals__.get("__name__") if isinstance(value, FunctionType) else value.__module__
+    if path == "builtins":
+        return value in BUILTINS or (isinstance(value, type) and issubclass(value, BaseException))
+    top, *rest = str(path).removeprefix("_").split(".")
+    return top in PURE and not {*rest, value.__name__} & {*PURE[top].split()}
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]
