@@ -27,7 +27,7 @@ def main() -> int:
         if name not in known:
             arguments.error(f"no subject {name!r}; there are {', '.join(known)}")
     chosen = given.subjects or known
-    measured = load()
+    measured = {}
     # Before a worker imports NumPy: the linear algebra of each would take every core.
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
@@ -36,7 +36,9 @@ def main() -> int:
             for claim in claims:
                 sign = "holds" if claim.holds else "FAILS"
                 print(f"{sign}  {name}: {claim.what}: {claim.measured}, wanted {claim.wanted}", flush=True)
-    save({name: measured[name] for name in known if name in measured})
+    # Others may have been measured meanwhile.
+    table = load() | measured
+    save({name: table[name] for name in known if name in table})
     return 0 if all(claim.holds for name in chosen for claim in measured[name]) else 1
 
 

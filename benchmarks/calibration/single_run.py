@@ -24,7 +24,7 @@ from .claim import Claim, rate
 
 SCENARIO = "scripted/own_model"
 #: Single runs, and runs that say what is true.
-RUNS, MANY = 600, 800
+RUNS, MANY = 1500, 800
 #: Of a log: two, five and twenty stretches of time.
 SECONDS = (9, 21, 81)
 METRICS = {"position_rmse": ("px", "py"), "velocity_rmse": ("vx", "vy"), "nees": ("nees",)}

@@ -151,11 +151,10 @@ def _of_matched(what: str, items: Mapping[tuple[float, float], Sequence[MetricVa
     yield rate(f"{what}: off, most with correlations {time:g} over time and {common:g} in a scene", hits, 0.0, 0.05)
     alone = [item.verdict == "consistent" for (_, common), repeats in items.items() if not common for item in repeats]
     yield rate(f"{what} that have nothing in common: consistent", alone, 0.95, 1.0)
-    shared = {case: share for case, share in shares.items() if case[1]}
-    least = min(shared, key=lambda case: shared[case])
-    measured = f"{100 * np.mean([*shared.values()]):.0f} %, least {100 * shared[least]:.0f} % with {least}"
-    wanted, holds = "more than half", float(np.mean([*shared.values()])) > 0.5
-    yield Claim(f"{what} of scenes with correlated errors: consistent", measured, wanted, holds)
+    shared = [item.verdict == "consistent" for (_, common), repeats in items.items() if common for item in repeats]
+    least = min(shares, key=lambda case: shares[case])
+    claim = rate(f"{what} of scenes with correlated errors: consistent", shared, 0.95, 1.0)
+    yield claim._replace(measured=f"{claim.measured}, least {100 * shares[least]:.0f} % with {least}")
     for point in BEYOND:
         name = f"beyond the {point} point"
         parts = [part for of in items.values() for item in of for part in item.parts or () if part.name == name]

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from benchmarks.calibration import scenes
 
+from trackbench.metrics import intervals
+
 TRIALS = 400
 #: Three times the Monte-Carlo error of a mean over trackers that are drawn together.
 ERROR = 0.02
@@ -27,14 +29,23 @@ def test_students_interval_does_not_cover(monkeypatch: pytest.MonkeyPatch) -> No
     assert inside.mean() < 0.9
 
 
-@pytest.mark.parametrize("tracker", ["imm_cv_ca", "imm_three"])
-def test_an_imm_is_rarely_called_better_than_its_equal(tracker: str) -> None:
-    wrong = scenes.falsely_better(
-        np.random.default_rng(3), "highway", f"{tracker} position", "ekf_cv position", 10, 4 * TRIALS
-    )
-    assert np.mean(wrong) <= 0.035
+@pytest.mark.parametrize("metric", scenes.METRICS)
+def test_no_tracker_is_often_called_better_than_its_equal(metric: str) -> None:
+    """Nor is this for want of power: of pairs a tenth apart most are found."""
+    equal, apart = scenes.better(np.random.default_rng(3), "highway", metric, 10, 2 * TRIALS)
+    # Of 30 pairs the one that is called so most often, with its Monte-Carlo error.
+    assert float(equal.measured.split()[0]) <= 3.5 + 1.0
+    assert float(apart.measured.split()[0]) >= 60
+
+
+def test_without_what_scenes_do_not_show_some_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(intervals, "UNSEEN", 0.0)
+    equal, _ = scenes.better(np.random.default_rng(3), "highway", "position", 10, TRIALS)
+    assert float(equal.measured.split()[0]) > 7
 
 
 def test_every_environment_has_its_scenes() -> None:
     for environment, number in scenes.SCENES.items():
-        assert scenes.pool(environment)["count"].shape == (number, scenes.RUNS)
+        fitted_to = 1 if environment == scenes.HELD_BACK else 2
+        # Of some no car came into view.
+        assert 0.95 * number / fitted_to <= len(scenes.pool(environment)["count"]) <= number / fitted_to

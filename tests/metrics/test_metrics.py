@@ -65,6 +65,20 @@ def test_the_interval_of_what_cannot_be_negative_is_that_of_its_logarithm():
     assert np.log(found.ci95) == pytest.approx(expected)
 
 
+def test_an_interval_that_few_runs_decide_reaches_further_by_half_their_skewness():
+    values = np.array([1.0, 1.0, 1.0, 1.0, 6.0])
+    plain = ratio(values, np.ones(5), at_least=0.0)
+    low, high = plain._replace(skewed=True).ci95
+    assert low == pytest.approx(plain.ci95[0])
+    stretched = np.log(plain.ci95[1] / 2) * (1 + 0.5 * stats.skew(values) / np.sqrt(5))
+    assert np.log(high / 2) == pytest.approx(stretched)
+    # Away from a limit above, and nowhere where the long tail is on the side of the limit.
+    mirrored = ratio(10 - values, np.ones(5), at_most=10.0)._replace(skewed=True)
+    assert mirrored.ci95 == pytest.approx((10 - high, 10 - low))
+    short = ratio(6.5 - values, np.ones(5), at_least=0.0)
+    assert short._replace(skewed=True).ci95 == short.ci95
+
+
 def test_the_interval_of_a_root_mean_square_is_the_root_of_that_of_the_mean_square():
     random = np.random.default_rng(5)
     mean_square = ratio(random.chisquare(3, 20), random.integers(1, 4, 20).astype(float), at_least=0.0)

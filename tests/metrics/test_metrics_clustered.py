@@ -75,6 +75,22 @@ def test_fewer_scenes_than_the_rule_holds_for_give_no_interval_and_no_verdict() 
     assert paired(enough, scaled(enough, 3.0)).ci95 is not None
 
 
+@pytest.mark.parametrize("compare", [paired, unpaired])
+def test_a_difference_of_errors_over_scenes_reaches_further_by_what_they_do_not_show(compare) -> None:
+    squares = np.random.default_rng(4).lognormal(sigma=0.1, size=(2, 9))
+    a, b = root(ratio(squares[0], np.ones(9))), root(ratio(4.0 * squares[1], np.ones(9)))
+    value, of_runs, *_ = compare(a, b)
+    over_scenes = [item._replace(scenes=True) for item in (a, b)]
+    reach = (1 + 1.5 / 3) * (of_runs[1] - value) + 0.1 * a.value / 3
+    assert compare(*over_scenes).ci95 == pytest.approx((value - reach, value + reach))
+    # The p-value is below 5 % where the interval lies beside the margin.
+    assert compare(*over_scenes, margin=0.99 * (-value - reach)).p_value < 0.05
+    assert compare(*over_scenes, margin=1.01 * (-value - reach)).p_value > 0.05
+    # What is no error has no such term.
+    shares = [item._replace(at_most=9.0) for item in over_scenes]
+    assert compare(*shares).ci95[1] == pytest.approx(value + (1 + 1.5 / 3) * (of_runs[1] - value))
+
+
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_the_shares_of_scene_and_noise_are_those_that_were_put_in(share: float) -> None:
     random = np.random.default_rng(11)

@@ -7,7 +7,8 @@ import pytest
 from benchmarks.calibration.tails import alternating, beyond, matched, nees_of, small
 
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.metrics.intervals import effective_number, reach_of_ratio, share_interval
+from trackbench.metrics.breakdown import effective_number, share_interval
+from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import NAMED, judged_parts, tail_limits, tail_verdict, together, what_is_off
 from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 

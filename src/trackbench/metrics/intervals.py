@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackbench.base.distributions import beta_quantile, normal_quantile, t_probability, t_quantile
+from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.types import Array, Mask
 from trackbench.results import MetricValue
 
@@ -20,6 +20,8 @@ TOO_SHORT = "too short for an interval"
 ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
 #: With fewer scenes there is no interval and no verdict: what holds is calibrated from here on.
 FEWEST_SCENES = 5
+#: By which share of their value two errors may differ from scene to scene without a sign of it in those that were seen.
+UNSEEN = 0.1
 TOO_FEW_SCENES = f"no interval holds with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
 
@@ -54,12 +56,13 @@ class Parts(NamedTuple):
         Few scenes are much harder than the others. A sample without them has too small a mean and too small a spread
         at once, so that nothing in it warns of the miss. What skewness costs falls with the root of the number of
         scenes, and with the number itself (Hall 1992, "The Bootstrap and Edgeworth Expansion", section 2.3). The terms
-        are fitted to 150 scenes of highway and of merge, for six trackers: ``benchmarks/calibration/scenes.py``.
+        are fitted to scenes of highway, merge and intersection, for six trackers, and measured on other scenes:
+        ``benchmarks/calibration/scenes.py``.
         """
         if not self.scenes:
             return Stretch()
-        root = np.sqrt(self.number)
-        return Stretch(1.0 - 0.6 / root, 1.0 + 5.7 / self.number**0.75, 1.0 + 2.2 / root)
+        number = self.number
+        return Stretch(1.0 - (number + 20) ** -0.5, 1.0 + 3.8 / number**0.6, 1.0 + 1.5 / number**0.5)
 
 
 class Interval(NamedTuple):
@@ -76,6 +79,8 @@ class Interval(NamedTuple):
     """``(runs,)`` how much the value leans to each, to scale; alike unless given."""
     scenes: bool = False
     """Whether each part is a scene, and not a run."""
+    skewed: bool = False
+    """Whether few runs decide the value, so that its interval is stretched by their skewness."""
 
     @property
     def corrected(self) -> Array:
@@ -101,6 +106,22 @@ class Interval(NamedTuple):
         return Parts(len(self.influence), self.scenes)
 
     @property
+    def stretch(self) -> Stretch:
+        """That of the scenes; of runs of which few decide the value, half their skewness over the root of their number,
+        away from the limit.
+
+        The skewness is that of the influence, as in the correction of Johnson (1978), "Modified t tests and confidence
+        intervals for asymmetrical populations". Towards the limit the interval on the logarithmic scale reaches far
+        enough.
+        """
+        if self.scenes or not self.skewed or self.parts.too_few or self.constant:
+            return self.parts.stretch
+        offset = self.corrected - self.corrected.mean()
+        skewness = float((offset**3).mean() / (offset**2).mean() ** 1.5)
+        away = skewness if self.at_least > -np.inf else -skewness
+        return Stretch(away=1.0 + 0.5 * max(away, 0.0) / len(offset) ** 0.5)
+
+    @property
     def error(self) -> float | None:
         """The standard error; None with too few runs or scenes."""
         return None if self.parts.too_few else float(_standard_errors(self.corrected[None])[0])
@@ -112,11 +133,11 @@ class Interval(NamedTuple):
         Of what has a limit it is that of a function without one, by the delta method: the logarithm of the distance
         from a single limit, the log-odds between two. Such values are skewed away from the limit, and Student's
         interval of the value itself lies too near to it. The interval of a root mean square is so the root of that of
-        the mean square, whatever unit it is in. Over scenes that with a single limit is stretched, see :class:`Parts`.
+        the mean square, whatever unit it is in. That with a single limit is stretched, see ``stretch``.
 
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
-        error, stretch = self.error, self.parts.stretch
+        error, stretch = self.error, self.stretch
         if error is None or self.constant:
             return None
         reach = t_quantile(0.975, len(self.influence) - 1) * error
@@ -191,31 +212,6 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
     return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
-
-
-def effective_number(share: float, count: float, reach: float) -> float:
-    """How many independent trials would tell as much of a share as ``count`` dependent ones; at most ``count``.
-
-    The number over the design effect, with fewer for a variance that is known from few runs: Korn and Graubard (1998),
-    "Confidence intervals for proportions with small expected number of positive counts estimated from cluster samples".
-    0 where the share is the same in every run, which says nothing of its variance.
-
-    Args:
-        share: of the trials.
-        count: number of trials.
-        reach: of the share, as :func:`reach_of_ratio` gives it.
-    """
-    variance = (reach / normal_quantile(0.975)) ** 2
-    return min(share * (1.0 - share) / variance, count) if variance > 0 else 0.0
-
-
-def share_interval(share: float, number: float) -> tuple[float, float]:
-    """The exact 95 % interval of a share of so many independent trials, which need not be whole: Clopper and Pearson
-    (1934), "The use of confidence or fiducial limits illustrated in the case of the binomial"."""
-    hits = share * number
-    misses = number - hits
-    low = beta_quantile(0.025, hits, misses + 1) if hits > 0 else 0.0
-    return low, beta_quantile(0.975, hits + 1, misses) if misses > 0 else 1.0
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
@@ -322,7 +318,8 @@ def all_paired(
         if not parts.too_few:
             errors = parts.stretch.difference * _standard_errors(influences[first] - influences[others])
         varies = ~(constant[first] & constant[others])
-        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies)
+        unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
+        contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)
     return contrasts
 
 
@@ -333,25 +330,38 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
     """
     squares = [(item.parts.stretch.difference * item.error) ** 2 for item in (a, b) if item.error is not None]
-    varies = np.array([not (a.constant and b.constant)])
-    if len(squares) < 2:
-        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]), varies)[0]
-    total = sum(squares)
-    parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
-    freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
-    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]), varies)[0]
+    errors, freedom = None, 0.0
+    if len(squares) == 2:
+        total = sum(squares)
+        parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
+        freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
+        errors = np.array([np.sqrt(total)])
+    varies, margins, unseen = (np.array([item]) for item in (not (a.constant and b.constant), margin, _unseen(a, b)))
+    return _tested(a.value, np.array([b.value]), errors, freedom, margins, varies, unseen)[0]
+
+
+def _unseen(a: Interval, b: Interval) -> float:
+    """By how much further the interval of a difference of two errors reaches, for scenes that were not seen.
+
+    Two trackers that differ much in few scenes alone are alike in all others, and the smaller their differences there
+    are, the shorter is the interval of the mean. The differences themselves do not show what is missing, so that this
+    is a share of the errors, and falls as a standard error does: ``benchmarks/calibration/scenes.py``.
+    """
+    errors = all(item.scenes and item.at_least == 0.0 and item.at_most == np.inf for item in (a, b))
+    parts = min(len(a.influence), len(b.influence))
+    return UNSEEN * min(a.value, b.value) / parts**0.5 if errors else 0.0
 
 
 def _tested(
-    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask
+    first: float, others: Array, errors: Array | None, freedom: float, margins: Array, varies: Mask, unseen: Array
 ) -> list[Contrast]:
     """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
-    ``varies`` is whether the runs tell anything of the errors."""
+    ``varies`` is whether the runs tell anything of the errors, ``unseen`` what is added to the reach."""
     values = first - others
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
     if errors is None:
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
-    reach, excess = t_quantile(0.975, freedom) * errors, abs(values) - margins
+    reach, excess = t_quantile(0.975, freedom) * errors + unseen, abs(values) - margins - unseen
     positive = errors > 0
     tails = t_probability(-excess / np.where(positive, errors, 1.0), freedom)
     p_values = np.where(positive, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))

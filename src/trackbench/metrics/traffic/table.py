@@ -63,7 +63,7 @@ class RunRatio(Metric):
         total, count = columns
         if not count.any():
             return None
-        quotient = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
+        quotient = ratio(total, count, at_least=self.at_least, at_most=self.at_most)._replace(skewed=True)
         return root(quotient) if self.combine == "root" else quotient
 
     def finish(self, sums: Array) -> Outcome:
