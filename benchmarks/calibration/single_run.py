@@ -23,10 +23,10 @@ from trackbench.scenario.truth import truths_of
 from .claim import Claim, rate
 
 SCENARIO = "scripted/own_model"
-#: Single runs, and runs that say what is true.
-RUNS, MANY = 1500, 800
-#: Of a log: two, five and twenty stretches of time.
-SECONDS = (9, 21, 81)
+#: Runs that say what is true.
+MANY = 800
+#: Duration of a log, two, five and twenty stretches of time, and how many such single runs are looked at.
+RUNS = {9: 3000, 21: 1500, 81: 600}
 METRICS = {"position_rmse": ("px", "py"), "velocity_rmse": ("vx", "vy"), "nees": ("nees",)}
 #: Process noise of a version of a tracker, and some with about as large an error: too little noise, and too much.
 KEY, LOW, HIGH = "trackers.ekf.acceleration_sigma_mps2", 1.0, (5.0, 7.0)
@@ -36,25 +36,25 @@ Sums = np.ndarray[Any, np.dtype[np.float64]]
 def claims() -> Iterator[Claim]:
     """Intervals over stretches of time cover what very many runs give; of two versions of a tracker that are equally
     good on such logs neither is called better on one."""
-    for seconds in SECONDS:
+    for seconds, runs in RUNS.items():
         where = f"{SCENARIO}, one run of {seconds} s"
         for tracker in ("kf_lidar", "ekf"):
-            single, many = _sums(seconds, tracker, RUNS, 0), _sums(seconds, tracker, MANY, 1)
+            single, many = _sums(seconds, tracker, runs, 0), _sums(seconds, tracker, MANY, 1)
             for metric in METRICS:
                 true = _interval(many, metric, slice(None)).value
-                ends = [_interval(single, metric, run).ci95 for run in range(RUNS)]
+                ends = [_interval(single, metric, run).ci95 for run in range(runs)]
                 hits = [low <= true <= high for low, high in ends]
                 yield rate(f"{where}, {tracker}: interval of {metric} covers", hits, 0.93, 0.97)
-        yield from _versions(seconds, where)
+        yield from _versions(seconds, runs, where)
 
 
-def _versions(seconds: int, where: str) -> Iterator[Claim]:
+def _versions(seconds: int, runs: int, where: str) -> Iterator[Claim]:
     """Two versions with the same error over very many runs, held against each other on single runs."""
     errors = {q: _error(_sums(seconds, "ekf", MANY, 1, q)) for q in (LOW, *HIGH)}
     equal = float(np.exp(np.interp(errors[LOW], [errors[q] for q in HIGH], np.log(HIGH))))
-    a, b = (_sums(seconds, "ekf", RUNS, 0, q) for q in (LOW, equal))
+    a, b = (_sums(seconds, "ekf", runs, 0, q) for q in (LOW, equal))
     true = errors[LOW] - _error(_sums(seconds, "ekf", MANY, 1, equal))
-    pairs = [paired(*(_interval(side, "position_rmse", run) for side in (a, b))) for run in range(RUNS)]
+    pairs = [paired(*(_interval(side, "position_rmse", run) for side in (a, b))) for run in range(runs)]
     hits = [low <= true <= high for low, high in (pair.ci95 for pair in pairs)]
     yield rate(f"{where}: interval of the difference of two versions covers", hits, 0.93, 0.97)
     words = [verdict(pair, pair.p_value, "smaller") for pair in pairs]
