@@ -8,7 +8,7 @@ truth: {{source: {truth}, duration_s: 1, rate_hz: 10, objects: {{car: {{start: {
 sensors:
   lidar: {{type: {sensor}, rate_hz: 10, position_sigma_m: 0.15}}
 trackers:
-  raw: {{use: {tracker}}}
+  mine: {{use: {tracker}}}
   ekf: {{filter: ekf, motion: {motion}, acceleration_sigma_mps2: 3}}
 score: {{settle_s: 0, metrics: [{metric}]}}
 monte_carlo: {{runs: 2, seed: 7}}
