@@ -614,3 +614,11 @@ def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_
     assert note.endswith(
         "; without what is charged for missing estimates the difference turns, and neither is called better"
     )
+
+
+def test_a_kept_comparison_of_nothing_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "comparison.json"
+    version = Comparison.model_fields["schema_version"].default
+    file.write_text(json.dumps({"schema_version": version, "sets": [], "scenarios": []}), encoding="utf-8")
+    with pytest.raises(InputError, match="not a comparison: scenarios: "):
+        load(file)
