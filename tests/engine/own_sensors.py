@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -75,3 +75,14 @@ class Counting(Lidar):
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         cls.calls.append(1)
         return super().measure(target, pose, velocity) + (0.0 if len(cls.calls) % 2 else 1e-3)
+
+
+class Scaled(Lidar):
+    """A lidar whose measurements are scaled by a function of what is measured."""
+
+    position_sigma_m: float = 0.15
+    factor: ClassVar[Any] = staticmethod(lambda target, step: 1.0)
+
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        return super().measure(target, pose, velocity) * cls.factor(target, 0.1)
