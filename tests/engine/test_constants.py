@@ -12,13 +12,15 @@ import pytest
 from tests.engine.honest_models import KNOWN, SET_ASIDE
 from tests.engine.odd_factors import COUNTERS, INPUT, RANDOM, STATELESS
 from tests.engine.parameter_places import PLACES
+from tests.support.scenes import scan
 
 from trackbench.base.types import Array
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
-from trackbench.filters import Belief, ExtendedKalmanFilter
+from trackbench.filters import Belief, ExtendedKalmanFilter, bare
 from trackbench.models.motion import ConstantVelocity
+from trackbench.models.sensors import SENSOR_MODELS, Lidar
 
 MEMBERS, STEPS = 12, 40
 
@@ -109,3 +111,44 @@ def test_few_honest_models_are_left_to_numpy(kernels: Kernels) -> None:
             left[kind.__name__] = filter.used.why_numpy
     assert len(KNOWN) + len(SET_ASIDE) == 30
     assert set(left) <= {"Cached"}, left
+
+
+OF_SENSORS = {
+    **{
+        name: COUNTERS[name] for name in ("list entry", "array", "class", "closure cell", "rarely, list", "deque entry")
+    },
+    **{name: RANDOM[name] for name in ("numpy.random", "Generator", "time")},
+    **{name: partial(lambda factor: factor, STATELESS[name]) for name in ("if all", "middle members", "shape[-1]")},
+    **{name: partial(lambda factor: factor, STATELESS[name]) for name in ("all along members", "where", "isinstance")},
+}
+
+
+@pytest.mark.parametrize("name", OF_SENSORS)
+def test_an_odd_sensor_differs_from_numpy_only_where_it_is_said(
+    kernels: Kernels, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = []
+    for engine in ("numpy", "fused"):
+        factor = OF_SENSORS[name]()
+
+        class Odd(Lidar):
+            position_sigma_m: float = 0.15
+
+            @classmethod
+            def measure(cls, target: Array, pose: Array, velocity: Array, factor: Any = factor) -> Array:
+                return super().measure(target, pose, velocity) * factor(target, 0.1)
+
+        monkeypatch.setitem(SENSOR_MODELS.found, "odd", Odd)
+        plain = ExtendedKalmanFilter(ConstantVelocity(acceleration_sigma_mps2=1.0))
+        filter: Any = plain if engine == "numpy" else FusedFilter(plain, kernels)
+        belief = start()
+        for number in range(STEPS):
+            ahead = plain.predict(belief, 0.1)
+            seen = scan("lidar", 0.1 * number, ahead.mean[:2] + 0.1, np.ones(MEMBERS, dtype=bool))
+            belief = bare(filter.update(ahead, seen._replace(kind="odd")).belief)
+        ends.append(belief.mean)
+    used = filter.used
+    assert used.invalid or name in RANDOM or np.allclose(*ends, rtol=1e-11, atol=1e-11)
+    assert used.why_numpy or (used.engine != "numpy" and not used.invalid)
+    assert used.of_user == bool(used.why_numpy)
+    assert used.why_numpy or name == "where"
