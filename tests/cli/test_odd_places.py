@@ -49,8 +49,9 @@ def start(tmp_path: Path, trackbench: str) -> Start:
     return call
 
 
-def test_several_runs_into_one_folder_at_once(start: Start, tmp_path: Path) -> None:
-    runs = [start("--seed", str(seed)) for seed in range(4)]
+@pytest.mark.parametrize("where", ["--workers 1", "--cluster local:1"])
+def test_several_runs_into_one_folder_at_once(start: Start, tmp_path: Path, where: str) -> None:
+    runs = [start("--seed", str(seed), *where.split()) for seed in range(4)]
     for run in runs:
         _, err = run.communicate(timeout=300)
         assert (run.returncode, err) == (0, "")

@@ -106,9 +106,9 @@ def connected(address: str) -> Cluster:
             scheduler = distributed.LocalCluster(
                 n_workers=0,
                 host="127.0.0.1",
-                dashboard_address=None,
                 silence_logs=logging.CRITICAL,
-                scheduler_kwargs={"local_directory": scratch},
+                # Its server of pages listens also without a dashboard, at a port that another run may have.
+                scheduler_kwargs={"local_directory": scratch, "dashboard_address": "127.0.0.1:0", "dashboard": False},
             )
             stack.callback(_close, scheduler)
             for _ in range(int(here[1])):
