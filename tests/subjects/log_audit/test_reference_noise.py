@@ -71,3 +71,11 @@ def test_the_noise_of_rows_is_estimated_beside_their_motion() -> None:
     # A velocity that was made of the positions has sqrt(1/2) of their noise in an interval.
     made = Motion(time, px, py, np.gradient(px, time), np.gradient(py, time))
     assert body_sigmas(made) == (pytest.approx(0.05, rel=0.06), pytest.approx(0.05 / (np.sqrt(2) * 0.1), rel=0.06))
+
+
+def test_a_row_without_noise_beside_rows_of_a_noisy_reference() -> None:
+    """Its weight is so much larger that the squares of the others' vanish."""
+    residual, added = np.array([[0.5, 1.0, -1.0, 2.0]]), np.array([[0.0, 1.0, 1.0, 1.0]])
+    middle, sigma = clipped(residual * 1e-3 + 1.0, added)
+    assert np.isfinite(middle).all()
+    assert np.isfinite(sigma).all()

@@ -26,8 +26,8 @@ def clipped(residual: Array, added: Array | float = 0.0) -> tuple[Array, Array]:
         total = np.maximum(variance + added, 1e-300)
         inside = np.abs(residual - middle) <= 3 * np.sqrt(total)
         weight = np.where(inside, np.nanmin(total, axis=-1, keepdims=True) / total, 0.0)
-        middle = _mean(residual, weight)
-        variance = np.maximum(_mean((residual - middle) ** 2 / KEPT - added, weight**2), 0.0)
+        middle = _mean(residual, weight, middle)
+        variance = np.maximum(_mean((residual - middle) ** 2 / KEPT - added, weight**2, variance), 0.0)
     return middle, np.sqrt(variance)
 
 
@@ -48,7 +48,8 @@ def residual_scale(residual: Array, added: Array) -> Array:
     return np.asarray(np.maximum(np.maximum(sigma, 1e-9 * reach), 1e-12))
 
 
-def _mean(values: Array, weight: Array) -> Array:
-    """Weighted mean along the last axis; NaN has no weight."""
+def _mean(values: Array, weight: Array, otherwise: Array) -> Array:
+    """Weighted mean along the last axis, or another value where all weights vanish; NaN has no weight."""
     products = np.where(weight > 0, weight * values, 0.0)
-    return np.asarray(products.sum(axis=-1, keepdims=True) / weight.sum(axis=-1, keepdims=True))
+    whole = weight.sum(axis=-1, keepdims=True)
+    return np.where(whole > 0, products.sum(axis=-1, keepdims=True) / np.where(whole > 0, whole, 1.0), otherwise)
