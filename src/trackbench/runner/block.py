@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -102,59 +103,66 @@ def run_block(
     if work.has_recorded_run(piece):
         kept = work.recorded_run - runs.start
     second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
-    trackers: dict[str, LabelledRun | HiddenRun]
+    start: Callable[[str], LabelledRun | HiddenRun]
     measurements: Measurements | HiddenMeasurements
     if work.cutoff is None:
         measurements = sense(scene.sensors, work.seed, noise, runs)
         targets = Targets(work, piece, measurements)
-        trackers = {
-            name: LabelledRun(work, piece, name, measurements, targets, kept, second_drives) for name in work.trackers
-        }
+        start = partial(
+            LabelledRun, work, piece, measurements=measurements, targets=targets, kept=kept, second_drives=second_drives
+        )
         detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
     else:
         measurements = sense_hidden(scene.sensors, work.seed, noise, runs)
-        trackers = {name: HiddenRun(work, piece, name, measurements, kept, second_drives) for name in work.trackers}
+        start = partial(HiddenRun, work, piece, hidden=measurements, kept=kept, second_drives=second_drives)
         detections = _detections(measurements)
     recorded = None if kept is None else _recorded_scans(work, measurements, kept)
-    _advance(trackers, len(scene.instants()), len(runs), progress, on_recorded_run, recorded)
-    outcomes = {name: tracker.close() for name, tracker in trackers.items()}
-    engines = {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
-    random = frozenset(name for name, tracker in trackers.items() if tracker.random)
-    return Block(piece, outcomes, detections, measurements.digests, engines, recorded, random, take_unshown())
+    observe = on_recorded_run if work.cutoff is None and recorded is not None else None
+    if observe is not None and recorded is not None:
+        observe(recorded.scans)
+    steps, taken = len(scene.instants()) * len(work.trackers), itertools.count(1)
+    outcomes: dict[str, Outcome] = {}
+    engines: dict[str, EngineUsed] = {}
+    random: set[str] = set()
+    # One tracker after the other where nobody looks on: the memory of one is that of the next.
+    for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
+        trackers = {name: start(name) for name in names}
+        _advance(trackers, len(scene.instants()), lambda: progress(next(taken) / steps * len(runs), len(runs)), observe)
+        for name, tracker in trackers.items():
+            outcomes[name] = tracker.close()
+            engines |= {} if tracker.engine is None else {name: tracker.engine}
+            random |= {name} if tracker.random else set()
+    return Block(
+        piece, outcomes, detections, measurements.digests, engines, recorded, frozenset(random), take_unshown()
+    )
 
 
 def _advance(
     trackers: Mapping[str, LabelledRun | HiddenRun],
     instants: int,
-    runs: int,
-    progress: Progress,
-    on_recorded_run: OnRecordedRun | None,
-    recorded: RecordedScans | None,
+    step: Callable[[], None],
+    observe: Callable[[RecordedInstant], None] | None,
 ) -> None:
-    """Take the trackers through all instants."""
+    """Take the trackers through all instants, and score them.
+
+    Args:
+        trackers: those that go side by side.
+        instants: how many there are.
+        step: called after each step of a tracker.
+        observe: called with the estimates of the recorded run at each instant.
+    """
     labelled = [tracker for tracker in trackers.values() if isinstance(tracker, LabelledRun)]
-    observe = on_recorded_run if labelled else None
-    if recorded is None:
-        observe = None
-    elif observe is not None:
-        observe(recorded.scans)
-    chunk, done = next(iter(trackers.values())).chunk, 0
-    for first in range(0, instants, chunk):
-        here = range(first, min(first + chunk, instants))
-        # One tracker after the other where nobody looks on: its state stays in the processor's cache.
-        stretches = [here] if observe is None else [range(instant, instant + 1) for instant in here]
-        for stretch in stretches:
-            estimates: dict[str, Gaussian] = {}
-            for name, tracker in trackers.items():
-                for _ in stretch:
-                    estimate = tracker.advance()
-                    if estimate is not None:
-                        estimates[name] = estimate
-                    done += 1
-                    progress(done / (instants * len(trackers)) * runs, runs)
-            if observe is not None:
-                observe(RecordedInstant(stretch.start, estimates))
-        if labelled:
+    chunk = next(iter(trackers.values())).chunk
+    for instant in range(instants):
+        estimates: dict[str, Gaussian] = {}
+        for name, tracker in trackers.items():
+            estimate = tracker.advance()
+            if estimate is not None:
+                estimates[name] = estimate
+            step()
+        if observe is not None:
+            observe(RecordedInstant(instant, estimates))
+        if labelled and ((instant + 1) % chunk == 0 or instant == instants - 1):
             score_labelled_runs(labelled)
 
 
