@@ -143,14 +143,8 @@ def _advance(
     step: Callable[[], None],
     observe: Callable[[RecordedInstant], None] | None,
 ) -> None:
-    """Take the trackers through all instants, and score them.
-
-    Args:
-        trackers: those that go side by side.
-        instants: how many there are.
-        step: called after each step of a tracker.
-        observe: called with the estimates of the recorded run at each instant.
-    """
+    """Take trackers side by side through all instants, and score them; ``step`` is called after each step of one,
+    ``observe`` with the estimates of the recorded run at each instant."""
     labelled = [tracker for tracker in trackers.values() if isinstance(tracker, LabelledRun)]
     chunk = next(iter(trackers.values())).chunk
     for instant in range(instants):
