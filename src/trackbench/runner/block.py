@@ -128,10 +128,9 @@ def run_block(
     for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
         trackers = {name: start(name) for name in names}
         _advance(trackers, len(scene.instants()), lambda: progress(next(taken) / steps * len(runs), len(runs)), observe)
-        for name, tracker in trackers.items():
-            outcomes[name] = tracker.close()
-            engines |= {} if tracker.engine is None else {name: tracker.engine}
-            random |= {name} if tracker.random else set()
+        outcomes |= {name: tracker.close() for name, tracker in trackers.items()}
+        engines |= {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
+        random |= {name for name, tracker in trackers.items() if tracker.random}
     return Block(
         piece, outcomes, detections, measurements.digests, engines, recorded, frozenset(random), take_unshown()
     )
@@ -141,7 +140,7 @@ def _advance(
     trackers: Mapping[str, LabelledRun | HiddenRun],
     instants: int,
     step: Callable[[], None],
-    observe: Callable[[RecordedInstant], None] | None,
+    observe: OnRecordedRun | None,
 ) -> None:
     """Take trackers side by side through all instants, and score them; ``step`` is called after each step of one,
     ``observe`` with the estimates of the recorded run at each instant."""
