@@ -137,16 +137,13 @@ def run_block(
 
 
 def _advance(
-    trackers: Mapping[str, LabelledRun | HiddenRun],
-    instants: int,
-    step: Callable[[], None],
-    observe: OnRecordedRun | None,
+    trackers: Mapping[str, LabelledRun | HiddenRun], count: int, step: Callable[[], None], observe: OnRecordedRun | None
 ) -> None:
-    """Take trackers side by side through all instants, and score them; ``step`` is called after each step of one,
+    """Take trackers side by side through so many instants, and score them; ``step`` is called after each step of one,
     ``observe`` with the estimates of the recorded run at each instant."""
     labelled = [tracker for tracker in trackers.values() if isinstance(tracker, LabelledRun)]
     chunk = next(iter(trackers.values())).chunk
-    for instant in range(instants):
+    for instant in range(count):
         estimates: dict[str, Gaussian] = {}
         for name, tracker in trackers.items():
             estimate = tracker.advance()
@@ -155,7 +152,7 @@ def _advance(
             step()
         if observe is not None:
             observe(RecordedInstant(instant, estimates))
-        if labelled and ((instant + 1) % chunk == 0 or instant == instants - 1):
+        if labelled and ((instant + 1) % chunk == 0 or instant == count - 1):
             score_labelled_runs(labelled)
 
 
