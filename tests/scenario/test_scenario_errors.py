@@ -193,7 +193,7 @@ BAD = [
     (
         "range_sigma_m: 0.3",
         "range_sigma_m: -1",
-        ["14: sensors.front.range_sigma_m: -1 is not possible: it must be above 0; write 1"],
+        ["14: sensors.front.range_sigma_m: -1 is not possible: it must be at least 1e-06; write 1"],
     ),
     (
         "detection_probability: 0.9",
@@ -392,7 +392,8 @@ BAD = [
         "rate_hz: fast, position_sigma_m: 0}\ntrackers:\n  ekf: {filter: ekg",
         [
             "19: sensors.roof.rate_hz: a number in Hz is needed, not 'fast'",
-            "19: sensors.roof.position_sigma_m: 0 is not possible: it must be above 0",
+            "19: sensors.roof.position_sigma_m: 0 is not possible: it must be at least 1e-06; a smaller error "
+            "is lost in rounding",
             "21: trackers.ekf.filter: 'ekg' is not known; did you mean 'ekf'?",
         ],
     ),

@@ -8,11 +8,12 @@ Loops run over the few components and every NumPy call works along the batch, wh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import TWO_PI
 
 #: Its type, which NumPy leaves open.
@@ -53,6 +54,11 @@ def matmul_transposed(a: Array, b: Array) -> Array:
     return _einsum("ik...,jk...->ij...", a, b)
 
 
+def transposed_matmul(a: Array, b: Array) -> Array:
+    """``A^T B``."""
+    return _einsum("ki...,kj...->ij...", a, b)
+
+
 def gram(a: Array) -> Array:
     """``A^T A``, symmetric to the last bit."""
     return _einsum("ki...,kj...->ij...", a, a)
@@ -81,6 +87,30 @@ def quadratic(a: Array, p: Array) -> Array:
 def symmetrise(p: Array) -> Array:
     """``(P + P^T) / 2``."""
     return 0.5 * (p + np.swapaxes(p, 0, 1))
+
+
+#: Share of itself by which a variance is rounded up: 64 units in the last place.
+MARGIN = 2.0**-46
+
+
+def rounded_up(p: Array) -> Array:
+    """A computed covariance: its lower triangle on both sides, each variance larger by ``MARGIN`` of itself.
+
+    A sum of products, exactly semidefinite, has a Cholesky factor then, whatever the units of its components: rounding
+    moves an entry by a few units in the last place of its two standard deviations, and a matrix that is semidefinite
+    and has this margin keeps its factor (Demmel 1989; Higham 2002, theorem 10.7).
+    """
+    result: Array = p[_lower(len(p))]
+    for i in range(len(p)):
+        result[i, i] *= 1.0 + MARGIN
+    return result
+
+
+@cache
+def _lower(size: int) -> tuple[Indices, Indices]:
+    """For each entry of a symmetric matrix its place in the lower triangle."""
+    i, j = np.indices((size, size))
+    return np.maximum(i, j), np.minimum(i, j)
 
 
 def expand(a: Array, like: Array) -> Array:
@@ -116,6 +146,16 @@ class Cholesky(NamedTuple):
             for j in range(i):
                 rest = rest - row[j] * solved[j]
             solved.append(rest * self.inverse_diagonal[i])
+        return vector(solved)
+
+    def whiten_transposed(self, b: Array) -> Array:
+        """``L^-T B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        size = len(self.rows)
+        solved: list[Array] = [*b]
+        for i in reversed(range(size)):
+            for j in range(i + 1, size):
+                solved[i] = solved[i] - self.rows[j][i] * solved[j]
+            solved[i] = solved[i] * self.inverse_diagonal[i]
         return vector(solved)
 
 

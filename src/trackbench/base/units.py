@@ -39,3 +39,13 @@ def cos_sin(angle: Array) -> tuple[Array, Array]:
     square = t * t
     scale = 1.0 / (1.0 + square)
     return (1.0 - square) * scale, 2.0 * t * scale
+
+
+def exp_minus_one(x: Array) -> Array:
+    """``exp(x) - 1`` without the loss of digits at small ``x``, from functions that the fused engine has.
+
+    Source: Kahan, as Higham (2002), "Accuracy and stability of numerical algorithms", section 1.14.1.
+    """
+    power = np.exp(x)
+    lost = power == 1.0
+    return np.where(lost, x, (power - 1.0) * x / np.log(np.where(lost, 2.0, power)))

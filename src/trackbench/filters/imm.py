@@ -50,12 +50,12 @@ def moment_matched(weights: Array | Sequence[Array], parts: Sequence[Gaussian], 
         share = weight / total
         away = difference(part.mean, mean, angular)
         spread = np.sqrt(share * (1.0 - share)) * away
-        joined = part.covariance - covariance
-        joined *= share
-        joined += covariance
+        # What is small beside the other part would be lost in a difference of both.
+        joined = (1.0 - share) * covariance
+        joined += share * part.covariance
         joined += spread[:, None] * spread
         mean, covariance = wrap_components(mean + share * away, angular), joined
-    return Gaussian(mean, covariance)
+    return Gaussian(mean, linalg.rounded_up(covariance))
 
 
 def in_state_of(motion: MotionModel, own: Gaussian, other_motion: MotionModel, other: Gaussian) -> Gaussian:
@@ -102,7 +102,7 @@ def _yaw_left_open(own: Gaussian, names: tuple[str, ...], other: Gaussian, carte
     mean, covariance = other.mean.copy(), np.zeros_like(other.covariance)
     mean[places] = linalg.apply(slope, cartesian.mean)
     mean[yaw] = own.mean[yaw]
-    covariance[np.ix_(places, places)] = linalg.symmetrise(linalg.quadratic(slope, cartesian.covariance))
+    covariance[np.ix_(places, places)] = linalg.rounded_up(linalg.quadratic(slope, cartesian.covariance))
     covariance[yaw, yaw] = own.covariance[yaw, yaw]
     return Gaussian(mean, covariance).where(unknown, other)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from trackbench.filters.base import (
     Belief,
     Measured,
     PredictedMeasurement,
+    Remainder,
     SingleModelFilter,
     Update,
     correct,
     guarded,
     linear_update,
+    square_root,
     wrap_components,
 )
 from trackbench.models.motion import MotionModel, process_noise
@@ -45,7 +47,7 @@ class LinearisedFilter(SingleModelFilter):
         else:
             f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
         mean = wrap_components(motion.transition(x, dt), motion.angular)
-        return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
+        return Belief(mean, linalg.rounded_up(linalg.quadratic(f, p) + linalg.expand(q, p)))
 
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
         """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
@@ -56,9 +58,23 @@ class LinearisedFilter(SingleModelFilter):
         return as_measured(scan)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        return self._expected(guarded(belief), scan)[0]
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
+        measured, remainder = self.measured(scan), None
+        if predicted is None:
+            belief = guarded(belief)
+            predicted, seen = self._expected(belief, scan)
+            remainder = square_root(factor_of(belief), seen, measured.noise)
+        return linear_update(belief, predicted, measured, scan.valid, self.motion.angular, remainder)
+
+    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
+        """What a belief with its factor ``L`` expects of a scan, and ``H L`` ``(m, n, ...)``."""
         expected, h = observe(self.motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
-        cross = linalg.matmul(h, belief.covariance)
-        return PredictedMeasurement(expected, linalg.matmul_transposed(cross, h), cross)
+        factor = factor_of(belief)
+        seen = linalg.matmul(h, factor)
+        spread, cross = linalg.matmul_transposed(seen, seen), linalg.matmul_transposed(seen, factor)
+        return PredictedMeasurement(expected, spread, cross), seen
 
 
 @dataclass(frozen=True)
@@ -74,14 +90,9 @@ class KalmanFilter(LinearisedFilter):
         noise = np.where(scan.valid, linalg.expand(position.covariance, like), linalg.expand(np.eye(2), like))
         return Measured(position.mean, noise, ())
 
-    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
         p = belief.covariance
-        return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2])
-
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        predicted = predicted or self.predict_measurement(belief, scan)
-        update = linear_update(belief, predicted, self.measured(scan), scan.valid, ())
-        return update._replace(belief=kept_definite(update.belief))
+        return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor_of(belief)[:2]
 
 
 @dataclass(frozen=True)
@@ -90,11 +101,6 @@ class ExtendedKalmanFilter(LinearisedFilter):
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
-
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        predicted = predicted or self.predict_measurement(belief, scan)
-        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
-        return update._replace(belief=kept_definite(update.belief))
 
 
 @dataclass(frozen=True)
@@ -107,22 +113,25 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
     iterations: int = 5
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        sensor = SENSOR_MODELS[scan.kind]
-        angular = self.motion.angular
-        at = belief.mean
+        sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, guarded(belief)
+        at, factor = belief.mean, factor_of(belief)
         first: Update[Belief] | None = None
-        for _ in range(self.iterations):
+        for number in range(self.iterations):
             expected, h = observe(self.motion, sensor, at, scan)
             back = difference(belief.mean, at, angular)
             innovation = difference(scan.measurement, expected, sensor.angular) - linalg.apply(h, back)
-            cross = linalg.matmul(h, belief.covariance)
-            s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise_covariance, cross)
-            update = correct(belief, innovation, s, cross, scan.valid, angular)
+            seen = linalg.matmul(h, factor)
+            cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
+            s = spread + linalg.expand(scan.noise_covariance, cross)
+            # The covariance is that of the last linearisation.
+            last = number == self.iterations - 1
+            remainder = square_root(factor, seen, scan.noise_covariance) if last else lambda _: belief.covariance
+            update = correct(belief, innovation, s, cross, scan.valid, angular, remainder)
             # What the measurement said is judged against the prediction, which is the first linearisation.
             first = first or update
             at = update.belief.mean
         assert first is not None
-        return first._replace(belief=kept_definite(update.belief))
+        return first._replace(belief=update.belief)
 
 
 def as_measured(scan: Scan) -> Measured:
@@ -139,10 +148,10 @@ def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> 
     return expected, h if slope.shape == (4, 4) else linalg.matmul(h, slope)
 
 
-def kept_definite(belief: Belief) -> Belief:
-    """The belief, checked by its variances alone: the gain cannot make the covariance indefinite but by rounding."""
-    variances = np.einsum("ii...->i...", belief.covariance)
-    return guarded(belief) if np.any(variances <= 0.0) else belief
+def factor_of(belief: Belief) -> Array:
+    """The factor ``(n, n, ...)`` of a belief that has it."""
+    assert belief.factor is not None
+    return belief.factor
 
 
 @dataclass(frozen=True)
@@ -200,11 +209,11 @@ class SigmaPointFilter(SingleModelFilter):
         deviations = difference(moved, moved[:, :1], motion.angular)
         shift = weight * deviations.sum(axis=1)
         deviations -= shift[:, None]
-        covariance = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
+        covariance = _weighted(deviations, deviations, centre_weight, weight)
         if not noises:
             covariance += linalg.expand(process_noise(motion, belief.mean, dt), covariance)
         mean = wrap_components(moved[:, 0] + shift, motion.angular)
-        return Belief(mean, covariance, points=moved if noises else None, repaired=belief.repaired)
+        return Belief(mean, linalg.rounded_up(covariance), points=moved if noises else None, repaired=belief.repaired)
 
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
         belief, size = guarded(belief), len(belief.mean)
@@ -213,32 +222,40 @@ class SigmaPointFilter(SingleModelFilter):
         away = difference(moved, moved[:, :1], self.motion.angular)
         # Of the other points, the centre and those of the noises, the state before has no deviation.
         across = away[:, 1 : size + 1] - away[:, size + 1 :]
-        assert belief.factor is not None
-        return weight * distance * linalg.matmul_transposed(belief.factor, across)
+        return weight * distance * linalg.matmul_transposed(factor_of(belief), across)
 
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        return self._expected(belief, scan)[0]
+
+    def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Remainder]:
+        """What the belief expects of a scan, and what remains of its covariance after it."""
         motion, sensor = self.motion, SENSOR_MODELS[scan.kind]
         points = belief.points
         if points is None:
             belief = guarded(belief)
-            points = _points(belief, self.rule.weights(len(belief.mean))[0])
+            columns = self.rule.weights(len(belief.mean))[0] * factor_of(belief)
+            state_deviations = np.concatenate([np.zeros_like(columns[:, :1]), columns, -columns], axis=1)
+            points = belief.mean[:, None] + state_deviations
+        else:
+            state_deviations = difference(points, belief.mean[:, None], motion.angular)
         _, _, centre_weight, weight = self.rule.weights((points.shape[1] - 1) // 2)
+        weighted = partial(_weighted, centre=centre_weight, other=weight)
         seen = sensor.measure(motion.to_cartesian(points), scan.sensor_pose, scan.sensor_velocity)
         deviations = difference(seen, seen[:, :1], sensor.angular)
         shift = weight * deviations.sum(axis=1)
         deviations -= shift[:, None]
-        state_deviations = difference(points, belief.mean[:, None], motion.angular)
-        spread = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
-        cross = _weighted(deviations, state_deviations, centre_weight, weight)
-        return PredictedMeasurement(seen[:, 0] + shift, spread, cross)
+        spread, cross = weighted(deviations, deviations), weighted(deviations, state_deviations)
+        predicted = PredictedMeasurement(seen[:, 0] + shift, linalg.symmetrise(spread), cross)
+        return predicted, square_root(state_deviations, deviations, scan.noise_covariance, weighted)
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
-        belief = belief if belief.points is not None else guarded(belief)
-        predicted = predicted or self.predict_measurement(belief, scan)
-        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
+        belief, remainder = belief if belief.points is not None else guarded(belief), None
+        if predicted is None:
+            predicted, remainder = self._expected(belief, scan)
+        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular, remainder)
         return update._replace(belief=guarded(update.belief))
 
     @property
@@ -250,8 +267,7 @@ class SigmaPointFilter(SingleModelFilter):
 def _points(belief: Belief, distance: float) -> Array:
     """``(n, 2 n + 1, ...)``: the centre, then one and the other point of each pair."""
     centre = belief.mean[:, None]
-    assert belief.factor is not None
-    columns = distance * belief.factor
+    columns = distance * factor_of(belief)
     return np.concatenate([centre, centre + columns, centre - columns], axis=1)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem, Sigma
 from trackbench.base.config.key_units import in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.base.types import Scan
@@ -180,7 +180,7 @@ class FilterConfig(OptionsBeside):
         description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
         "takes it for, in place of what it is: shows what a wrong sensor model costs.",
     )
-    measurement_noise: dict[str, dict[str, Positive]] = Field(
+    measurement_noise: dict[str, dict[str, Sigma]] = Field(
         default_factory=dict,
         description="For a sensor's name, standard deviations that the tracker takes in place of those that the sensor "
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "

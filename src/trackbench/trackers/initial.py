@@ -10,12 +10,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from trackbench.base import linalg
-from trackbench.base.config import Config, Positive, Problem
+from trackbench.base.config import Config, Problem, Sigma, Variance
 from trackbench.base.types import Array, Gaussian, Mask, Scan
 from trackbench.filters import AnyBelief, Filter, choose
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.radar import MIN_RANGE
 
 InitialSource = Literal["first_measurement", "two_measurements", "truth"]
 
@@ -74,22 +75,20 @@ class InitialConfig(Config):
         "range rate is; velocity_sigma_mps holds across it, and all around where the sensor has no range rate or the "
         "state no vx, vy.",
     )
-    position_sigma_m: Positive = Field(
-        1, description="Standard deviation of each position component, m; from truth only."
-    )
-    velocity_sigma_mps: Positive = Field(
+    position_sigma_m: Sigma = Field(1, description="Standard deviation of each position component, m; from truth only.")
+    velocity_sigma_mps: Sigma = Field(
         20,
         description="Standard deviation of each velocity component, m/s; not from two_measurements.",
     )
-    acceleration_sigma_mps2: Positive = Field(
+    acceleration_sigma_mps2: Sigma = Field(
         3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
     )
-    yaw_sigma_rad: Positive | None = Field(
+    yaw_sigma_rad: Sigma | None = Field(
         None,
         description="Standard deviation of the course, rad, where the state has it. From truth: 0.1 unless given. "
         "From measurements: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
     )
-    yaw_rate_sigma_radps: Positive = Field(
+    yaw_rate_sigma_radps: Sigma = Field(
         0.3, description="Standard deviation of the yaw rate, rad/s, where the state has it."
     )
 
@@ -98,7 +97,7 @@ class InitialConfig(Config):
     def _word(cls, data: Any) -> Any:
         return {"from": data} if isinstance(data, str) else data
 
-    covariance_diag: list[Positive] | None = Field(
+    covariance_diag: list[Variance] | None = Field(
         None,
         description="Diagonal of the covariance that the first state is said to have, one variance for each component "
         "of the state. Unless given, it is what the measurement and the standard deviations above give.",
@@ -238,7 +237,7 @@ def two_measurements(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     covariance[:2, :2] = second.covariance
     covariance[:2, 2:] = covariance[2:, :2] = second.covariance / dt
     covariance[2:, 2:] = (first.covariance + second.covariance) / dt**2
-    return Gaussian(np.concatenate([second.mean, velocity]), covariance)
+    return Gaussian(np.concatenate([second.mean, velocity]), linalg.rounded_up(covariance))
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -294,14 +293,18 @@ def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
     i = components.index("range_rate")
     sight = belief.mean[:2] - linalg.expand(scan.sensor_pose[:2], belief.mean)
     distance = np.hypot(*sight)
-    sight = sight / distance
-    aside = linalg.vector([-sight[1], sight[0]]) / distance
+    # Of a target on the sensor itself any line will do.
+    apart = distance > 0.0
+    ahead = linalg.expand(np.array([1.0, 0.0]), sight)
+    sight = np.where(apart, sight / np.where(apart, distance, 1.0), ahead)
+    normal = linalg.vector([-sight[1], sight[0]])
+    aside = normal / np.maximum(distance, MIN_RANGE)
     turned = np.einsum("i...,ij...,j...->...", aside, belief.covariance[:2, :2], aside)
+    covariance, across = belief.covariance.copy(), belief.covariance[2, 2]
     # Never more than is unknown across: the line of sight to what is very near is not known at all.
-    loss = belief.covariance[2, 2] * np.maximum(0.0, 1.0 - turned) - scan.noise_covariance[i, i]
-    covariance = belief.covariance.copy()
-    covariance[2:, 2:] -= loss * sight[:, None] * sight[None]
-    return Gaussian(belief.mean, covariance)
+    along = across * np.minimum(1.0, turned) + scan.noise_covariance[i, i]
+    covariance[2:, 2:] = along * sight[:, None] * sight[None] + across * normal[:, None] * normal[None]
+    return Gaussian(belief.mean, linalg.rounded_up(covariance))
 
 
 def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:

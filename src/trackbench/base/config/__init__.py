@@ -9,6 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 Positive = Annotated[float, Field(gt=0)]
+#: Standard deviations whose squares, and the ratios of these, double precision can hold, in any unit.
+LEAST_SIGMA, LARGEST_SIGMA = 1e-9, 1e9
+Sigma = Annotated[float, Field(ge=LEAST_SIGMA, le=LARGEST_SIGMA)]
+#: Variances of a state's components.
+Variance = Annotated[float, Field(ge=LEAST_SIGMA**2, le=LARGEST_SIGMA**2)]
 NonNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(gt=0, le=1)]
 Angle = Annotated[float, Field(ge=-360, le=360)]

@@ -274,6 +274,13 @@ def _limit(value: Any, kind: str, context: dict[str, Any], path: KeyPath) -> str
         return f"{message}; write {show(value / 100)}"
     if kind.startswith("greater") and value == -abs(value) and value and "sigma" in str(path[-1]):
         return f"{message}; write {show(-value)}"
+    if kind.endswith("equal") and ("sigma" in str(path[-1]) or "covariance_diag" in path):
+        why = (
+            "a smaller error is lost in rounding"
+            if name == "ge"
+            else "beside a larger error others are lost in rounding"
+        )
+        return f"{message}; {why}"
     return message
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base import linalg
-from trackbench.base.config import Positive
+from trackbench.base.config import Sigma
 from trackbench.base.types import Array
 from trackbench.models.motion.base import MotionModel
 
@@ -19,7 +19,7 @@ class ConstantAcceleration(MotionModel):
     The counterpart, one derivative higher, of Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
     """
 
-    jerk_sigma_mps3: Positive = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")
+    jerk_sigma_mps3: Sigma = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy", "ax", "ay")
     linear: ClassVar[bool] = True

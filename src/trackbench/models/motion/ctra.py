@@ -7,7 +7,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from trackbench.base import linalg
-from trackbench.base.config import Positive
+from trackbench.base.config import Sigma
 from trackbench.base.types import Array
 from trackbench.base.units import cos_sin
 from trackbench.models.motion import turning
@@ -20,8 +20,8 @@ class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
     tracking", section III; the noise gain takes the heading at the start of the interval.
     """
 
-    jerk_sigma_mps3: Positive = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")
-    yaw_acceleration_sigma_radps2: Positive = Field(
+    jerk_sigma_mps3: Sigma = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")
+    yaw_acceleration_sigma_radps2: Sigma = Field(
         description="Standard deviation of the yaw acceleration that drives the motion, rad/s^2."
     )
 

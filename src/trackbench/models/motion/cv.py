@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base import linalg
-from trackbench.base.config import Positive
+from trackbench.base.config import Sigma
 from trackbench.base.types import Array
 from trackbench.models.motion.base import MotionModel
 
@@ -19,7 +19,7 @@ class ConstantVelocity(MotionModel):
     Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
     """
 
-    acceleration_sigma_mps2: Positive = Field(
+    acceleration_sigma_mps2: Sigma = Field(
         description="Standard deviation of the acceleration that drives the motion, m/s^2."
     )
 

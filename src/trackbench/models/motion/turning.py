@@ -125,8 +125,8 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     result = p[:4, :4].copy()
     result[:2, 2:] = linalg.matmul_transposed(p[:2, 2:4], to_velocity)
     result[2:, :2] = np.swapaxes(result[:2, 2:], 0, 1)
-    result[2:, 2:] = linalg.symmetrise(linalg.quadratic(to_velocity, p[2:4, 2:4]) + second)
-    return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), result)
+    result[2:, 2:] = linalg.quadratic(to_velocity, p[2:4, 2:4]) + second
+    return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), linalg.rounded_up(result))
 
 
 def cartesian_moments(belief: Gaussian) -> Gaussian:
@@ -185,7 +185,7 @@ class SpeedAndYaw(MotionModel):
         scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
         p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
         mean = linalg.vector([px, py, speed, np.arctan2(vy, vx)])
-        return pad_state(self, Gaussian(mean, linalg.symmetrise(p)), sigmas)
+        return pad_state(self, Gaussian(mean, linalg.rounded_up(p)), sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         values = {

@@ -11,6 +11,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from trackbench.base import linalg
 from trackbench.base.config import (
+    LARGEST_SIGMA,
+    LEAST_SIGMA,
     LIST,
     NUMBER,
     PROBLEM,
@@ -149,6 +151,10 @@ class Sensor(Config, ABC):
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
                 yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
+        for name, sigma in zip(self.sigma_options, self.sigmas(), strict=True):
+            if not LEAST_SIGMA <= sigma <= LARGEST_SIGMA:
+                message = f"{sigma:g} in SI units: it must be from {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
+                yield Problem((name,), f"{message}; beyond, errors are lost in rounding")
         least, most = self.latency
         if least > most:
             yield Problem(("latency_s",), f"the least comes first: [{most:g}, {least:g}]")

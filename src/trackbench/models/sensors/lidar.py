@@ -16,8 +16,8 @@ class Lidar(Sensor):
     """Measures position in its own frame: x forward, y to the left, m."""
 
     position_sigma_m: float = Field(
-        gt=0,
-        le=1000,
+        ge=1e-6,
+        le=1e4,
         description="Standard deviation of the position along each axis of the sensor's frame, m.",
     )
     x_bias_m: float = Field(0, description="Constant error along the boresight, m.")
@@ -58,6 +58,5 @@ class Lidar(Sensor):
         c, s = np.cos(yaw), np.sin(yaw)
         x, y = scan.measurement
         rotation = linalg.matrix([[c, -s], [s, c]])
-        return Gaussian(
-            linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), linalg.quadratic(rotation, scan.noise_covariance)
-        )
+        covariance = linalg.rounded_up(linalg.quadratic(rotation, scan.noise_covariance))
+        return Gaussian(linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), covariance)

@@ -10,7 +10,7 @@ from pydantic import Field
 from trackbench.base import linalg
 from trackbench.base.config import Angle
 from trackbench.base.types import Array, Gaussian, Scan
-from trackbench.base.units import cos_sin
+from trackbench.base.units import cos_sin, exp_minus_one
 from trackbench.models.sensors.base import Sensor
 
 #: Range below which the direction to a target is not defined, m; keeps Jacobians finite on the sensor itself.
@@ -20,8 +20,8 @@ MIN_RANGE = 1e-6
 class Polar(Sensor):
     """What the kinds of radar have in common: range m, azimuth rad from the boresight, and a third component, m/s."""
 
-    range_sigma_m: float = Field(gt=0, le=1000, description="Standard deviation of the range, m.")
-    azimuth_sigma_deg: float = Field(gt=0, le=90, description="Standard deviation of the azimuth, degrees.")
+    range_sigma_m: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range, m.")
+    azimuth_sigma_deg: float = Field(ge=1e-7, le=90, description="Standard deviation of the azimuth, degrees.")
     range_bias_m: float = Field(0, description="Constant error of the range, m.")
     azimuth_bias_deg: Angle = Field(0, description="Constant error of the azimuth, degrees.")
 
@@ -33,7 +33,8 @@ class Polar(Sensor):
         """Unbiased conversion from polar to Cartesian.
 
         Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking", with the
-        covariance conditioned on the measurement.
+        covariance conditioned on the measurement, along and across the line of sight: at the axes its squares of the
+        range, which are far larger, would have to cancel.
         """
         r, azimuth = scan.measurement[0], scan.measurement[1]
         var_r, var_a = scan.noise_covariance[0, 0], scan.noise_covariance[1, 1]
@@ -41,18 +42,18 @@ class Polar(Sensor):
         angle = azimuth + scan.sensor_pose[2]
         c, s = cos_sin(angle)
         mean = linalg.vector([scan.sensor_pose[0] + r * c / shrink, scan.sensor_pose[1] + r * s / shrink])
-        common, twice = shrink**-2 - 2.0, shrink**4
-        square = r * r + var_r
-        xx = common * r * r * c * c + 0.5 * square * (1 + twice * (c * c - s * s))
-        yy = common * r * r * s * s + 0.5 * square * (1 - twice * (c * c - s * s))
-        xy = common * r * r * c * s + 0.5 * square * twice * (2 * c * s)
-        return Gaussian(mean, linalg.matrix([[xx, xy], [xy, yy]]))
+        loss = -0.5 * exp_minus_one(-2.0 * var_a)
+        along = r * r * (exp_minus_one(var_a) - loss) + var_r * (1.0 - loss)
+        across = (r * r + var_r) * loss
+        xx, yy = along * c * c + across * s * s, along * s * s + across * c * c
+        xy = (along - across) * c * s
+        return Gaussian(mean, linalg.rounded_up(linalg.matrix([[xx, xy], [xy, yy]])))
 
 
 class Radar(Polar):
     """Measures range, azimuth and range rate (relative to the moving sensor)."""
 
-    range_rate_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the range rate, m/s.")
+    range_rate_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the range rate, m/s.")
     range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
 
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")

@@ -21,7 +21,7 @@ class SpeedRadar(Polar):
     No radar does; it is for trackers that were written for such measurements.
     """
 
-    speed_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the speed, m/s.")
+    speed_sigma_mps: float = Field(ge=1e-6, le=1e4, description="Standard deviation of the speed, m/s.")
     speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
 
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "speed")
