@@ -313,3 +313,11 @@ def test_json_larger_than_any_result_is_not_read(tmp_path: Path) -> None:
     os.truncate(tmp_path / "result.json", files.JSON + 1)
     with pytest.raises(InputError, match="larger than 64 MiB"):
         Result.load(tmp_path)
+
+
+def test_measurements_without_their_arrival_are_none_of_a_run(tiny_result: Result, tmp_path: Path) -> None:
+    tiny_result.save(tmp_path / "run", {})
+    file = tmp_path / "run" / "measurements.parquet"
+    pq.write_table(pq.read_table(file).drop_columns(["arrival_time_s"]), file)
+    with pytest.raises(InputError, match="no column arrival_time_s"):
+        _ = results.Result.load(tmp_path / "run").tables.measurements

@@ -196,7 +196,7 @@ LABELLED = {
     "measurements": _table(
         "every measurement of the recorded run, with the position in the fixed frame that it states",
         ["sensor", "kind", "object"],
-        ["time_s", _number("arrival_time_s", required=False), VALID, *MEASUREMENT],
+        [*_numbers("time_s", "arrival_time_s"), VALID, *MEASUREMENT],
         series=True,
     ),
     "estimates": _table(
