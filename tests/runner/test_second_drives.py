@@ -50,6 +50,19 @@ class Late(Averages):
     def change(self, scan, mean, P):
         return super().change(scan, mean, P) if scan.time > 1.85 else (mean, P)
 
+class Wide(Averages):
+    "Where nobody tries it by hand."
+    def change(self, scan, mean, P):
+        return super().change(scan, mean, P) if scan.valid.size > 64 else (mean, P)
+
+LATEST = []
+
+class Remembers(Changed):
+    "Keeps in the module what it was given, whichever instance it is."
+    def change(self, scan, mean, P):
+        LATEST.append(np.nanmean(mean[2:]))
+        return mean + 1e-3 * np.mean(LATEST), P
+
 class Near(Changed):
     "Averages the members within 3 m of each, whoever they are."
     def change(self, scan, mean, P):
@@ -111,6 +124,7 @@ DEPENDENT = {
     "Averages": BATCH + r"it gives another estimate: the mean differs by up to [\d.]+ m or m/s, .* over the last axis",
     "Late": BATCH + "it gives another estimate: the mean differs",
     "Near": BATCH + "it gives another estimate: the mean differs",
+    "Remembers": BATCH + "it gives another estimate: the mean differs",
     "Slightly": BATCH + "it gives another estimate: the mean differs",
     "Normalises": BATCH + "it gives another estimate: the covariance differs",
     "WrongAxis": BATCH + "it gives another estimate: the covariance differs",
@@ -164,6 +178,13 @@ def test_who_depends_on_the_others_fails_by_name(outcome: Result, name: str) -> 
 def test_who_does_not_passes(outcome: Result, name: str) -> None:
     assert entry(outcome, name).failed is None
     assert entry(outcome, name).random == (name in ("SaysSo", "SaysDrawing"))
+
+
+def test_who_looks_at_the_others_in_wide_batches_alone_fails_there(plug_ins: tuple[Path, str], run_tiny: Run) -> None:
+    folder, module = plug_ins
+    for runs, fails in ((32, False), (40, True)):
+        result = run_tiny(f"trackers={{wide: {{use: '{module}:Wide'}}}}", f"monte_carlo.runs={runs}", folder=folder)
+        assert (entry(result, "wide").failed is not None) == fails
 
 
 def test_who_draws_random_numbers_is_shown(outcome: Result) -> None:
