@@ -11,7 +11,6 @@ from benchmarks.calibration.claim import rate
 FAILING = {
     "highway, 10 scenes, position RMSE: the same of the tracker covered least",
     "highway, 5 scenes, velocity RMSE: interval covers, mean over 6 trackers",
-    "scripted/own_model, one run of 9 s, kf_lidar: interval of nees covers",
     "matched filter, 10 runs of scenes with correlated errors: consistent",
     "matched filter, 20 runs of scenes with correlated errors: consistent",
 }
