@@ -252,10 +252,7 @@ def run_page(fenced: Callable[[Path], list[Block]], trackbench: str) -> Callable
                 status = 1 if block.note == "finds a fault" else 0
                 assert done.returncode == status, f"{where}: {command}: {done.stderr}"
                 if printed and reprint:
-                    written = page.read_text(encoding="utf-8")
-                    assert "\n".join(printed) in written, f"{where}: blank lines in an output"
-                    today = "\n".join(line.rstrip() for line in done.stdout.splitlines() if line.strip())
-                    page.write_text(written.replace("\n".join(printed), today, 1), encoding="utf-8")
+                    reprinted(page, printed, done.stdout)
                 else:
                     assert not printed or masked(printed) == masked(done.stdout.splitlines()), f"{where}: {done.stdout}"
                 count += 1
@@ -276,6 +273,20 @@ def commands(block: Block) -> Iterator[tuple[str, list[str]]]:
         del lines[: len(printed)]
         if not command.startswith(NOT_RUN):
             yield command.partition("  #")[0], printed
+
+
+def reprinted(page: Path, printed: Sequence[str], output: str) -> None:
+    """Put an output in a page in the place of what it prints there, with blank lines if there were any."""
+    lines, text = (
+        [line.rstrip().expandtabs(4) for line in output.strip("\n").splitlines()],
+        page.read_text(encoding="utf-8"),
+    )
+    pattern = r"[ \t]*\n\s*?".join(re.escape(line) for line in printed)
+    before = re.search(rf"^{pattern}$", text, re.MULTILINE)
+    assert before, f"{page.name} does not have {printed[0]!r} and the lines after it"
+    if "\n\n" not in before[0]:
+        lines = [line for line in lines if line]
+    page.write_text(text[: before.start()] + "\n".join(lines) + text[before.end() :], encoding="utf-8")
 
 
 def masked(lines: Sequence[str]) -> list[str]:
