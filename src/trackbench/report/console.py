@@ -244,9 +244,8 @@ def _notes(result: Result) -> list[str]:
     for word, means in NAMED.items():
         if named := [(name, metric) for name, metric in nees if metric.verdict == word]:
             notes.append(f"{word}: {means}:")
-            # A line of 80 columns has one tail, or three means.
-            most = 1 if word == "heavy-tailed" else 3
-            notes += [f"  {name}: {what_is_off(metric, most)}" for name, metric in named]
+            # One tail, or three means, fit 80 columns.
+            notes += [f"  {name}: {what_is_off(metric, 1 if word == 'heavy-tailed' else 3)}" for name, metric in named]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):
