@@ -334,6 +334,44 @@ def array_without_axes() -> Place:
     return (lambda x, dt: gain[()]), gain.fill
 
 
+class Shown(Plain):
+    def __str__(self) -> str:
+        return str(self.gain)
+
+
+def by_str() -> Place:
+    holder = Shown()
+    return (lambda x, dt: float(str(holder))), setter(holder)
+
+
+def by_format() -> Place:
+    holder = Plain()
+    return (lambda x, dt: float("{0.gain}".format(holder))), setter(holder)  # noqa: UP030, UP032
+
+
+def own_builtins() -> Place:
+    names = {"gain": 1.0}
+    scope: dict[str, Any] = {"__builtins__": names}
+    exec("factor = lambda x, dt: gain", scope)
+    return scope["factor"], lambda value: names.update(gain=value)
+
+
+class ComputedModule(types.ModuleType):
+    value = 1.0
+
+    @property
+    def gain(self) -> float:
+        return self.value
+
+
+def computed_module() -> Place:
+    module = ComputedModule("parameters_of_a_user")
+    vars(module)["gain"] = 1.0
+    scope = {"parameters": module}
+    exec("factor = lambda x, dt: parameters.gain", scope)
+    return scope["factor"], setter(module, "value")  # type: ignore[return-value]
+
+
 PLACES: dict[str, Callable[[], Place]] = {
     "global": module_global,
     "closure cell": closure_cell,
@@ -383,4 +421,8 @@ PLACES: dict[str, Callable[[], Place]] = {
     "namedtuple": named_tuple,
     "generator": iterator,
     "__getattr__": computed_attribute,
+    "str()": by_str,
+    "format": by_format,
+    "__builtins__": own_builtins,
+    "computed module": computed_module,
 }

@@ -6,13 +6,13 @@ import logging
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-import numpy as np
-
 from trackbench.base.errors import InputError, nearest
 from trackbench.engine.equations import Compute, EngineUsed, by_numpy
 from trackbench.engine.machine import unavailable
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from trackbench.filters import Filter
 
 Engine = Literal["numpy", "fused"]

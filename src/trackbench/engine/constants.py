@@ -6,11 +6,10 @@ reads, and that of every function it calls, is of a kind that stays as it is. It
 
 from __future__ import annotations
 
-import builtins
 import dis
 import hashlib
 import sys
-from collections import namedtuple
+from collections import ChainMap, namedtuple
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import is_dataclass
@@ -52,24 +51,27 @@ WRAPPERS: dict[type, tuple[str, ...]] = {
 }
 #: Python's own functions that give the same for the same.
 BUILTINS = {
-    *(abs, all, any, bool, bytes, callable, complex, dict, divmod, enumerate, filter, float, frozenset, hash, int),
-    *(isinstance, issubclass, iter, len, list, map, max, min, next, object, pow, property, range, repr, reversed),
-    *(round, set, slice, sorted, str, sum, super, tuple, type, zip),
+    *(abs, all, any, bool, bytes, callable, complex, dict, divmod, enumerate, filter, float, frozenset, int),
+    *(isinstance, issubclass, iter, len, list, map, max, min, next, object, pow, property, range, reversed, round),
+    *(set, slice, sorted, sum, super, tuple, type, zip),
 }
 #: Packages whose functions do, and the names in them of those that do not.
 PURE = {
     **dict.fromkeys(("math", "cmath", "itertools", "functools", "dataclasses", "typing", "enum"), ""),
     "operator": "attrgetter methodcaller",
     "numpy": "random load loadtxt genfromtxt fromfile fromregex save savez savez_compressed savetxt memmap vectorize",
-    "scipy": "io datasets stats",
-    "trackbench": "streams testing runner driving truth sensing api cli results report subjects",
+    **dict.fromkeys(("scipy.linalg", "scipy.special", "scipy.constants"), ""),
+    **dict.fromkeys((f"trackbench.{name}" for name in ("base.linalg", "base.units", "base.types")), ""),
+    **dict.fromkeys(("trackbench.models", "trackbench.filters"), ""),
 }
+LIBRARIES = {name.partition(".")[0] for name in PURE}
 #: Where the classes may come from that the user's are made of; and theirs.
 BASES = {"trackbench", "pydantic", "abc", "typing"}
 METACLASSES = BASES | {"builtins", "enum"}
 CONSTRUCTORS = {"__init__", "__new__", "__post_init__", "model_post_init"}
 #: Methods that equations do not call without their name.
 NAMED = CONSTRUCTORS | {"__repr__", "__str__", "__setattr__", "__delattr__", "__hash__", "__init_subclass__"}
+NAMED |= {"__annotate__", "__annotate_func__"}
 #: How a class has the attributes that its objects keep in themselves.
 SLOTS = MemberDescriptorType, type(vars(namedtuple("_", "of"))["of"])
 #: What the bench reads of models and sensors.
@@ -78,6 +80,8 @@ PUBLIC = frozenset(
 )
 #: Of a function that refers to a name that is not yet bound.
 EMPTY = CellType()
+#: Methods of a string that read attributes.
+FORMATS = {"format", "format_map"}
 LOADS = {"LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR"}
 #: Instructions that change something, or read what cannot be followed.
 REFUSED = {
@@ -179,7 +183,7 @@ def code_reads(code: CodeType) -> CodeReads:
         elif step.opname in LOADS:
             if chain:
                 result.names[-1] += (name,)
-            if name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}:
+            if name in FORMATS or (name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}):
                 raise refusal(f"it reads {name}", code, line)
             result.attributes.add(name)
         elif step.opname in REFUSED and not _harmless(step.opname, name, before, code):
@@ -260,7 +264,7 @@ class _Reader:
 
     def _function(self, function: FunctionType, at: str) -> Hashable:
         """Its code, and what the names in it stand for."""
-        code, scope = function.__code__, function.__globals__
+        code, scope = function.__code__, ChainMap(function.__globals__, function.__builtins__)  # type: ignore[attr-defined]
         reads = code_reads(code)
         self.names |= reads.attributes
         parts = [code, self._all(function.__defaults__ or (), at), self.read(function.__kwdefaults__, at)]
@@ -279,13 +283,13 @@ class _Reader:
     def _name(self, scope: Mapping[str, Any], chain: tuple[str, ...]) -> Hashable:
         """What a global name stands for; of a module, the attributes that are taken of it."""
         at = chain[0]
-        if at not in scope and not hasattr(builtins, at):
+        if at not in scope:
             return "unbound"
-        value = scope.get(at, getattr(builtins, at, None))
+        value = scope[at]
         for attribute in chain[1:]:
-            if isinstance(value, ModuleType):
+            if type(value) is ModuleType:
                 at = f"{at}.{attribute}"
-                if attribute not in vars(value) and _top(value.__name__) not in PURE:
+                if attribute not in vars(value) and _top(value.__name__) not in LIBRARIES:
                     raise Untraceable(f"{at} is computed")
                 value = getattr(value, attribute, None)
         return self.read(value, at)
@@ -298,7 +302,7 @@ class _Reader:
                 parts.append(base)
                 continue
             items = vars(base).items()
-            library = _top(base.__module__) in {*sys.stdlib_module_names, *PURE}
+            library = _top(base.__module__) in {*sys.stdlib_module_names, *LIBRARIES}
             # What is not written in Python keeps its state where it cannot be read.
             compiled = any(isinstance(item, MethodDescriptorType | WrapperDescriptorType) for _, item in items)
             compiled |= not base.__dictoffset__ and "__slots__" not in vars(base)
@@ -343,8 +347,9 @@ def _of_library(value: Any) -> bool:
     path = value.__globals__.get("__name__") if isinstance(value, FunctionType) else value.__module__
     if path == "builtins":
         return value in BUILTINS or (isinstance(value, type) and issubclass(value, BaseException))
-    top, *rest = str(path).removeprefix("_").split(".")
-    return top in PURE and not {*rest, value.__name__} & {*PURE[top].split()}
+    path = str(path).removeprefix("_")
+    others = [PURE[name] for name in PURE if f"{path}.".startswith(f"{name}.")]
+    return bool(others) and not {*path.split("."), value.__name__} & {*others[0].split()}
 
 
 def _top(module: str) -> str:
