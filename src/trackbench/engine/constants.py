@@ -80,8 +80,6 @@ PUBLIC = frozenset(
 )
 #: Of a function that refers to a name that is not yet bound.
 EMPTY = CellType()
-#: Methods of a string that read attributes.
-FORMATS = {"format", "format_map"}
 LOADS = {"LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR"}
 #: Instructions that change something, or read what cannot be followed.
 REFUSED = {
@@ -96,13 +94,13 @@ REFUSED = {
 
 
 class SourceFingerprint:
-    """All that a user's model or class reads; equations with two that are equal give the same."""
+    """All that a user's model or class reads; equations with two that are equal give the same.
+
+    ``refusal`` says what of it is not known to be constant; it is empty where all is.
+    """
 
     def __init__(self, value: Any) -> None:
-        self._value, self._names = value, PUBLIC
-        self._visited: list[Any] = []
-        self.refusal = ""
-        """What of it is not known to be constant; empty where all is."""
+        self._value, self._names, self.refusal = value, PUBLIC, ""
         try:
             self._parts, self._names, self._visited = _read(value, PUBLIC)
         # An object may do anything when it is asked for its attributes.
@@ -183,19 +181,19 @@ def code_reads(code: CodeType) -> CodeReads:
         elif step.opname in LOADS:
             if chain:
                 result.names[-1] += (name,)
-            if name in FORMATS or (name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}):
+            # By a string's format other attributes are read.
+            if "format" in name or (name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}):
                 raise refusal(f"it reads {name}", code, line)
             result.attributes.add(name)
         elif step.opname in REFUSED and not _harmless(step.opname, name, before, code):
             raise refusal(f"it {REFUSED[step.opname]} {name}", code, line)
         chain = step.opname == "LOAD_GLOBAL" or (chain and step.opname in LOADS)
         before = step.argval
-    for part in code.co_consts:
-        if isinstance(part, CodeType):
-            names, lines, attributes = code_reads(part)
-            result.names.extend(names)
-            result.lines.extend(lines)
-            result.attributes.update(attributes)
+    for part in (part for part in code.co_consts if isinstance(part, CodeType)):
+        names, lines, attributes = code_reads(part)
+        result.names.extend(names)
+        result.lines.extend(lines)
+        result.attributes.update(attributes)
     return result
 
 
