@@ -34,7 +34,7 @@ def watch(control: socket.socket, connection: socket.socket, dump: int, limits: 
         limits: what it may take and print.
         template: number of the process that started this one.
     """
-    guard = _Guard(control, limits)
+    guard = _Guard(control, limits, template)
     end_with_parent(template, signal.SIGTERM)
     adopt_orphans()
     guard.start(connection, dump)
@@ -43,8 +43,8 @@ def watch(control: socket.socket, connection: socket.socket, dump: int, limits: 
 
 
 class _Guard:
-    def __init__(self, control: socket.socket, limits: Limits) -> None:
-        self._control, self._limits = control, limits
+    def __init__(self, control: socket.socket, limits: Limits, template: int) -> None:
+        self._control, self._limits, self._template = control, limits, template
         self._lines, self._bytes = limits.lines, limits.lines * LINE
         self._unshown = self._memory = self._host = 0
         self._status: int | None = None
@@ -91,6 +91,11 @@ class _Guard:
             self._show()
             self._reap()
             self._weigh()
+            # Where no signal tells of it.
+            self._ending = self._ending or os.getppid() != self._template
+        with suppress(ProcessLookupError, PermissionError):
+            # Its group, which is all that is known of its children where it is not Linux.
+            os.killpg(self._host, signal.SIGKILL)
         end_descendants()
         self._show()
         status = signal.SIGKILL if self._status is None else self._status
