@@ -255,7 +255,7 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
         (lambda r: tb.load("highway", trackers=["ekf_cw"]), "no tracker 'ekf_cw' in this scenario; did you mean"),
         (lambda r: tb.load("highway", trackers=[]), "name at least one tracker"),
         (lambda r: tb.load("name: x\n"), "scenario.yaml:1: truth: missing; where the true motion comes from"),
-        (lambda r: tb.load({}), "scenario.yaml:1: "),
+        (lambda r: tb.load({}), "scenario.yaml: this is no scenario"),
         (lambda r: tb.sense("highway", range(99, 101)), "runs: there is no run 100; choose from 0 to 99"),
         (lambda r: tb.run("highway", workers=0), "workers: 0 is no number of processes; give a whole one from 1"),
         (lambda r: tb.run("highway", workers=-1), "workers: -1 is no number of processes"),
