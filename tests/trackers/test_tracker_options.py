@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 from tests.support.scenes import NOISE, RADAR_NOISE, scan, tracker
 
+from trackbench.base import linalg
 from trackbench.base.config.explain import explain
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
@@ -61,7 +62,8 @@ def test_a_second_sensor_at_the_same_instant_adds_no_noise():
     made = tracker(filter="ekf", motion="cv", process_noise_diag=Q, initial="first_measurement")
     state, first = made.step(None, scan("radar", 0.0, MEASUREMENT))
     _, second = made.step(state, scan("lidar", 0.0, MEASUREMENT[:2], valid=False))
-    np.testing.assert_array_equal(first.covariance, second.covariance)
+    # What is computed is rounded up, also where no time passes.
+    np.testing.assert_allclose(first.covariance, second.covariance, rtol=4 * linalg.MARGIN)
 
 
 def test_published_filter_step_by_step():
