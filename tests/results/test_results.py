@@ -284,6 +284,7 @@ TABLE_EDITS = [
     (lambda table: table.slice(1), "has not each time of the others once"),
     (lambda table: pa.concat_tables([table, table]), "has not each time of the others once"),
     (lambda table: table.set_column(2, "time_s", pa.nulls(len(table), pa.float64())), "time_s is not finite"),
+    (lambda table: table.set_column(2, "time_s", pa.array([1e30] * len(table))), "or beyond 1e+09 s"),
 ]
 
 

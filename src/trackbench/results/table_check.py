@@ -23,6 +23,8 @@ NUMBERS: dict[str, tuple[Callable[[pa.DataType], bool], ...]] = {
     "sparse": (pa.types.is_floating, pa.types.is_null),
 }
 OBSERVER = "observer"
+#: The nanoseconds of a recording end at 9.2e9 s.
+LATEST_S = 1e9
 Names = Mapping[str, Collection[str]]
 
 
@@ -101,8 +103,8 @@ def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], repeated:
 
     A time comes again where each of the measurements at it is scored.
     """
-    if table["time_s"].null_count or not np.isfinite(table["time_s"].to_numpy()).all():
-        raise InputError(f"time_s is not finite: not the table {name} of a run", file=file)
+    if table["time_s"].null_count or not (np.abs(table["time_s"].to_numpy()) < LATEST_S).all():
+        raise InputError(f"time_s is not finite, or beyond {LATEST_S:g} s: not the table {name} of a run", file=file)
     by_sensor: dict[str, np.ndarray] = {}
     later = np.greater_equal if repeated else np.greater
     for key, rows in split(table, *texts).items():
