@@ -229,6 +229,6 @@ def test_streams_are_independent_by_purpose():
 def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():
     px = np.broadcast_to(np.array([10.0, 20.0, 30.0]), (4, 1, 3))
     of = truth(np.arange(4) * 0.1, px, np.zeros((4, 1, 3)), np.zeros((4, 1, 3)), np.zeros((4, 1, 3)))
-    ideal = ideal_sensors(of, {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-9)})
+    ideal = ideal_sensors(of, {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)})
     for seen in sense(ideal, 1, "test", range(1, 3)).scans:
         np.testing.assert_allclose(seen.measurement[0], [20, 30], atol=1e-6)
