@@ -74,6 +74,14 @@ class Ends(Good):
 class Silent(Good):
     def step(self, state, scan):
         return state, None
+
+
+class Interrupted(Good):
+    def step(self, state, scan):
+        import os, signal
+
+        os.kill(os.getpid(), signal.SIGINT)
+        return super().step(state, scan)
 """
 
 
@@ -156,10 +164,11 @@ def test_a_step_that_fails_is_a_finding(
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) in (FILES, FILES[::2])
 
 
-def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, module: str) -> None:
+def test_an_interrupt_leaves_nothing(trackbench: str, tmp_path: Path, module: str) -> None:
     before = {path.name for path in tmp_path.iterdir()}
-    done = cli("doctor", f"{module}:Stopped", "--in-process", "--out", "out")
-    assert (done.status, done.out) == (130, "")
+    command = [trackbench, "doctor", f"{module}:Interrupted", "--in-process", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 130, done.stderr
     assert {path.name for path in tmp_path.iterdir()} - before <= {"__pycache__"}
 
 
