@@ -272,5 +272,5 @@ def _first(texts: Sequence[str], most: int) -> str:
 
 
 def mean_text(mean: float) -> str:
-    """ "4.2", "2e+05"."""
-    return f"{mean:.1f}" if mean < 1000 else f"{mean:.0e}"
+    """ "4.2", "0.05", "2e+05"."""
+    return f"{mean:.1g}" if mean < 0.095 else f"{mean:.1f}" if mean < 1000 else f"{mean:.0e}"

@@ -10,7 +10,7 @@ from rich.text import Text
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.verdicts import LEAST_COVERAGE, NAMED, mean_text, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
@@ -97,13 +97,9 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
             for mean, m, style in zip(means, metrics, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
-
-    def short(value: float | None) -> str:
-        return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
-
     halves = [half_width(metric.ci95) if path == "position_rmse" else None for metric in metrics]
     return [
-        Text(short(metric.value) + ("" if half is None else f" ±{short(half)}"))
+        Text(short(metric.value, places) + ("" if half is None else f" ±{short(half, places)}"))
         for metric, half in zip(metrics, halves, strict=True)
     ]
 
@@ -128,8 +124,6 @@ def _notes_on_tracks(result: Result) -> list[str]:
     ]
 
 
-#: From here on a number is written with its power of ten.
-_HUGE = 1e4
 _MOST_LETTERS = 12
 
 

@@ -9,6 +9,9 @@ from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
 
+#: From here on a number is written with its power of ten.
+_HUGE = 1e4
+
 
 def decimals(values: Iterable[float | None], significant: int = 3) -> int:
     """Decimals that show the smallest value of a column to so many significant digits (0 to 4)."""
@@ -37,9 +40,14 @@ def fixed(value: float | None, places: int) -> str:
     return text.replace("-", "\N{MINUS SIGN}") if float(text) != 0 else text.lstrip("-")
 
 
+def short(value: float | None, places: int) -> str:
+    """As :func:`fixed`, but "6.4e+06" from 10,000 on."""
+    return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
+
+
 def interval(bounds: Sequence[float] | None, places: int) -> str:
     """ "0.41 to 0.43", or nothing where there is no interval."""
-    return f"{fixed(bounds[0], places)} to {fixed(bounds[1], places)}" if bounds else ""
+    return f"{short(bounds[0], places)} to {short(bounds[1], places)}" if bounds else ""
 
 
 def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:

@@ -8,9 +8,10 @@ from itertools import pairwise
 from typing import TypeVar
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 
@@ -63,10 +64,10 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
         return _missing(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
-    cell = estimate_cell(fixed(scale * metric.value, places), ci95, places, metric.verdict)
+    cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.verdict)
     if metric.without_charged is None:
         return cell
-    return replace(cell, details=(*cell.details, f"given {fixed(scale * metric.without_charged, places)}"))
+    return replace(cell, details=(*cell.details, f"given {short(scale * metric.without_charged, places)}"))
 
 
 def _missing(metric: MetricValue) -> Cell:
@@ -144,7 +145,7 @@ def ranking(result: Result) -> Table:
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
     counted = "a missing estimate is charged; given: of the estimates that were given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
-    present = "steps with a vehicle present at which there is an estimate"
+    present = "share of the due estimates that were given"
     diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
     repaired = [_fault_count(tracker.health.repaired_covariances) for tracker in trackers]
     columns = [
@@ -207,14 +208,15 @@ def axes_and_reference(result: Result) -> Table:
 def other_metrics(result: Result) -> Table | None:
     """The metrics that no other table has, a column each; None if there are none."""
     shown = _SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")
-    paths: dict[str, str] = {}
+    paths: dict[str, Column] = {}
+    meanings = {field.name: field.meaning for field in metric_paths()}
     for tracker in result.scored:
         for path, metric in tracker.metrics.items():
             if path not in shown and not path.startswith(_SHOWN_GROUPS):
-                paths.setdefault(path, path + unit_of(metric.unit))
+                paths.setdefault(path, Column(path + unit_of(metric.unit), meanings.get(path, ""), details=VERDICT))
     if not paths:
         return None
-    columns = [(Column(heading, details=VERDICT), values(result.scored, path)) for path, heading in paths.items()]
+    columns = [(column, values(result.scored, path)) for path, column in paths.items()]
     return tracker_table("other-metrics", result.scored, columns)
 
 

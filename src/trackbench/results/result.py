@@ -104,7 +104,7 @@ class Result:
         share = tracker.metrics["coverage"].value if "coverage" in tracker.metrics else None
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
-            return f"it gave {100 * share:.0f} % of its estimates, where {least:g} % are needed (score.min_coverage)"
+            return f"it gave {100 * share:.0f} % of the estimates due, {least:g} % are needed (score.min_coverage)"
         return ""
 
     def json(self) -> dict[str, Any]:

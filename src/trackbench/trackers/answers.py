@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Estimate, Indices, Scan, Tracks
 NOT_FINITE = "the estimate is not finite"
 NOT_DEFINITE = "the covariance is not positive definite"
 TOO_LARGE = "the error, or its ratio to the covariance, is too large for any score"
-GIVEN_UP = "it gave None after an estimate: where a measurement is missed, the estimate is to be predicted"
+GIVEN_UP = "it gave None after an estimate: from then on each scan needs one; predict where a measurement is missed"
 
 OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
 #: Id that pads the tracks of several runs.

@@ -279,7 +279,8 @@ def _label_points(axes: Axes, styles: Sequence[TrackerStyle], points: Array) -> 
         width = text_width(names[i], 10)
         right = x + 9 + width < inner.x1
         left_edge = x + 9 if right else x - 9 - width
-        options = [(left_edge, left_edge + width, y + dy - 6, y + dy + 6) for dy in (0, 12, -12, 24, -24, 36, -36, 48)]
+        boxes = [(left_edge, left_edge + width, y + dy - 6, y + dy + 6) for dy in (0, 12, -12, 24, -24, 36, -36, 48)]
+        options = [box for box in boxes if inner.y0 < box[2] and box[3] < inner.y1] or boxes
         chosen = next((box for box in options if not any(_overlap(box, other) for other in used)), options[0])
         used.append(chosen)
         axes.annotate(

@@ -99,7 +99,7 @@ def _jacobian(
         off, length = float(np.median(direction)), float(np.median(size))
         way = "points the opposite way" if length < 0.0 else f"is off by {off:.0%} in direction"
         text = f"the row of {component.replace('_', ' ')} {way} and has {abs(length):.3g} times the right length "
-        text += f"(medians of {len(of)} trials)"
+        text += f"(medians of {len(of)} trials; {np.mean(turned | scaled):.0%} of them are off)"
         if np.mean(turned) < 0.12:
             text += _unit_of_row(size)
         found.append((share, worst, i, text))

@@ -54,9 +54,8 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     )
     result.add("finite", bad is None, text)
     if bad is not None:
-        text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
-        if bad.where in SINGULAR:
-            text += ", where the range is 0"
+        place = "where the range is 0" if bad.where in SINGULAR else f"at {bad.time:g} s of {bad.where}"
+        text = f"the estimate is not finite {place}, after a measurement of {bad.sensor}"
         # A track that has diverged may overflow for that alone.
         session, before, after = TrackerSession(tracker.make), None, None
         for scan in bad.given():
