@@ -591,7 +591,7 @@ def test_estimates_that_come_later_fail_a_gate_by_what_they_cost(keep: Keep) -> 
     assert {item.entrant.tracker: item.outcome for item in found.gates} == {"raw": "passed", "ekf": "failed"}
     (note,) = found.notes
     assert note.startswith("ekf gave 7")
-    assert note.endswith("% of its estimates in tiny, ekf 95 %")
+    assert note.endswith("% of the estimates due in tiny, ekf 95 %")
 
 
 def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_why(keep: Keep, tmp_path: Path) -> None:
@@ -610,7 +610,7 @@ def test_what_turns_without_what_is_charged_is_not_called_better_and_it_is_said_
     assert item.verdict == "smaller"
     assert item.difference == best.difference
     (note,) = found.notes
-    assert note.startswith(f"{name} gave 100 % of its estimates in tiny, {other} 96 %")
+    assert note.startswith(f"{name} gave 100 % of the estimates due in tiny, {other} 96 %")
     assert note.endswith(
         "; without what is charged for missing estimates the difference turns, and neither is called better"
     )

@@ -192,7 +192,8 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
 def coverage_notes(
     matches: Sequence[Match], differences: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
-    """Pairs of which one gave fewer estimates, and whether a difference turns without what that is charged with."""
+    """Compared pairs of which one gave fewer estimates, and whether their difference turns without what is charged."""
+    compared = {(item.scenario, item.entrant, item.against) for item in differences}
     directed = [metric.path for metric in metrics if metric.better is not None]
     uncounted = [
         (item.scenario, item.entrant, item.against)
@@ -202,11 +203,12 @@ def coverage_notes(
     for match in matches:
         for a, b in match.pairs:
             own, other = match.entry.coverage(a), match.against.coverage(b)
-            if abs(own - other) > NOTED:
+            pair = (match.scenario, *match.entrants((a, b)))
+            if pair in compared and abs(own - other) > NOTED:
                 but = (
                     "; without what is charged for missing estimates the difference turns, and neither is called better"
                 )
                 yield (
-                    f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %"
-                    + but * ((match.scenario, *match.entrants((a, b))) in uncounted)
+                    f"{a} gave {100 * own:.0f} % of the estimates due in {match.scenario}, {b} {100 * other:.0f} %"
+                    + but * (pair in uncounted)
                 )
