@@ -205,10 +205,6 @@ def coverage_notes(
             own, other = match.entry.coverage(a), match.against.coverage(b)
             pair = (match.scenario, *match.entrants((a, b)))
             if pair in compared and abs(own - other) > NOTED:
-                but = (
-                    "; without what is charged for missing estimates the difference turns, and neither is called better"
-                )
-                yield (
-                    f"{a} gave {100 * own:.0f} % of the estimates due in {match.scenario}, {b} {100 * other:.0f} %"
-                    + but * (pair in uncounted)
-                )
+                but = "without what is charged for missing estimates the difference turns, and neither is called better"
+                shares = f"{a} gave {100 * own:.0f} % of the estimates due in {match.scenario}, {b} {100 * other:.0f} %"
+                yield f"{shares}; {but}" if pair in uncounted else shares

@@ -9,9 +9,6 @@ from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
 
-#: From here on a number is written with its power of ten.
-_HUGE = 1e4
-
 
 def decimals(values: Iterable[float | None], significant: int = 3) -> int:
     """Decimals that show the smallest value of a column to so many significant digits (0 to 4)."""
@@ -42,7 +39,7 @@ def fixed(value: float | None, places: int) -> str:
 
 def short(value: float | None, places: int) -> str:
     """As :func:`fixed`, but "6.4e+06" from 10,000 on."""
-    return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
+    return fixed(value, places) if value is None or value < 1e4 else f"{value:.1e}"
 
 
 def interval(bounds: Sequence[float] | None, places: int) -> str:

@@ -210,10 +210,9 @@ def other_metrics(result: Result) -> Table | None:
     shown = _SHOWN if result.summary.identities == "known" else (*TRACK_METRICS, "step_time")
     paths: dict[str, Column] = {}
     meanings = {field.name: field.meaning for field in metric_paths()}
-    for tracker in result.scored:
-        for path, metric in tracker.metrics.items():
-            if path not in shown and not path.startswith(_SHOWN_GROUPS):
-                paths.setdefault(path, Column(path + unit_of(metric.unit), meanings.get(path, ""), details=VERDICT))
+    for path, metric in (item for tracker in result.scored for item in tracker.metrics.items()):
+        if path not in shown and not path.startswith(_SHOWN_GROUPS):
+            paths.setdefault(path, Column(path + unit_of(metric.unit), meanings.get(path, ""), details=VERDICT))
     if not paths:
         return None
     columns = [(column, values(result.scored, path)) for path, column in paths.items()]
