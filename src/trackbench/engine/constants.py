@@ -262,7 +262,7 @@ class _Reader:
 
     def _function(self, function: FunctionType, at: str) -> Hashable:
         """Its code, and what the names in it stand for."""
-        code, scope = function.__code__, ChainMap(function.__globals__, function.__builtins__)  # type: ignore[attr-defined]
+        code, scope = function.__code__, ChainMap(function.__globals__, function.__builtins__)  # type: ignore[attr-defined,unused-ignore]
         reads = code_reads(code)
         self.names |= reads.attributes
         parts = [code, self._all(function.__defaults__ or (), at), self.read(function.__kwdefaults__, at)]

@@ -169,8 +169,9 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
     drawn = {figures / f"{figure.name}.svg": svg_file(figure).encode() for figure in document.figures}
     values = {item.tracker: item.best.values for item in tunings}
     for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
+        folder = file.parent.resolve()
         # Trackers are looked for beside the scenario that names them.
-        content |= {file.parent / module.name: module.read_bytes() for module in own_modules(scenario)}
+        content |= {file.parent / own.name: own.read_bytes() for own in own_modules(scenario) if own.parent != folder}
         content[file] = written(scenario, values, file.parent).encode()
     for stale in {*figures.glob("*.svg")} - {*drawn}:
         stale.unlink()
