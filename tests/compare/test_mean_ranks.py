@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from tests.support.scenes import truth
 
 from trackbench.compare.comparison import Entrant, EntrantScore
 from trackbench.compare.ranking import ALL_SIGNS, Pairings, fewest_sets, interval, ranking, sets_of_scenes, sign_flip
+from trackbench.runner.assemble import scene_fingerprint
 
 
 def test_the_p_value_is_that_of_scipy() -> None:
@@ -124,6 +126,16 @@ def test_scenarios_that_share_scenes_count_once() -> None:
     assert many[0][0].tracker == "a"
     apart, _ = ranking(own + copies, ByName(), [*singles, *([f"copy {number}"] for number in range(10))])
     assert apart[0].tracker == "d"
+
+
+def test_a_longer_or_finer_record_of_the_same_traffic_is_the_same_scene() -> None:
+    def recorded(duration: float, rate: float, speed: float = 10.0, later: float = np.nan) -> str:
+        time = np.arange(round(duration * rate) + 1) / rate
+        x = np.stack([speed * time, 40.0 - 3.0 * time, np.where(time > 6.0, later, np.nan)], axis=1)[:, :, None]
+        return scene_fingerprint(truth(time, x, 0.0 * x, 0.0 * x, 0.0 * x))
+
+    assert recorded(20, 10) == recorded(19.9, 10) == recorded(20, 15) == recorded(20, 10, later=7.0)
+    assert recorded(20, 10) != recorded(20, 10, speed=10.1)
 
 
 def test_sets_join_what_shares_a_scene_by_way_of_others() -> None:

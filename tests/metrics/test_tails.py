@@ -9,8 +9,8 @@ from benchmarks.calibration.tails import alternating, beyond, matched, nees_of, 
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.metrics.breakdown import effective_number, share_interval
 from trackbench.metrics.intervals import reach_of_ratio
-from trackbench.metrics.verdicts import NAMED, judged_parts, tail_limits, tail_verdict, together, what_is_off
-from trackbench.results import ConditionScores, ConditionVerdict, MetricValue, PartVerdict
+from trackbench.metrics.verdicts import NAMED, judged_parts, meaning, tail_limits, tail_verdict, together, what_is_off
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 
 def judged(filtered, runs, over_time=0.5, common=0.0, seed=1):
@@ -130,6 +130,22 @@ def test_the_tails_count_only_where_most_estimates_are_given():
     scores = ConditionScores(count=1000, given=980, runs=10, beyond={"95 %": share})
     assert [part.verdict for part in judged_parts(scores)] == ["undecided"]
     assert judged_parts(ConditionScores(count=1000, given=1000, runs=10)) == []
+
+
+def test_leaving_out_what_is_beyond_a_point_does_not_make_its_share_right():
+    """0.8 % of the estimates moves no mean, and is twice what may be beyond the 99.9 % point."""
+    none = MetricValue(value=0.0009, unit="1", ci95=(0.0007, 0.0012))
+    nees = MetricValue(value=4.0, unit="1", dof=4, ci95=(3.95, 4.05))
+    near = MetricValue(value=0.05, unit="1", ci95=(0.048, 0.052))
+    every = ConditionScores(count=100_000, given=100_000, runs=100, nees=nees, beyond={"95 %": near, "99.9 %": none})
+    silent = every.model_copy(update={"given": 99_200})
+    assert [part.verdict for part in judged_parts(every)] == ["consistent", "consistent"]
+    assert [part.verdict for part in judged_parts(silent)] == ["consistent", "undecided"]
+    assert judged_parts(silent)[1].ci95 == pytest.approx((0.0007 * 0.992, 0.0012 * 0.992 + 0.008))
+    breakdown = Breakdown(all=silent, manoeuvre={}, range={}, age={}, jump={})
+    assert meaning("undecided", breakdown).endswith("large errors are as frequent as stated: 99.2 % given")
+    few = breakdown.model_copy(update={"all": every})
+    assert meaning("undecided", few).startswith("too few runs or scenes")
 
 
 def test_the_effective_number_of_clusters_is_that_of_clusters():

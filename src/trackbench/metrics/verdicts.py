@@ -94,24 +94,21 @@ def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
 
 def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list[PartVerdict]:
     """The share of the NEES beyond the 95 % point and beyond the farthest point of which the share is stated, and the
-    NEES along and across the motion. None where the first is not stated: there are too few estimates.
+    NEES along and across the motion. None where the first is not stated: there are too few estimates. An estimate that
+    is missing may be within a point or beyond it, and the interval of the share holds both.
 
     Args:
         scores: under one condition, or of all estimates.
         under_condition: whether they are those of one.
     """
-    complete, beyond = _is_complete(scores), scores.beyond or {}
-    parts = [
-        PartVerdict(
-            name=f"beyond the {point} point",
-            value=share.value,
-            expected=BEYOND[point],
-            ci95=share.ci95,
-            verdict=tail_verdict(share.ci95, point, under_condition) if complete else "undecided",
-        )
-        for point, share in beyond.items()
-        if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None
-    ]
+    complete, beyond, parts = _is_complete(scores), scores.beyond or {}, []
+    given = scores.given / scores.count if scores.count else 1.0
+    for point, share in beyond.items():
+        if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
+            ci95 = (given * share.ci95[0], given * share.ci95[1] + 1 - given)
+            word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
+            name, expected = f"beyond the {point} point", BEYOND[point]
+            parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))
     for name, nees in zip(DIRECTIONS, (scores.nees_along, scores.nees_across), strict=True):
         if parts and nees and nees.value is not None and nees.ci95:
             word = condition_verdict(nees.ci95, 1) if complete else "undecided"
@@ -221,6 +218,14 @@ def meaning(word: str, breakdown: Breakdown | None) -> str:
             if not _is_complete(scores):
                 share = f"{name}{100 * scores.given / scores.count:.3g} % given, {100 * LEAST_COVERAGE:g} % needed"
                 return f"too many estimates are missing to say whether the errors are as large as stated: {share}"
+        every = breakdown.all
+        tails, without_missing = (
+            {part.verdict for part in judged_parts(scores) if part.name not in DIRECTIONS}
+            for scores in (every, every.model_copy(update={"count": every.given}))
+        )
+        if "undecided" in tails - without_missing:
+            share = f"{100 * every.given / every.count:.3g} % given"
+            return f"too many estimates are missing to say whether large errors are as frequent as stated: {share}"
     return MEANING[word]
 
 

@@ -230,12 +230,21 @@ def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     return noise
 
 
-def _motion(truth: Truth) -> str:
-    """A fingerprint of the times and of the positions of all objects and of the observer."""
-    digest = hashlib.sha256()
-    for values in (truth.time, truth.px, truth.py, truth.observer.px, truth.observer.py):
-        digest.update(np.ascontiguousarray(values).tobytes())
-    return digest.hexdigest()[:16]
+#: What a scene is recognised by: where its objects are at each whole second of so many.
+RECOGNISED_S = 5
+
+
+def scene_fingerprint(truth: Truth) -> str:
+    """A fingerprint of the paths of all objects, which a longer or finer record of the same traffic has too: where they
+    are at each whole second of the first ``RECOGNISED_S``, to a millimetre and in any order."""
+    since = truth.time - truth.time[0]
+    seconds = np.round(since)
+    whole = (np.abs(since - seconds) < 1e-6) & (seconds <= RECOGNISED_S)
+    paths = np.stack([truth.px[whole], truth.py[whole]])
+    # Of a motion that is drawn anew in each run, the first; 0.0 makes -0.0 into 0.0.
+    paths = np.round(paths.reshape(*paths.shape[:3], -1)[..., 0], 3) + 0.0
+    there = paths[:, :, np.isfinite(paths).any(axis=(0, 1))]
+    return hashlib.sha256(b"".join(sorted(path.tobytes() for path in there.transpose(2, 0, 1)))).hexdigest()[:16]
 
 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
@@ -268,6 +277,6 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
         "scenes": scenes,
-        "motion": [_motion(item.truth) for item in truths],
+        "motion": [scene_fingerprint(item.truth) for item in truths],
     }
     return TruthSummary.model_validate({**truth.source, **entries})
