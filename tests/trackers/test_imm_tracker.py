@@ -73,7 +73,8 @@ def test_two_equal_models_are_one(motion, filter, start):
             if found is not None:
                 there = ~np.isnan(expected)
                 scale = np.abs(expected[there]).max(initial=1.0)
-                np.testing.assert_allclose(found[there], expected[there], rtol=1e-11, atol=1e-12 * scale, err_msg=name)
+                # A mixture of equal parts rounds, which a yaw that is hardly known yet raises by some 1e5.
+                np.testing.assert_allclose(found[there], expected[there], rtol=1e-10, atol=1e-12 * scale, err_msg=name)
 
 
 #: The example of the page on filters.

@@ -59,6 +59,7 @@ def own_model(model: str, sensors: str, filters: dict[str, Any], runs: int = 100
                 "sensors": seen,
                 "trackers": {name: {**keys, **MODELS[model], "initial": start} for name, keys in filters.items()},
                 "monte_carlo": {"runs": runs, "seed": 3},
+                "score": {"settle_s": 0},
             }
         )
     )

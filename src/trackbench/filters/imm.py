@@ -55,7 +55,7 @@ def moment_matched(weights: Array | Sequence[Array], parts: Sequence[Gaussian], 
         joined += share * part.covariance
         joined += spread[:, None] * spread
         mean, covariance = wrap_components(mean + share * away, angular), joined
-    return Gaussian(mean, linalg.rounded_up(covariance))
+    return Gaussian(mean, covariance)
 
 
 def in_state_of(motion: MotionModel, own: Gaussian, other_motion: MotionModel, other: Gaussian) -> Gaussian:

@@ -68,7 +68,9 @@ def future(before: Gaussian, after: Gaussian, angular: tuple[int, ...]) -> Futur
     unit = np.broadcast_to(linalg.expand(np.eye(len(change)), spread), spread.shape)
     inverse = linalg.gram(linalg.cholesky(spread).whiten(unit))
     information, gradient = inverse - unit, linalg.apply(inverse, change)
-    wider = ~linalg.cholesky((1.0 + ROUNDING) * unit - spread).positive
+    # What overflows is wider.
+    with np.errstate(over="ignore", invalid="ignore"):
+        wider = ~linalg.cholesky((1.0 + ROUNDING) * unit - spread).positive
     if np.any(wider):
         values, vectors = np.linalg.eigh(np.moveaxis(spread[..., wider], -1, 0))
         inverses = np.where(values < 1.0, 1.0 / np.maximum(values, ROUNDING), 0.0)[:, None]

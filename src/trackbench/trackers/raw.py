@@ -60,6 +60,7 @@ class RawTracker:
         covariance[:2, 2:] = covariance[2:, :2] = last.covariance / dt
         covariance[2:, 2:] = (last.covariance + before.covariance) / dt**2
         complete = ~np.isnan(dt)
+        covariance = linalg.rounded_up(covariance)
         estimate = Estimate(np.where(complete, mean, np.nan), np.where(complete, covariance, np.nan))
         return RawState(last, before), estimate
 
