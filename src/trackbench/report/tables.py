@@ -143,7 +143,7 @@ def ranking(result: Result) -> Table:
         return track_table("Ranking", trackers, RANKING_OF_TRACKS, differing)
     label, order = result.summary.held_against.label, [tracker.name for tracker in result.contenders]
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
-    counted = "a missing estimate is charged; given: of the estimates that were given alone"
+    counted = "a missing estimate counts as the last measurement or estimate, held; given: of those given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "share of the due estimates that were given"
     diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
