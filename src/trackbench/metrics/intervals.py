@@ -361,6 +361,8 @@ def _tested(
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(first), abs(others)))
     if errors is None:
         return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
+    # Two that do the same in every run are the same.
+    unseen = np.where(errors > ROUNDING * abs(first), unseen, 0.0)
     reach, excess = t_quantile(0.975, freedom) * errors + unseen, abs(values) - margins - unseen
     positive = errors > 0
     tails = t_probability(-excess / np.where(positive, errors, 1.0), freedom)
