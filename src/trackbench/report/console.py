@@ -14,6 +14,7 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
+    below_the_bound,
     drawing_random,
     duration,
     expectations_met,
@@ -228,6 +229,7 @@ def _notes(result: Result) -> list[str]:
         f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *missing_estimates(result),
+        *below_the_bound(result),
     ]
     notes += _note_on_groups(result)
     if any(tracker.is_reference for tracker in trackers):

@@ -50,6 +50,7 @@ from trackbench.report.pairs import standing
 from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_scenes
 from trackbench.report.sentences import (
     SWITCH_COSTS,
+    below_the_bound,
     censored,
     drawing_random,
     expectations_met,
@@ -226,10 +227,11 @@ def _ranking(result: Result, others: Table | None) -> Section:
         + (f" {_SMOOTHERS}" if references else "")
     )
     title = f"Errors along each axis, and the {summary.held_against.label}"
-    missing = [Paragraph(". ".join(sentences) + ".")] if (sentences := missing_estimates(result)) else []
+    sentences = missing_estimates(result) + below_the_bound(result)
+    remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]
-    return Section("Ranking", (Paragraph(note), tables.ranking(result), *missing, *own, more))
+    return Section("Ranking", (Paragraph(note), tables.ranking(result), *remarks, *own, more))
 
 
 _ORACLES = " A reference knows which detection is whose: it is no competitor."
