@@ -58,9 +58,17 @@ PLACES = {
     "add noise p P moved": ("new P", "+", 5.2, 3.2),
     "add noise pv C moved": ("new C", "+", 5.2, 4.4),
     "add V noise v": ("new V", "+", 5.2, 5.6),
+    # A computed variance is rounded up by 2^-46 of itself.
+    "mul new P 1": ("rounded P", "up", 6.2, 3.2),
+    "mul new V 1": ("rounded V", "up", 6.2, 5.6),
 }
 #: By what is predicted, its name and row.
-RESULTS = {"new P": ("P[px, px]", 3.2), "new C": ("P[px, vx]", 4.4), "new V": ("P[vx, vx]", 5.6), "new p": ("px", 6.9)}
+RESULTS = {
+    "rounded P": ("P[px, px]", 3.2),
+    "new C": ("P[px, vx]", 4.4),
+    "rounded V": ("P[vx, vx]", 5.6),
+    "new p": ("px", 6.9),
+}
 #: Whose uses are written at the operation, and not drawn as lines.
 WRITTEN = ("dt", "sigma")
 
@@ -107,9 +115,9 @@ def _drawn() -> list[Drawn]:
             arguments = tuple(_constant(item) or known[item.number].name for item in node.arguments)
             name, label, x, y = PLACES[_formula(node, arguments)]
             known[node.number] = Drawn(name, label, x, y, ONCE if node.uniform else MEMBER, arguments)
-    results = [Drawn(f"result {name}", label, 6.3, y, MEMBER, (name,)) for name, (label, y) in RESULTS.items()]
+    results = [Drawn(f"result {name}", label, 7.3, y, MEMBER, (name,)) for name, (label, y) in RESULTS.items()]
     # The condition is drawn as one: that a sum is finite, of these and of what was left out as a product with zero.
-    guard = Drawn("guard", "finite?", 7.6, 5, GUARD, tuple(item.name for item in results))
+    guard = Drawn("guard", "finite?", 8.6, 5, GUARD, tuple(item.name for item in results))
     return [*known.values(), *results, guard]
 
 
@@ -127,7 +135,7 @@ def _formula(node: Node, arguments: tuple[str, ...]) -> str:
 
 def _paint(canvas: Canvas) -> None:
     axes = canvas.add_subplot()
-    axes.set(xlim=(-0.75, 8.1), ylim=(8.5, -0.5))
+    axes.set(xlim=(-0.75, 9.1), ylim=(8.5, -0.5))
     axes.set_axis_off()
     drawn = {item.name: item for item in _drawn()}
     for item in drawn.values():

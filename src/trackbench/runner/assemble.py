@@ -242,7 +242,7 @@ def scene_fingerprint(truth: Truth) -> str:
     whole = (np.abs(since - seconds) < 1e-6) & (seconds <= RECOGNISED_S)
     paths = np.stack([truth.px[whole], truth.py[whole]])
     # Of a motion that is drawn anew in each run, the first; 0.0 makes -0.0 into 0.0.
-    paths = np.round(paths.reshape(*paths.shape[:3], -1)[..., 0], 3) + 0.0
+    paths = np.round(paths if paths.ndim == 3 else paths[..., 0], 3) + 0.0
     there = paths[:, :, np.isfinite(paths).any(axis=(0, 1))]
     return hashlib.sha256(b"".join(sorted(path.tobytes() for path in there.transpose(2, 0, 1)))).hexdigest()[:16]
 
