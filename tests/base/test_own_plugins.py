@@ -29,6 +29,7 @@ sensors:
 trackers:
   ekf: {{filter: ekf, motion: "{motion}:Singer", acceleration_sigma_mps2: 2, time_constant_s: 3}}
 monte_carlo: {{runs: 700, seed: 1}}
+score: {{settle_s: 0}}
 """
 
 

@@ -23,6 +23,7 @@ TABLES = {
     "runs",
     "breakdown",
     "autocorrelation",
+    "differences",
     "truth",
     "measurements",
     "estimates",
