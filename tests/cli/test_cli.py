@@ -81,7 +81,10 @@ def test_only_the_result_is_on_stdout_with_json(tiny: Path, tmp_path: Path, trac
     )  # fmt: skip
     assert done.returncode == 3, done.stderr
     assert json.loads(done.stdout) == result(tmp_path / "results" / "tiny")
-    assert set(done.stderr.splitlines()) == {"noise"}
+    # What it prints is capped, which is said.
+    lines = set(done.stderr.splitlines())
+    assert "noise" in lines
+    assert all(line == "noise" or line.startswith("talks:T") for line in lines)
 
 
 def test_python_m_trackbench_is_the_console_script(tmp_path: Path) -> None:
