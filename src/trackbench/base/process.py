@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import signal
@@ -14,6 +15,15 @@ CANNOT_WRITE = 4
 FAULT = 70
 #: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
 INTERRUPTED, UNREAD = 130, 141
+
+
+def clear_of_streams(descriptor: int) -> int:
+    """The same open file under a number that is none of the standard streams', which may be closed."""
+    if descriptor > 2:
+        return descriptor
+    clear = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
+    os.close(descriptor)
+    return clear
 
 
 def how_it_ended(status: int) -> str:

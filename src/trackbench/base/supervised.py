@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from trackbench.base.descendants import end_with_parent
+from trackbench.base.process import clear_of_streams
 
 #: Functions by which Python code ends its process or replaces it, in the modules ``os`` and ``posix``.
 LEAVING = ("_exit", "execv", "execve")
@@ -49,7 +50,7 @@ def begin(process: int, pipe: int, note: mmap) -> None:
     end_with_parent(process, signal.SIGTERM)
     folder = -1
     with suppress(OSError):
-        folder = os.open(".", os.O_RDONLY)
+        folder = clear_of_streams(os.open(".", os.O_RDONLY))
     _supervisor = _Supervisor(process, os.getpid(), pipe, note, folder)
     faulthandler.enable(pipe, all_threads=False)
     for name in LEAVING:

@@ -20,7 +20,7 @@ from typing import NoReturn
 
 from trackbench.base import supervised
 from trackbench.base.descendants import adopt_orphans, children, end_descendants
-from trackbench.base.process import BAD_INPUT, FAULT, INTERRUPTED, how_it_ended
+from trackbench.base.process import BAD_INPUT, FAULT, INTERRUPTED, clear_of_streams, how_it_ended
 
 #: Options of commands that run no plug-in, or want none between them and the terminal.
 UNSUPERVISED = {"--help", "-h", "--version", "--in-process"}
@@ -55,7 +55,7 @@ def start() -> None:
     # What is ignored, as by a script that starts it in the background, stays so.
     signals = {number for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
-    reading, writing = os.pipe()
+    reading, writing = map(clear_of_streams, os.pipe())
     note = mmap.mmap(-1, NOTE)
     process = os.fork()
     if process:
@@ -79,7 +79,7 @@ class _Supervisor:
     def wait(self, mask: Iterable[int]) -> NoReturn:
         """Wait for the command, and give its status to the shell."""
         adopt_orphans()
-        waking, wake = os.pipe()
+        waking, wake = map(clear_of_streams, os.pipe())
         for end in (waking, wake):
             os.set_blocking(end, False)
         signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
@@ -105,7 +105,8 @@ class _Supervisor:
             self._read()
         self._end_helpers()
         status = self._status()
-        with suppress(OSError):
+        # None where it was closed from the start.
+        with suppress(OSError, AttributeError):
             sys.stderr.flush()
         os._exit(status)
 

@@ -63,7 +63,8 @@ def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackb
 def test_a_new_metric_is_named_in_a_scenario_as_printed(tmp_path: Path, cli: Cli, tiny: Path) -> None:
     printed = cli("new", "metric", "offset_named").out.splitlines()[-1]
     assert printed == '  score: {metrics: ["offset_named:OffsetNamed"]}'
-    tiny.write_text(tiny.read_text(encoding="utf-8") + printed.strip() + "\n", encoding="utf-8")
+    others = [line for line in tiny.read_text(encoding="utf-8").splitlines() if not line.startswith("score:")]
+    tiny.write_text("\n".join([*others, printed.strip(), ""]), encoding="utf-8")
     done = cli("run", tiny, "--json", "--no-recording", "--runs", "2")
     assert done.status == 0, done.err
     for tracker in json.loads(done.out)["trackers"]:
