@@ -14,19 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-SCENARIO = """\
-name: plugged
-truth: {source: %s, duration_s: 1, rate_hz: 10, objects: {car: {start: {x: 20, y: 5, speed_mps: 10}}}}
-sensors:
-  lidar: {type: %s, rate_hz: 10, position_sigma_m: 0.15}
-trackers:
-  raw: {use: raw}
-  ekf: {filter: ekf, motion: %s, acceleration_sigma_mps2: 3}
-score: {settle_s: 0, metrics: [%s]}
-monte_carlo: {runs: 2, seed: 7}
-expect: [{tracker: ekf, metric: position_rmse, below: %s}]
-"""
+from tests.support.hostile import OF_THE_BENCH, scenario
 
 PLUGINS = """\
 import asyncio, atexit, ctypes, os, posix, signal, subprocess, sys, threading, time
@@ -39,30 +27,6 @@ def act():
     %s
 
 
-class Motion(ConstantVelocity):
-    def transition(self, *arguments):
-        act()
-        return super().transition(*arguments)
-
-class Sonar(Lidar):
-    def biases(self):
-        act()
-        return super().biases()
-
-class Source(ScriptedTruth):
-    def load(self, *arguments, **options):
-        act()
-        return super().load(*arguments, **options)
-
-class Own(Metric):
-    "Counts nothing."
-    name, unit, meaning = "own", "1", "nothing"
-    def init(self, scope):
-        act()
-        return 0
-    def update(self, sums, chunk): return sums
-    def merge(self, blocks): return 0
-    def finish(self, sums): return 0.0
 """
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="orphans are adopted on Linux")
@@ -82,10 +46,8 @@ def run(tmp_path: Path, trackbench: str) -> Run:
     """Runs a scenario in which one kind of plug-in acts."""
 
     def call(kind: str, act: str, *options: str, below: float = 100.0) -> subprocess.CompletedProcess[str]:
-        (tmp_path / "plug.py").write_text(PLUGINS % act, encoding="utf-8")
-        names = {"Source": "scripted", "Sonar": "lidar", "Motion": "cv", "Own": ""}
-        words = [f"'plug:{kind}'" if name == kind else word for name, word in names.items()]
-        (tmp_path / "plugged.yaml").write_text(SCENARIO % (*words, below), encoding="utf-8")
+        (tmp_path / "plug.py").write_text(PLUGINS % act + OF_THE_BENCH, encoding="utf-8")
+        (tmp_path / "plugged.yaml").write_text(scenario(kind, below), encoding="utf-8")
         command = [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", *options]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
 
@@ -94,33 +56,33 @@ def run(tmp_path: Path, trackbench: str) -> Run:
 
 #: By what a plug-in does: its kind, its code, how the end of the process is told, and whether the line is known.
 ENDINGS = {
-    "leaves": ("Motion", "os._exit(0)", "its process ended itself, with status 0", True),
-    "leaves_by_posix": ("Own", "posix._exit(0)", "its process ended itself, with status 0", True),
-    "leaves_by_libc": ("Sonar", "ctypes.CDLL(None).exit(0)", "its process ended itself, with status 0", False),
+    "leaves": ("motion", "os._exit(0)", "its process ended itself, with status 0", True),
+    "leaves_by_posix": ("metric", "posix._exit(0)", "its process ended itself, with status 0", True),
+    "leaves_by_libc": ("sensor", "ctypes.CDLL(None).exit(0)", "its process ended itself, with status 0", False),
     "leaves_in_a_thread": (
-        "Source",
+        "truth",
         "threading.Thread(target=os._exit, args=(0,)).start(); time.sleep(60)",
         "its process ended itself, with status 0",
         False,
     ),
-    "becomes_another": ("Own", "os.execv('/bin/true', ['true'])", "its process ended itself, with status 0", True),
+    "becomes_another": ("metric", "os.execv('/bin/true', ['true'])", "its process ended itself, with status 0", True),
     "becomes_one_that_stays": (
-        "Motion",
+        "motion",
         "os.execlp('sleep', 'sleep', '600')",
         "its process became another program, or closed its files",
         True,
     ),
     "closes_all_files": (
-        "Source",
+        "truth",
         "os.closerange(3, 4096); time.sleep(60)",
         "its process became another program, or closed its files",
         False,
     ),
-    "goes_on_as_a_copy": ("Sonar", "if os.fork(): os._exit(0)", "its process ended itself, with status 0", True),
-    "segfaults": ("Own", "ctypes.string_at(0)", "its process was killed by signal 11 (SIGSEGV)", True),
-    "aborts": ("Motion", "os.abort()", "its process was killed by signal 6 (SIGABRT)", True),
+    "goes_on_as_a_copy": ("sensor", "if os.fork(): os._exit(0)", "its process ended itself, with status 0", True),
+    "segfaults": ("metric", "ctypes.string_at(0)", "its process was killed by signal 11 (SIGSEGV)", True),
+    "aborts": ("motion", "os.abort()", "its process was killed by signal 6 (SIGABRT)", True),
     "kills_itself": (
-        "Source",
+        "truth",
         "os.kill(os.getpid(), signal.SIGKILL)",
         "its process was killed by signal 9 (SIGKILL)",
         False,
@@ -140,12 +102,12 @@ def test_a_plug_in_that_ends_the_process_is_named(run: Run, tmp_path: Path, name
 
 #: What a plug-in raises that ends a run, by its kind; a metric that raises has no value.
 RAISED = {
-    "GeneratorExit": "Source",
-    "asyncio.CancelledError": "Source",
-    "KeyboardInterrupt": "Source",
-    "EOFError": "Source",
-    "BaseException": "Sonar",
-    "SystemExit(0)": "Sonar",
+    "GeneratorExit": "truth",
+    "asyncio.CancelledError": "truth",
+    "KeyboardInterrupt": "truth",
+    "EOFError": "truth",
+    "BaseException": "sensor",
+    "SystemExit(0)": "sensor",
 }
 
 
@@ -170,14 +132,14 @@ AFTERWARDS = [
 
 @pytest.mark.parametrize("act", first_is_fast(AFTERWARDS))
 def test_the_status_is_that_of_the_result(run: Run, tmp_path: Path, act: str) -> None:
-    done = run("Motion", act, "--json", below=1e-9)
+    done = run("motion", act, "--json", below=1e-9)
     assert done.returncode == 1, done.stderr
     summary = json.loads(done.stdout)
     assert summary == json.loads((tmp_path / "results/plugged/result.json").read_text(encoding="utf-8"))
     assert [path.name for path in (tmp_path / "results").iterdir()] == ["plugged"]
 
 
-@pytest.mark.parametrize("kind", first_is_fast(["Motion", "Sonar", "Source", "Own"]))
+@pytest.mark.parametrize("kind", first_is_fast(["motion", "sensor", "truth", "metric"]))
 def test_a_plug_in_that_changes_the_folder_does_not_move_the_result(run: Run, tmp_path: Path, kind: str) -> None:
     (tmp_path / "elsewhere").mkdir()
     done = run(kind, "os.chdir('/tmp')", "--out", "here")
@@ -187,11 +149,11 @@ def test_a_plug_in_that_changes_the_folder_does_not_move_the_result(run: Run, tm
 
 @pytest.mark.slow
 def test_a_module_that_ends_the_process_while_it_is_imported(run: Run) -> None:
-    done = run("Own", "pass\nos._exit(0)")
+    done = run("metric", "pass\nos._exit(0)")
     assert done.returncode == 2
     assert done.stderr == (
         "trackbench: no result: its process ended itself, with status 0 (plug.py:9, in <module>), "
-        "while 'plug:Own' was at work\n"
+        "while 'plug:metric' was at work\n"
     )
 
 
@@ -200,8 +162,8 @@ def test_a_module_that_ends_the_process_while_it_is_imported(run: Run) -> None:
 def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, trackbench: str, times: int) -> None:
     ignoring = "signal.signal(signal.SIGINT, signal.SIG_IGN); signal.signal(signal.SIGTERM, signal.SIG_IGN); "
     act = f"{ignoring if times > 1 else ''}open('under_way', 'w').close(); time.sleep(600)"
-    (tmp_path / "plug.py").write_text(PLUGINS % act, encoding="utf-8")
-    (tmp_path / "plugged.yaml").write_text(SCENARIO % ("scripted", "lidar", "'plug:Motion'", "", 1), encoding="utf-8")
+    (tmp_path / "plug.py").write_text(PLUGINS % act + OF_THE_BENCH, encoding="utf-8")
+    (tmp_path / "plugged.yaml").write_text(scenario("motion", below=1), encoding="utf-8")
     process = subprocess.Popen(
         [trackbench, "run", "plugged.yaml"], cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -215,7 +177,7 @@ def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, tr
 
 
 def test_without_a_supervisor_for_a_debugger(run: Run, tmp_path: Path) -> None:
-    assert run("Motion", "open('parent', 'w').write(str(os.getppid()))", "--in-process").returncode == 0
+    assert run("motion", "open('parent', 'w').write(str(os.getppid()))", "--in-process").returncode == 0
     assert int((tmp_path / "parent").read_text()) == os.getpid()
 
 

@@ -49,12 +49,17 @@ def descendants(process: int) -> Iterator[int]:
 def end_descendants(kept: Collection[int] = ()) -> None:
     """Kill all that descends from this process, which adopts orphans, and wait for it; ``kept``: children to leave."""
     while processes := [child for child in children(os.getpid()) if child not in kept]:
-        for process in processes:
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
-        for process in processes:
-            with suppress(ChildProcessError):
-                os.waitpid(process, 0)
+        end_children(processes, signal.SIGKILL)
+
+
+def end_children(processes: Collection[int], number: signal.Signals) -> None:
+    """Send children of this process a signal to end, and wait for them."""
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+    for process in processes:
+        with suppress(ChildProcessError):
+            os.waitpid(process, 0)
 
 
 def _prctl(option: int, value: int) -> None:

@@ -12,7 +12,7 @@ import socket
 import sys
 from contextlib import suppress
 
-from trackbench.base.descendants import adopt_orphans, end_descendants
+from trackbench.base.descendants import adopt_orphans, end_children, end_descendants
 from trackbench.driving import guard
 from trackbench.driving.wire import INSIDE, LONGEST_LIMITS, Limits, ProcessReport
 
@@ -65,12 +65,7 @@ def main(descriptor: int) -> None:
             control.send(ProcessReport(True, process).packed())
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        for process in guards:
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGTERM)
-        for process in guards:
-            with suppress(ChildProcessError):
-                os.waitpid(process, 0)
+        end_children(guards, signal.SIGTERM)
 
 
 if __name__ == "__main__":
