@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.calibration.tails import alternating, beyond, matched, nees_of, small
+from benchmarks.calibration.tails import INSTANTS, alternating, beyond, matched, nees_of, small
+from tests.support.example_result import make_result
 
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.metrics.breakdown import effective_number, share_interval
 from trackbench.metrics.intervals import reach_of_ratio
-from trackbench.metrics.verdicts import NAMED, judged_parts, meaning, tail_limits, tail_verdict, together, what_is_off
+from trackbench.metrics.verdicts import (
+    NAMED,
+    heavy_beside,
+    judged_parts,
+    meaning,
+    named,
+    tail_limits,
+    tail_verdict,
+    together,
+    what_is_off,
+)
+from trackbench.report.sentences import verdict as sentence
+from trackbench.report.tables import values
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
+from trackbench.results.metric_value import MetricsByPath
 
 
 def judged(filtered, runs, over_time=0.5, common=0.0, seed=1):
@@ -50,6 +64,74 @@ def test_a_heavy_tail_is_named_with_its_share():
     assert what_is_off(nees, 1).startswith("2.6 % beyond the 99.9 % point (0.1 % expected)")
     assert "15 % beyond the 95 % point (5 % expected)" in what_is_off(nees)
     assert set(NAMED) == {"mixed", "heavy-tailed"}
+
+
+def with_outliers(variance):
+    """2 % of the NEES beyond the 99.9 % point, the others of normal errors over this variance."""
+
+    def filtered(errors):
+        nees = (errors**2).sum(axis=0)
+        outlier = nees > OUTERMOST
+        return errors * np.where(outlier, np.sqrt(1.1 * FARTHEST * variance / nees), 1.0), np.full(INSTANTS, variance)
+
+    return filtered
+
+
+#: Of chi-square with four degrees of freedom, the points beyond which are 2 % and 0.1 %.
+OUTERMOST, FARTHEST = (float(chi_square_quantile(share, 4)) for share in (0.98, 0.999))
+
+
+@pytest.mark.parametrize(
+    ("filtered", "words"),
+    [
+        (with_outliers(2.0), "pessimistic, heavy-tailed"),
+        (with_outliers(0.85), "optimistic, heavy-tailed"),
+        (small, "optimistic"),
+        (alternating, "heavy-tailed"),
+        (matched, "consistent"),
+    ],
+)
+def test_a_mean_that_is_off_hides_no_tails_beyond_what_it_explains(filtered, words):
+    nees = judged(filtered, 100)
+    assert nees.words == words
+    assert nees.verdict == words.partition(", ")[0]
+    assert nees.model_dump(mode="json").get("also") == ("heavy-tailed" if nees.also else None)
+
+
+def test_both_words_are_said_with_what_is_off():
+    nees = judged(with_outliers(2.0), 100)
+    result = make_result()
+    tracker = result.scored[0]
+    tracker = tracker.model_copy(update={"metrics": MetricsByPath({**tracker.metrics, "nees": nees})})
+    text = sentence(tracker, 100, "reference")
+    assert "pessimistic, heavy-tailed: the errors are smaller than its covariance states; large errors are more" in text
+    assert "; 2 % beyond the 99.9 % point (0.1 % expected)" in text
+    (cell,) = values([tracker], "nees")
+    assert cell.details[0] == "pessimistic, heavy-tailed"
+    assert cell.tone == "warn"
+    ((word, heading, metrics),) = named({"kf": nees})
+    assert (word, heading, list(metrics)) == ("heavy-tailed", NAMED["heavy-tailed"], ["kf"])
+    assert what_is_off(nees, 1, word).startswith("2 % beyond the 99.9 % point (0.1 % expected)")
+
+
+@pytest.mark.parametrize(
+    ("word", "mean", "low", "also"),
+    [
+        ("pessimistic", 3.0, 0.004, "heavy-tailed"),
+        ("mixed", 4.0, 0.0041, "heavy-tailed"),
+        ("optimistic", 5.0, 0.0041, None),
+        ("optimistic", 5.0, 0.02, "heavy-tailed"),
+        ("consistent", 4.0, 0.02, None),
+        ("heavy-tailed", 4.0, 0.02, None),
+    ],
+)
+def test_a_share_is_held_against_what_the_mean_explains(word, mean, low, also):
+    """Of a covariance off by the factor of the mean and 20 %: 0.4 % beyond the 99.9 % point of a mean of 4, 1.5 %
+    of one of 5."""
+    far = PartVerdict(
+        name="beyond the 99.9 % point", value=low, expected=0.001, ci95=(low, 2 * low), verdict="heavy-tailed"
+    )
+    assert heavy_beside(word, mean, [], [far]) == also
 
 
 def test_errors_too_large_along_and_too_small_across_are_mixed():
@@ -142,10 +224,11 @@ def test_leaving_out_what_is_beyond_a_point_does_not_make_its_share_right():
     assert [part.verdict for part in judged_parts(every)] == ["consistent", "consistent"]
     assert [part.verdict for part in judged_parts(silent)] == ["consistent", "undecided"]
     assert judged_parts(silent)[1].ci95 == pytest.approx((0.0007 * 0.992, 0.0012 * 0.992 + 0.008))
+    undecided = MetricValue(value=4.0, unit="1", dof=4, verdict="undecided")
     breakdown = Breakdown(all=silent, manoeuvre={}, range={}, age={}, jump={})
-    assert meaning("undecided", breakdown).endswith("large errors are as frequent as stated: 99.2 % given")
+    assert meaning(undecided, breakdown).endswith("large errors are as frequent as stated: 99.2 % given")
     few = breakdown.model_copy(update={"all": every})
-    assert meaning("undecided", few).startswith("too few runs or scenes")
+    assert meaning(undecided, few).startswith("too few runs or scenes")
 
 
 def test_the_effective_number_of_clusters_is_that_of_clusters():

@@ -143,8 +143,9 @@ def test_an_undecided_verdict_tells_of_missing_estimates(whole, turning, share):
     )  # fmt: skip
     few = "too few runs or scenes to say whether the errors are as large as its covariance states"
     many = f"too many estimates are missing to say whether the errors are as large as stated: {share}, 99 % needed"
-    assert meaning("undecided", breakdown) == (many if share else few)
-    assert meaning("optimistic", breakdown) == "the errors are larger than its covariance states"
+    undecided, optimistic = (MetricValue(unit="1", dof=4, verdict=word) for word in ("undecided", "optimistic"))
+    assert meaning(undecided, breakdown) == (many if share else few)
+    assert meaning(optimistic, breakdown) == "the errors are larger than its covariance states"
 
 
 @pytest.mark.parametrize("runs", [20, 100, 1000])

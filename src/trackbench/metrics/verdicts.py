@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from trackbench.base.distributions import chi_square_beyond
 from trackbench.metrics.conditions import AGES
@@ -30,6 +29,8 @@ BELOW, ABOVE = 0.25, 0.5
 HALVES = ("position alone", "velocity alone")
 #: Those of the position.
 DIRECTIONS = ("along the motion", "across the motion")
+#: Name of the part of the NEES beyond a point of chi-square.
+_PART = "beyond the {} point"
 #: The point of chi-square beyond which a share can be too small as well.
 NEAR = "95 %"
 #: A NEES or NIS is judged where this share of the estimates or innovations that there should be is given: the missing
@@ -64,16 +65,16 @@ def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
     return _consistency(ci95, dof * (1 - BELOW), dof * (1 + ABOVE))
 
 
-@cache
-def tail_limits(point: str, under_condition: bool = False) -> tuple[float, float]:
+def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) -> tuple[float, float]:
     """Between which the share of the NEES beyond a point of chi-square may be: where it is if the covariance is right
     but for a factor that is tolerated. Beyond the 99 % and 99.9 % points too few change nothing.
 
     Args:
         point: of ``BEYOND``.
         under_condition: with ``BELOW`` and ``ABOVE``.
+        factor: by which the covariance is known to be too small.
     """
-    place = dict(zip(BEYOND, beyond_points(4), strict=True))[point]
+    place = dict(zip(BEYOND, beyond_points(4), strict=True))[point] / factor
     below, above = (BELOW, ABOVE) if under_condition else (TOLERANCE, TOLERANCE if point == NEAR else FAR_TOLERANCE)
     low = chi_square_beyond(place / (1 - below), 4) if point == NEAR else 0.0
     return low, chi_square_beyond(place / (1 + above), 4)
@@ -107,7 +108,7 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
         if point in (NEAR, [*beyond][-1]) and share.value is not None and share.ci95 is not None:
             ci95 = (given * share.ci95[0], given * share.ci95[1] + 1 - given)
             word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
-            name, expected = f"beyond the {point} point", BEYOND[point]
+            name, expected = _PART.format(point), BEYOND[point]
             parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))
     for name, nees in zip(DIRECTIONS, (scores.nees_along, scores.nees_across), strict=True):
         if parts and nees and nees.value is not None and nees.ci95:
@@ -157,6 +158,33 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict], pa
     return "mixed" if len(off) > 1 or whole == "consistent" or apart else off.pop()
 
 
+def heavy_beside(
+    word: str, mean: float, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict]
+) -> str | None:
+    """``heavy-tailed`` where a verdict by means, which comes first, hides that large errors are too frequent.
+
+    They are where the share beyond a point, over all estimates or under a condition, is above what the mean there
+    explains: that of a covariance which is too small by the factor of the mean, and of none that is too large.
+
+    Args:
+        word: the verdict.
+        mean: over all estimates.
+        conditions: those that are judged.
+        parts: those over all estimates.
+    """
+    if word not in ("optimistic", "pessimistic", "mixed"):
+        return None
+    groups = [(mean, parts, False), *((item.mean, item.parts, True) for item in conditions)]
+    heavy = any(
+        part.ci95[0] > tail_limits(point, under_condition, max(own / 4, 1.0))[1]
+        for own, items, under_condition in groups
+        for part in items
+        for point in BEYOND
+        if part.name == _PART.format(point) and part.verdict == "heavy-tailed"
+    )
+    return "heavy-tailed" if heavy else None
+
+
 def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
     """The NEES of the position and of the velocity by themselves: one too large may hide the other, too small."""
     for name, nees in zip(HALVES, (scores.nees_position, scores.nees_velocity), strict=True):
@@ -198,7 +226,8 @@ def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | No
 
 #: What a reader is told of a verdict on a covariance.
 MEANING = {
-    "consistent": "the errors are as large as its covariance states, under each condition and in the tails",
+    "consistent": f"the errors are as large as its covariance states, within the tolerance of {100 * TOLERANCE:g} % of "
+    f"the mean NEES ({100 * BELOW:g} % below to {100 * ABOVE:g} % above under a condition), and in the tails",
     "optimistic": "the errors are larger than its covariance states",
     "pessimistic": "the errors are smaller than its covariance states",
     "mixed": "the errors are larger or smaller than its covariance states, depending on the condition",
@@ -207,9 +236,14 @@ MEANING = {
 }
 
 
-def meaning(word: str, breakdown: Breakdown | None) -> str:
+#: What is added where large errors are too frequent as well.
+_MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
+
+
+def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
     """The same; of an undecided one with the share of the estimates, where it is for missing ones that more runs would
     not tell."""
+    word = nees.verdict or "undecided"
     if word == "undecided" and breakdown is not None:
         conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
         rows = [("", breakdown.all)]
@@ -226,7 +260,7 @@ def meaning(word: str, breakdown: Breakdown | None) -> str:
         if "undecided" in tails - without_missing:
             share = f"{100 * every.given / every.count:.3g} % given"
             return f"too many estimates are missing to say whether large errors are as frequent as stated: {share}"
-    return MEANING[word]
+    return MEANING[word] + (_MORE_LARGE if nees.also else "")
 
 
 #: The verdicts of which a reader must know where or by how much, as a heading.
@@ -236,29 +270,44 @@ NAMED = {
 }
 
 
-def what_is_off(nees: MetricValue, most: int = 4) -> str:
+def named(nees: Mapping[str, MetricValue]) -> Iterator[tuple[str, str, dict[str, MetricValue]]]:
+    """Each word of ``NAMED`` with its heading, and what it is said of, by name; those that are said of none are left
+    out."""
+    for word, heading in NAMED.items():
+        of = {name: metric for name, metric in nees.items() if word in (metric.verdict, metric.also)}
+        if of:
+            yield word, heading, of
+
+
+def what_is_off(nees: MetricValue, most: int = 4, word: str | None = None) -> str:
     """What is off, farthest first, and by how much: "turning 39.7, straight 2.9".
 
     The conditions under which the mean is; of a mixed one, where there are none, those that are furthest apart; and of
     a heavy-tailed one, or where no mean is off, "15 % beyond the 95 % point (5 % expected)".
+
+    Args:
+        nees: with its verdict.
+        most: how many to name.
+        word: of the verdict, of which to say it; the main one unless given.
     """
+    word = word or nees.verdict
     off = [condition for condition in nees.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
-    if nees.verdict == "heavy-tailed" or not off:
-        texts = _parts_off(nees)
+    if word == "heavy-tailed" or not off:
+        texts = _parts_off(nees, word)
         if texts:
             return _first(texts, most)
     dof = nees.dof or 1
-    if nees.verdict == "mixed" and not off:
+    if word == "mixed" and not off:
         means = sorted(nees.conditions or (), key=lambda condition: condition.mean)
         off = [means[0], means[-1]]
     off.sort(key=lambda condition: -abs(math.log(max(condition.mean, 1e-9) / dof)))
     return _first([f"{condition.name} {mean_text(condition.mean)}" for condition in off], most)
 
 
-def _parts_off(nees: MetricValue) -> list[str]:
+def _parts_off(nees: MetricValue, word: str | None) -> list[str]:
     """Those over all estimates first."""
     every = [("", nees.parts or ()), *((f"{item.name} ", item.parts) for item in nees.conditions or ())]
-    words = {"heavy-tailed"} if nees.verdict == "heavy-tailed" else {"optimistic", "pessimistic"}
+    words = {"heavy-tailed"} if word == "heavy-tailed" else {"optimistic", "pessimistic"}
     off = [(condition, part) for condition, parts in every for part in parts if part.verdict in words]
     off.sort(key=lambda item: (item[0] != "", -abs(math.log(max(item[1].value, 1e-9) / item[1].expected))))
     return [f"{condition}{part_text(part)}" for condition, part in off]

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE
-from trackbench.metrics.verdicts import LEAST_COVERAGE, NAMED, mean_text, what_is_off
+from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text, named, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
@@ -94,7 +94,7 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         width = max(map(len, means))
         styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
         return [
-            Text.assemble((f"{mean:>{width}}", ""), (f" {m.verdict}" if m.verdict else "", style))
+            Text.assemble((f"{mean:>{width}}", ""), (f" {m.words}" if m.words else "", style))
             for mean, m, style in zip(means, metrics, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
@@ -236,12 +236,10 @@ def _notes(result: Result) -> list[str]:
         notes.append("*: a smoother, which knows later measurements too; no competitor")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
-    nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
-    for word, means in NAMED.items():
-        if named := [(name, metric) for name, metric in nees if metric.verdict == word]:
-            notes.append(f"{word}: {means}:")
-            # One tail, or three means, fit 80 columns.
-            notes += [f"  {name}: {what_is_off(metric, 1 if word == 'heavy-tailed' else 3)}" for name, metric in named]
+    for word, heading, of in named({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
+        # One tail, or three means, fit 80 columns.
+        most = 1 if word == "heavy-tailed" else 3
+        notes += [f"{word}: {heading}:", *(f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items())]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):

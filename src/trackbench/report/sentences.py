@@ -66,10 +66,11 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
-        mean, off = f"NEES {mean_text(nees.mean)} where {nees.dof} is right", what_is_off(nees)
-        label = "" if nees.verdict == "heavy-tailed" else "by condition: "
-        words = meaning(nees.verdict, tracker.breakdown)
-        parts.append(f"{nees.verdict}: {words} ({mean}{f'; {label}{off}' if off else ''})")
+        values = [f"NEES {mean_text(nees.mean)} where {nees.dof} is right"]
+        for word in (nees.verdict, *filter(None, [nees.also])):
+            if off := what_is_off(nees, word=word):
+                values.append(off if word == "heavy-tailed" else f"by condition: {off}")
+        parts.append(f"{nees.words}: {meaning(nees, tracker.breakdown)} ({'; '.join(values)})")
         if tracker.breakdown is not None:
             parts += calibration_clauses(tracker.breakdown)
     if health.diverged_runs:

@@ -57,14 +57,14 @@ def values(trackers: Sequence[TrackerResult], path: str, significant: int = 3, s
 def estimate_cell(text: str, ci95: Sequence[float] | None, places: int, verdict: str | None = "") -> Cell:
     """A value, under it in small print its verdict, which gives the colour, and its interval."""
     details = tuple(part for part in (verdict, interval(ci95, places)) if part)
-    return Cell(text, details, TONE.get(verdict or "", ""))
+    return Cell(text, details, TONE.get((verdict or "").partition(",")[0], ""))
 
 
 def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
         return _missing(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
-    cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.verdict)
+    cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.words)
     if metric.without_charged is None:
         return cell
     return replace(cell, details=(*cell.details, f"given {short(scale * metric.without_charged, places)}"))

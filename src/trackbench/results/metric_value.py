@@ -67,6 +67,8 @@ class MetricValue(ResultModel):
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None
     """For example ``consistent`` or ``white``."""
+    also: str | None = None
+    """What else is off of a covariance, which the verdict, its main word, does not say: ``heavy-tailed``."""
     charged_share: float | None = None
     """Share of the squared error that is charged for missing estimates; None where none is missing."""
     without_charged: float | None = None
@@ -80,6 +82,11 @@ class MetricValue(ResultModel):
     def mean(self) -> float | None:
         """The value of a statistic that is a mean."""
         return self.value
+
+    @property
+    def words(self) -> str:
+        """The verdict with what else is off: "pessimistic, heavy-tailed"; empty where there is none."""
+        return ", ".join(filter(None, (self.verdict, self.also)))
 
     @model_validator(mode="before")
     @classmethod

@@ -21,6 +21,7 @@ from trackbench.metrics.verdicts import (
     TRUST,
     WHITENESS,
     WHITENESS_TOLERANCE,
+    heavy_beside,
     judged,
     judged_parts,
     together,
@@ -149,7 +150,9 @@ class Nees(EstimateMetric):
             # Too few to tell anything of the tails.
             whole = "undecided"
         word = together(mean.value, whole, conditions, parts)
-        return value.model_copy(update={"verdict": word, "conditions": tuple(conditions), "parts": tuple(parts)})
+        also = heavy_beside(word, mean.value, conditions, parts)
+        judgement = {"verdict": word, "also": also, "conditions": tuple(conditions), "parts": tuple(parts)}
+        return value.model_copy(update=judgement)
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)

@@ -185,8 +185,8 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     nees = score.metrics.get("nees")
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
-    off = what_is_off(nees, 2) if nees.verdict in NAMED else ""
-    details = tuple(text for text in (nees.verdict, off) if text)
+    off = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word in NAMED]
+    details = tuple(text for text in (nees.words, *off) if text)
     return Cell(fixed(nees.value, 1), details, TONE.get(nees.verdict, ""))
 
 

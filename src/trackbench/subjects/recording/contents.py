@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
-from trackbench.metrics.verdicts import NAMED, what_is_off
+from trackbench.metrics.verdicts import named, what_is_off
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
@@ -231,11 +231,9 @@ def ranking(result: Result) -> str:
         lines += _failed({tracker.name: result.why_unscored(tracker) for tracker in result.unscored})
     else:
         lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
-        for word, means in NAMED.items():
-            named = [tracker for tracker in result.scored if tracker.nees.verdict == word]
-            if named:
-                lines += ["", f"*{word}*: {means}:", ""]
-                lines += [f"- **{tracker.name}**: {what_is_off(tracker.nees)}" for tracker in named]
+        for word, heading, of in named({tracker.name: tracker.nees for tracker in result.scored}):
+            lines += ["", f"*{word}*: {heading}:", ""]
+            lines += [f"- **{name}**: {what_is_off(nees, word=word)}" for name, nees in of.items()]
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
         lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]
@@ -311,7 +309,7 @@ def _row(tracker: TrackerResult) -> str:
         with_interval(tracker.position_rmse),
         number(None if over is None else over.value),
         number(nees.value),
-        nees.verdict or NOT_AVAILABLE,
+        nees.words or NOT_AVAILABLE,
     )
     return "| " + " | ".join(cells) + " |"
 
