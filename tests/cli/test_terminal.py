@@ -24,7 +24,7 @@ from tests.support.differences import with_differences
 
 from trackbench.cli.commands import cli as root
 from trackbench.report.console import print_summary
-from trackbench.results import Result
+from trackbench.results import ExpectationResult, Result
 
 Cli = Callable[..., Any]
 
@@ -87,7 +87,20 @@ def test_quiet_says_the_outcome_and_what_failed(cli: Cli, tiny: Path) -> None:
     assert (done.status, done.err) == (1, "")
     first, missed = done.out.splitlines()
     assert first == "tiny: 1 of 1 expectation failed"
-    assert missed.startswith("  FAILED ekf position_rmse above 100: ")
+    assert re.fullmatch(r"  FAILED ekf position_rmse \S+, wanted above 100", missed)
+
+
+def test_a_wrapped_line_begins_below_its_text(tiny_result: Result, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "a" * 30
+    text = f"{name} position_rmse below 0.1 (90 % of the estimates are missing)"
+    item = ExpectationResult(
+        tracker=name, metric="position_rmse", operator="below", limit=0.1, value=0.2, passed=False, text=text
+    )
+    print_summary(tiny_result.updated(expectations=[item]), Console(width=50))
+    lines = capsys.readouterr().out.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("  FAILED "))
+    assert lines[first + 1 :]
+    assert all(line.startswith(" " * len("  FAILED ")) for line in lines[first + 1 :])
 
 
 def test_verbose_says_what_is_done_and_leaves_stdout_alone(

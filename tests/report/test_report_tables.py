@@ -67,7 +67,7 @@ def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.Mo
     assert "0.412 ±0.008" in text
     assert "mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):" in text
     assert "  ekf_ctrv: turning 39.7, straight 2.9" in text
-    assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
+    assert "FAILED ekf_cv position_rmse 0.412, wanted below 0.4" in text
     assert "ekf_cv position_rmse below 0.5" not in text
     assert "FAILED mine: ValueError: matrix <3> is singular" in text
 

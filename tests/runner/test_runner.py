@@ -245,6 +245,7 @@ def test_expectations(expected: Result, expectation: str, value: Any, passed: bo
     assert stated["passed"] is passed
     assert stated["tracker"] == "ekf"
     assert stated["metric"] in expectation
+    assert stated["undecided"] is (value == "undecided" and not passed)
     if isinstance(value, str):
         assert stated["value"] == value
     else:
@@ -308,6 +309,7 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
         (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01)"),
     ):
         (judged,) = expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
+        assert judged.undecided is (difference is not_shown)
         assert (judged.passed, judged.text) == (passed, f"ekf position_rmse better than raw{said}")
 
 

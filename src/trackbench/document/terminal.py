@@ -74,7 +74,7 @@ def _print(block: Block, console: Console) -> None:
             _say(console, Text(block.text, style=STYLE[block.tone] or "bold"))
         case Items():
             for number, item in enumerate(block.items, 1):
-                _say(console, _item(f"{number}." if block.numbered else "-", item))
+                print_hanging(console, f"{number}. " if block.numbered else "- ", _item(item))
         case Code():
             console.print(Text(block.text.rstrip("\n"), style="dim"), highlight=False, soft_wrap=True)
         case Table():
@@ -85,10 +85,19 @@ def _say(console: Console, text: Text) -> None:
     console.print(text, highlight=False)
 
 
-def _item(mark: str, item: Item) -> Text:
+def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
+    """A text behind a mark; its further lines begin below its first."""
+    lead = Text.assemble(mark)
+    room = max(console.width - lead.cell_len, 1)
+    for number, line in enumerate(text.wrap(console, room)):
+        line.rstrip()
+        console.print(Text.assemble(Text(" " * lead.cell_len) if number else lead, line), highlight=False)
+
+
+def _item(item: Item) -> Text:
     label = f"{item.label}: " if item.label else ""
     detail = f" ({item.detail})" if item.detail else ""
-    return Text.assemble(f"{mark} ", (label, "bold"), (item.text, STYLE[item.tone]), (detail, "dim"))
+    return Text.assemble((label, "bold"), (item.text, STYLE[item.tone]), (detail, "dim"))
 
 
 def _cell(table: Table, cell: Cell) -> Text:

@@ -8,12 +8,13 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.document.terminal import STYLE
-from trackbench.metrics.verdicts import LEAST_COVERAGE, mean_text, named, what_is_off
+from trackbench.document.terminal import STYLE, print_hanging
+from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
+    FALSE_OF_REFERENCE,
     below_the_bound,
     drawing_random,
     duration,
@@ -22,8 +23,9 @@ from trackbench.report.sentences import (
     missing_estimates,
     precision_reached,
     reused_identities,
+    value_and_limit,
 )
-from trackbench.report.tables import TONE, metric_of, value_text
+from trackbench.report.tables import OUTCOME_TONE, TONE, metric_of
 from trackbench.results import Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
@@ -115,12 +117,14 @@ def _notes_on_tracks(result: Result) -> list[str]:
             "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
         ]
     cutoff = result.summary.score.cutoff_m or 0.0
-    any_reference = any(tracker.is_reference for tracker in result.scored)
+    references = [tracker for tracker in result.scored if tracker.is_reference]
+    outlived = any(metric_of(tracker, "gospa_false").value for tracker in references)
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
         f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
-        *(["*: a reference, which knows which detection is whose; no competitor"] if any_reference else []),
-        *(values_of_few_scenes(result) or ["intervals are in the report; they are", basis_of_intervals(result)]),
+        *(["*: a reference, which knows which detection is whose; no competitor"] if references else []),
+        *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
+        *(values_of_few_scenes(result) or [f"intervals, which the report shows: {basis_of_intervals(result)}"]),
         *([reused] if (reused := reused_identities(result)) else []),
     ]
 
@@ -135,7 +139,8 @@ def print_summary(result: Result, console: Console) -> None:
         for row in _table_lines(result, console.width):
             console.print(row, highlight=False, soft_wrap=True)
         for note in filter(None, [*_notes(result), drawing_random(result)]):
-            console.print(Text(note, style="dim"), highlight=False)
+            begin = len(note) - len(note.lstrip()) + 2
+            print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
     _print_failed_trackers(result, console)
     if result.summary.expectations:
         console.print(Text(expectations_met(result.summary.expectations)), style="bold", highlight=False)
@@ -152,14 +157,14 @@ def print_outcome(result: Result, console: Console) -> None:
 def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
         label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NOT RANKED ", STYLE["warn"])
-        console.print(Text.assemble(label, f"{tracker.name}: {failure(result, tracker)}"), highlight=False)
+        print_hanging(console, Text(*label), Text(f"{tracker.name}: {failure(result, tracker)}"))
 
 
 def _print_missed(result: Result, console: Console) -> None:
     for item in result.summary.expectations:
         if not item.passed:
-            text = f"{item.text}: {value_text(item.value)}"
-            console.print(Text.assemble(("  FAILED ", STYLE["bad"]), text), highlight=False)
+            mark = Text(f"  {item.outcome.upper()} ", STYLE[OUTCOME_TONE[item.outcome]])
+            print_hanging(console, mark, Text(value_and_limit(item)))
 
 
 def title(result: Result) -> Text:
@@ -218,6 +223,18 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
 
+def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
+    """What the verdicts on the covariances mean, but for those of which more is said; in the order of ``MEANING``."""
+    lines: dict[str, None] = {}
+    for word in (word for word in MEANING if word not in NAMED):
+        for tracker in trackers:
+            nees = metric_of(tracker, "nees")
+            if nees.verdict == word:
+                alone = nees.model_copy(update={"also": None})
+                lines[f"{word}: {meaning(alone, tracker.breakdown)}"] = None
+    return [*lines]
+
+
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
@@ -236,6 +253,7 @@ def _notes(result: Result) -> list[str]:
         notes.append("*: a smoother, which knows later measurements too; no competitor")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
+    notes += words_explained(trackers)
     for word, heading, of in named({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
         # One tail, or three means, fit 80 columns.
         most = 1 if word == "heavy-tailed" else 3

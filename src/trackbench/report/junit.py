@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import GateOutcome
+from trackbench.report.sentences import value_and_limit
 from trackbench.results import Result
 
 #: Characters that XML 1.0 cannot hold.
@@ -50,8 +51,8 @@ def suite_of_run(result: Result) -> Suite:
         name, message = f"{tracker.name} runs to the end", str(tracker.failed or "")
         cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message))
     for item in result.summary.expectations:
-        value = "n/a" if item.value is None else item.value
-        outcome, message = ("passed", "") if item.passed else ("failed", f"{item.text}: found {value}")
+        # The exit status is 1 where one is undecided too.
+        outcome, message = ("passed", "") if item.passed else ("failed", f"{item.outcome}: {value_and_limit(item)}")
         cases.append(Case(item.text, f"{result.name}.{item.tracker}", outcome, message))
     return Suite(result.name, cases)
 

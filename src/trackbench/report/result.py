@@ -17,7 +17,6 @@ from trackbench.document import (
     Section,
     Status,
     Table,
-    Tone,
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_colours, tracker_styles
@@ -49,6 +48,7 @@ from trackbench.report.numbers import joined, margin_words, percent
 from trackbench.report.pairs import standing
 from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_scenes
 from trackbench.report.sentences import (
+    FALSE_OF_REFERENCE,
     SWITCH_COSTS,
     below_the_bound,
     censored,
@@ -91,7 +91,8 @@ def _verdict(result: Result) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked."""
     summary, missing = result.summary, result.unscored
     yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
-    tone: Tone = "" if not summary.expectations else "good" if summary.passed else "bad"
+    outcomes = {item.outcome for item in summary.expectations}
+    tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
@@ -234,7 +235,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     return Section("Ranking", (Paragraph(note), tables.ranking(result), *remarks, *own, more))
 
 
-_ORACLES = " A reference knows which detection is whose: it is no competitor."
+_ORACLES = f" A reference knows which detection is whose: it is no competitor; {FALSE_OF_REFERENCE}."
 _SMOOTHERS = (
     "Offline: a smoother, which knows the measurements after each instant too, and shows what was to be had from the "
     "same data. It is no competitor."

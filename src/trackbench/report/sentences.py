@@ -11,6 +11,7 @@ from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, in_brackets, interval, joined, margin_words, meaningful, percent
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
+from trackbench.report.tables import value_text
 from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
 
 #: The parts of T-GOSPA, in words.
@@ -22,6 +23,8 @@ PARTS = {
 }
 #: T-GOSPA at other costs of a switch, by the factor.
 SWITCH_COSTS = {"tgospa_half": 0.5, "tgospa_twice": 2.0}
+#: A reference takes no false alarm.
+FALSE_OF_REFERENCE = "its false tracks: predicted further while their object is hidden or gone"
 #: A part with more than this share of the square is what the error mostly is.
 MOST = 0.5
 
@@ -272,10 +275,21 @@ def precision_reached(precision: PrecisionReached, runs: int) -> str:
 
 
 def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
-    """ "All 3 expectations met", "1 of 3 expectations failed", "No expectations stated"."""
-    total, failed = len(expectations), sum(not item.passed for item in expectations)
+    """ "All 3 expectations met", "1 of 3 expectations failed, 1 undecided", "No expectations stated"."""
+    total = len(expectations)
+    failed, undecided = (sum(item.outcome == word for item in expectations) for word in ("failed", "undecided"))
+    if failed:
+        more = f", {undecided} undecided" if undecided else ""
+        return f"{failed} of {counted(total, 'expectation')} failed{more}"
+    if undecided:
+        return f"{undecided} of {counted(total, 'expectation')} undecided: more runs or scenes would tell"
     if not total:
         return "No expectations stated"
-    if failed:
-        return f"{failed} of {counted(total, 'expectation')} failed"
     return f"All {total} expectations met" if total > 1 else "The expectation is met"
+
+
+def value_and_limit(item: ExpectationResult) -> str:
+    """ "ekf position_rmse 0.273, wanted below 0.25"."""
+    subject = f"{item.tracker} {item.metric} "
+    wanted = item.text.removeprefix(subject).removeprefix("is ")
+    return f"{subject}{value_text(item.value)}, wanted {wanted}"

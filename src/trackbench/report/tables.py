@@ -37,6 +37,10 @@ TableColumn = tuple[Column, list[Cell]]
 _Row = TypeVar("_Row")
 
 
+#: Of an expectation.
+OUTCOME_TONE: dict[str, Tone] = {"passed": "good", "undecided": "warn", "failed": "bad"}
+
+
 def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
     """Each tracker's name, whether it is no competitor, and whether it draws random numbers."""
     return [Cell(t.name, t.marks, tracker=t.name) for t in trackers]
@@ -311,7 +315,7 @@ def expectations(result: Result) -> Table:
     """What the scenario states should hold, and the values."""
     rows = [
         (
-            Cell("passed", tone="good") if item.passed else Cell("failed", tone="bad"),
+            Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]),
             Cell(item.text),
             Cell(value_text(item.value)),
         )

@@ -26,7 +26,14 @@ class ExpectationResult(ResultModel):
     limit: float | str
     value: float | str | None
     passed: bool
+    undecided: bool = False
+    """The runs or scenes show neither that it holds nor the opposite; it is not passed then."""
     text: str
+
+    @property
+    def outcome(self) -> Literal["passed", "undecided", "failed"]:
+        """In a word."""
+        return "passed" if self.passed else "undecided" if self.undecided else "failed"
 
 
 class PrecisionReached(ResultModel):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trackbench.metrics.differences import size
+from trackbench.metrics.differences import UNDECIDED, size
 from trackbench.metrics.registry import HEALTH
 from trackbench.results import Difference, ExpectationResult, TrackerResult
 from trackbench.scenario.config import Expectation
@@ -26,9 +26,10 @@ def _judge(
 ) -> ExpectationResult:
     value = value_at(tracker, item.metric)
     number = value if isinstance(value, float | int) else None
-    note = _silence(tracker, item.metric, min_coverage)
+    note = silent = _silence(tracker, item.metric, min_coverage)
     operator: str
     limit: str | float
+    undecided = False
     if item.better_than is not None:
         # The same difference, corrected, as the tables show.
         pair = {item.tracker, item.better_than}
@@ -37,10 +38,11 @@ def _judge(
         )
         operator, limit = "better_than", item.better_than
         passed = difference is not None and difference.better == item.tracker
+        undecided = difference is not None and difference.verdict == UNDECIDED
         if not passed and not note:
             note = _not_better(item.tracker, difference)
     elif item.equals is not None:
-        operator, limit, passed = "is", item.equals, value == item.equals
+        operator, limit, passed, undecided = "is", item.equals, value == item.equals, value == UNDECIDED
     elif item.below is not None:
         operator, limit, passed = "below", item.below, number is not None and number < item.below
     else:
@@ -54,6 +56,7 @@ def _judge(
         limit=limit,
         value=value,
         passed=passed and not note,
+        undecided=undecided and not passed and not silent,
         text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}{note}",
     )
 

@@ -324,7 +324,7 @@ def with_interval(metric: MetricValue) -> str:
 
 
 def _expectation(item: ExpectationResult) -> str:
-    verdict = "met" if item.passed else "**not met**"
+    verdict = "met" if item.passed else "**undecided**" if item.undecided else "**not met**"
     value = item.value if isinstance(item.value, str) else number(item.value)
     return f"- {verdict}: {item.text} (is {value})"
 
