@@ -92,7 +92,7 @@ def _verdict(result: Result) -> Iterator[Block]:
     summary, missing = result.summary, result.unscored
     yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
     outcomes = {item.outcome for item in summary.expectations}
-    tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
+    tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
     yield Status(expectations_met(summary.expectations), tone)
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
