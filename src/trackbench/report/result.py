@@ -17,6 +17,7 @@ from trackbench.document import (
     Section,
     Status,
     Table,
+    Tone,
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_colours, tracker_styles
