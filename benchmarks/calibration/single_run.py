@@ -86,7 +86,7 @@ class StretchSums(Metric):
 
 
 def _sums(seconds: int, tracker: str, runs: int, seed: int, q: float | None = None) -> Sums:
-    """``(13, stretches, runs)`` sums of a tracker's errors, rows ``ERROR_FIELDS``."""
+    """``(17, stretches, runs)`` sums of a tracker's errors, rows ``ERROR_FIELDS``."""
     # The start is the same in every run, and no draw from what comes later.
     changes = {"score.settle_s": 1, "truth.duration_s": seconds, **({} if q is None else {KEY: q})}
     loaded = tb.load(SCENARIO, changes, runs=runs, seed=seed, trackers=[tracker])

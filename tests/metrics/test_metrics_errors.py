@@ -8,6 +8,7 @@ import pytest
 from trackbench.base.types import Estimate
 from trackbench.engine.equations import by_numpy
 from trackbench.metrics import BUILT_IN, Metric, Scorer, Target, score_waiting
+from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.sums import ERROR, ERROR_FIELDS
 
@@ -45,7 +46,7 @@ def test_rows_agree_with_numpy():
         towards = np.array([-5.0, 0.0]) @ given["mean"][2:, *place] / np.linalg.norm(given["mean"][2:, *place]) / 5.0
         course = [1.0, np.arccos(towards) ** 2] if place[1] == 0 else [0.0, 0.0]
         # The first object moves against x; the other stands, and is taken to point along it.
-        directions = e[:2] ** 2 / np.diag(p)[:2]
+        directions = e**2 / np.diag(p)
         expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], *directions, 0.25, 0.25, 1.0]) * (
             place != (1, 0, 2)
         )
@@ -59,11 +60,11 @@ def test_errors_along_and_across_the_motion():
     given["truth"][2:] = 8.0 * np.stack([np.cos(angle), np.sin(angle)])
     found = by_numpy(ERRORS, given)["rows"]
     for place in np.ndindex(BATCH):
-        e, p = (given["mean"] - given["truth"])[:2, *place], given["covariance"][:2, :2, *place]
+        e, p = (given["mean"] - given["truth"])[:, *place], given["covariance"][:, :, *place]
         (c,), (s,) = np.cos(angle[place[:2]]), np.sin(angle[place[:2]])
-        turned = np.array([[c, s], [-s, c]])
+        turned = np.kron(np.eye(2), np.array([[c, s], [-s, c]]))
         expected = (turned @ e) ** 2 / np.diag(turned @ p @ turned.T)
-        rows = [ERROR["nees_along"], ERROR["nees_across"]]
+        rows = [ERROR[name] for name in DIRECTIONS.values()]
         np.testing.assert_allclose(found[rows, *place], expected, rtol=1e-9)
 
 

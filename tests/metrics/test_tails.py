@@ -9,6 +9,7 @@ from tests.support.example_result import make_result
 
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.metrics.breakdown import effective_number, share_interval
+from trackbench.metrics.consistency import DIRECTIONS
 from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.verdicts import (
     NAMED,
@@ -41,7 +42,7 @@ def test_a_matched_filter_is_consistent(runs, over_time):
     # Ten runs whose errors last are too few for the 99.9 % point.
     far = {"beyond the 99 % point"} if runs == 10 and over_time == 0.9 else {"beyond the 99.9 % point"}
     assert names[1] in far | ({"beyond the 99 % point"} if runs < 100 else set())
-    assert names[2:] == ["along the motion", "across the motion"]
+    assert names[2:] == list(DIRECTIONS)
 
 
 @pytest.mark.parametrize(("over_time", "common"), [(0.0, 0.0), (0.9, 0.0), (0.9, 0.9)])
@@ -134,19 +135,24 @@ def test_a_share_is_held_against_what_the_mean_explains(word, mean, low, also):
     assert heavy_beside(word, mean, [], [far]) == also
 
 
-def test_errors_too_large_along_and_too_small_across_are_mixed():
+@pytest.mark.parametrize(("factors", "first"), [((1.45, 0.5, 1.0, 1.0), 0), ((1.0, 1.0, 1.45, 0.5), 2)])
+def test_errors_too_large_along_and_too_small_across_are_mixed(factors, first):
+    """Of the position, and of the velocity."""
+
     def turned(errors):
         """Along and across are what they are whatever the course, so that the error is scaled in the fixed frame of an
         object that moves along x."""
-        return errors * np.reshape([1.45, 0.5, 1.0, 1.0], (4, 1, 1, 1)), np.ones(errors.shape[1])
+        return errors * np.reshape(factors, (4, 1, 1, 1)), np.ones(errors.shape[1])
 
     nees = nees_of(turned, np.random.default_rng(1), 100, 0.5, course=0.0)
     assert nees.verdict == "mixed"
-    along, across = nees.parts[2:]
+    along, across = nees.parts[2 + first : 4 + first]
+    assert along.name.endswith("along the motion")
+    assert {part.verdict for part in nees.parts[4 - first : 6 - first]} == {"consistent"}
     assert (along.verdict, across.verdict) == ("optimistic", "pessimistic")
     assert along.value == pytest.approx(1.45**2, rel=0.03)
     assert across.value == pytest.approx(0.25, rel=0.03)
-    assert "along the motion (1 expected)" in what_is_off(nees) or "position" in what_is_off(nees)
+    assert "along the motion (1 expected)" in what_is_off(nees)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.distributions import beta_quantile, normal_quantile
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
-from trackbench.metrics.consistency import BEYOND
+from trackbench.metrics.consistency import BEYOND, DIRECTIONS
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
@@ -27,11 +27,13 @@ FIELDS = {
     "nees_velocity": ("nees_velocity",),
     "nees_along": ("nees_along",),
     "nees_across": ("nees_across",),
+    "nees_velocity_along": ("nees_velocity_along",),
+    "nees_velocity_across": ("nees_velocity_across",),
 }
 #: Rows of the sums of a class: those, and how many NEES are beyond each point of chi-square.
 ROWS = (*FIELDS, *BEYOND)
 #: Degrees of freedom of the parts of the NEES, which are means over the estimates that the tracker gave.
-DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2, "nees_along": 1, "nees_across": 1}
+DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2} | dict.fromkeys(DIRECTIONS.values(), 1)
 #: The share beyond a point is stated where at least so many independent estimates are expected beyond it.
 LEAST_BEYOND = 10
 

@@ -49,6 +49,14 @@ def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     return low, high
 
 
+#: The NEES of errors along and across the true velocity, by name of the part of the verdict: of the position, and of
+#: the velocity.
+DIRECTIONS = {
+    "along the motion": "nees_along",
+    "across the motion": "nees_across",
+    "velocity along the motion": "nees_velocity_along",
+    "velocity across the motion": "nees_velocity_across",
+}
 #: The points of chi-square beyond which a NEES is counted, by name, with the share that lies beyond.
 BEYOND = {"95 %": 0.05, "99 %": 0.01, "99.9 %": 0.001}
 

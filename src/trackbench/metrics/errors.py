@@ -52,11 +52,11 @@ def _errors(values: Values) -> Values:
     nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
     nees_of_velocity = _nees_of_velocity(error * error, error[2] * error[3], covariance)
-    along, across = _nees_of_directions(error, truth, covariance)
+    directions = _nees_of_directions(error, truth, covariance)
     given = np.where(values["finite"], 1.0, 0.0)
     if not np.all(values["finite"]):
-        nees, nees_of_position, nees_of_velocity, along, across = (
-            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, along, across)
+        nees, nees_of_position, nees_of_velocity, *directions = (
+            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, *directions)
         )
     squares = error * error
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
@@ -70,8 +70,7 @@ def _errors(values: Values) -> Values:
             course * course * moving,
             nees_of_position,
             nees_of_velocity,
-            along,
-            across,
+            *directions,
             *values["reference"],
             given,
         ]
@@ -90,18 +89,24 @@ def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Arra
     return nees
 
 
-def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> tuple[Array, Array]:
-    """Squared position errors along and across the true velocity over their variances: the covariance, rotated. An
-    object that stands is taken to point along x."""
+def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> list[Array]:
+    """Squared errors along and across the true velocity over their variances, of the position and of the velocity: the
+    covariance, rotated. An object that stands is taken to point along x."""
     speed = np.sqrt(truth[2] * truth[2] + truth[3] * truth[3])
     moves = speed > 0
     over = 1.0 / np.where(moves, speed, 1.0)
     c, s = np.where(moves, truth[2] * over, 1.0), truth[3] * over
-    along, across = c * error[0] + s * error[1], c * error[1] - s * error[0]
-    total = covariance[0, 0] + covariance[1, 1]
-    variance = (c * c) * covariance[0, 0] + (2.0 * c * s) * covariance[1, 0] + (s * s) * covariance[1, 1]
-    least = SMALLEST_DETERMINANT * total
-    return along * along / np.maximum(variance, least), across * across / np.maximum(total - variance, least)
+    directions: list[Array] = []
+    for x, y in ((0, 1), (2, 3)):
+        along, across = c * error[x] + s * error[y], c * error[y] - s * error[x]
+        total = covariance[x, x] + covariance[y, y]
+        variance = (c * c) * covariance[x, x] + (2.0 * c * s) * covariance[y, x] + (s * s) * covariance[y, y]
+        least = SMALLEST_DETERMINANT * total
+        directions += [
+            along * along / np.maximum(variance, least),
+            across * across / np.maximum(total - variance, least),
+        ]
+    return directions
 
 
 #: Of an estimate that is ``finite``, or that another stands for, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero

@@ -12,9 +12,9 @@ from trackbench.base.types import Array, Indices
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
 #: Rows of the sums of errors: number of errors, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves, and of the position along and across the true velocity,
-#: by itself (1 degree of freedom); the reference of the squared errors; and how many of the
-#: errors are of an estimate that the tracker gave, which alone have a NEES.
+#: the NEES of the position and of the velocity by themselves, and of each along and across the true velocity (1 degree
+#: of freedom); the reference of the squared errors; and how many of the errors are of an estimate that the tracker
+#: gave, which alone have a NEES.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -28,6 +28,8 @@ ERROR_FIELDS = (
     "nees_velocity",
     "nees_along",
     "nees_across",
+    "nees_velocity_along",
+    "nees_velocity_across",
     "position_reference",
     "velocity_reference",
     "given",
@@ -75,7 +77,7 @@ class Cells:
     part: Indices
     """``(cells,)`` number of the run or stretch."""
     values: Array
-    """``(12, cells)`` sums, rows ``FIELDS`` of the breakdown."""
+    """``(14, cells)`` sums, rows ``FIELDS`` of the breakdown."""
 
 
 @dataclass
@@ -83,9 +85,9 @@ class ErrorSums:
     """Sums over the estimates of one tracker."""
 
     per_step: Array
-    """``(15, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(17, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(15, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(17, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     charged_per_step: Array
     """Those of ``per_step`` that the tracker is charged with where it gave no estimate."""
     charged_per_run: Array
@@ -159,13 +161,13 @@ class Scores:
     """
 
     per_step: Array
-    """``(15, instants)`` rows ``ERROR_FIELDS``."""
+    """``(17, instants)`` rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(15, runs)`` rows ``ERROR_FIELDS``."""
+    """``(17, runs)`` rows ``ERROR_FIELDS``."""
     per_part: Array
-    """``(15, parts)`` rows ``ERROR_FIELDS``."""
+    """``(17, parts)`` rows ``ERROR_FIELDS``."""
     charged: Array
-    """``(15, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
+    """``(17, parts)`` those of ``per_part`` that the tracker is charged with where it gave no estimate."""
     scenes: bool
     """Whether the parts are scenes."""
     given: float

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from trackbench.base.distributions import chi_square_beyond
 from trackbench.metrics.conditions import AGES
-from trackbench.metrics.consistency import BEYOND, beyond_points
+from trackbench.metrics.consistency import BEYOND, DIRECTIONS, beyond_points
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
@@ -27,8 +27,6 @@ FAR_TOLERANCE = 0.2
 BELOW, ABOVE = 0.25, 0.5
 #: The parts of the NEES, which are judged too.
 HALVES = ("position alone", "velocity alone")
-#: Those of the position.
-DIRECTIONS = ("along the motion", "across the motion")
 #: Name of the part of the NEES beyond a point of chi-square.
 _PART = "beyond the {} point"
 #: The point of chi-square beyond which a share can be too small as well.
@@ -110,7 +108,8 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
             word = tail_verdict(ci95, point, under_condition) if complete else "undecided"
             name, expected = _PART.format(point), BEYOND[point]
             parts.append(PartVerdict(name=name, value=share.value, expected=expected, ci95=ci95, verdict=word))
-    for name, nees in zip(DIRECTIONS, (scores.nees_along, scores.nees_across), strict=True):
+    for name, field in DIRECTIONS.items():
+        nees: MetricValue | None = getattr(scores, field)
         if parts and nees and nees.value is not None and nees.ci95:
             word = condition_verdict(nees.ci95, 1) if complete else "undecided"
             parts.append(PartVerdict(name=name, value=nees.value, expected=1.0, ci95=nees.ci95, verdict=word))

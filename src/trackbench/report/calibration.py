@@ -9,7 +9,8 @@ from typing import Literal
 
 from trackbench.document import Cell, Column, Table
 from trackbench.metrics.conditions import JUMPS
-from trackbench.metrics.verdicts import ABOVE, BELOW, DIRECTIONS, SMALLEST_SHARE, condition_verdict, mean_text
+from trackbench.metrics.consistency import DIRECTIONS
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict, mean_text
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.report.tables import INTERVAL, TRACKER, VERDICT, estimate_cell, metric_of, tracker_table
 from trackbench.results import Breakdown, ConditionScores, MetricValue, PartVerdict, Result, TrackerResult

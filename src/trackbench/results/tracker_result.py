@@ -72,6 +72,10 @@ class ConditionScores(ResultModel):
     """Of the position error along the true velocity."""
     nees_across: MetricValue | None = None
     """Of the position error across the true velocity."""
+    nees_velocity_along: MetricValue | None = None
+    """Of the velocity error along the true velocity."""
+    nees_velocity_across: MetricValue | None = None
+    """Of the velocity error across the true velocity."""
     beyond: dict[str, MetricValue] | None = None
     """By point of chi-square, such as ``95 %``, the share of the NEES beyond it, where there are enough estimates."""
     from_m: float | None = None
