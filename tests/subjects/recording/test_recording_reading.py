@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 import rerun as rr
 
@@ -176,6 +178,15 @@ def test_a_damaged_recording_is_one_message(folder: Path, tmp_path: Path) -> Non
     (tmp_path / "damaged.rrd").write_bytes(content)
     with pytest.raises(InputError, match=r"damaged|cut off"):
         read(tmp_path / "damaged.rrd")
+
+
+def test_a_table_of_runs_without_the_recorded_run_is_one_message(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    runs = pq.read_table(copy / "runs.parquet")
+    pq.write_table(runs.filter(pc.equal(runs["tracker"], "raw")), copy / "runs.parquet")
+    with pytest.raises(InputError, match=r"runs\.parquet: ekf has no run 2: not the table runs of this run"):
+        inspect(copy)
 
 
 def test_a_recording_of_another_program_is_one_message(tmp_path: Path) -> None:

@@ -226,7 +226,11 @@ def _checked(recorded: Recorded, scored: list[TrackerResult]) -> ScoreCheck | No
     runs = columns(beside.tables.runs)
     differences = [0.0]
     for tracker in scored:
-        (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
+        rows = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
+        if len(rows) != 1:
+            message = f"{tracker.name} has no run {summary.recorded_run}: not the table runs of this run"
+            raise InputError(message, file=folder / "runs.parquet")
+        row = rows[0]
         pairs = [(tracker.nees.value, runs["nees_mean"][row])]
         errors = [metric for metric in BUILT_IN if isinstance(metric, RootMeanSquare)]
         pairs += [(tracker.metrics[metric.name].value, runs[metric.column][row]) for metric in errors]
