@@ -189,6 +189,24 @@ def test_a_table_of_runs_without_the_recorded_run_is_one_message(folder: Path, t
         inspect(copy)
 
 
+@pytest.mark.parametrize("rows", [[], ["v1"]])
+def test_measurements_of_other_instants_are_one_message(folder: Path, tmp_path: Path, rows: list[str]) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "recording.rrd").unlink()
+    every = pq.read_table(copy / "measurements.parquet")
+    pq.write_table(every.filter(pc.is_in(every["object"], pa.array(rows, pa.string()))), copy / "measurements.parquet")
+    estimates = pq.read_table(copy / "estimates.parquet")
+    # Only a missing estimate is charged with what was measured.
+    late = estimates["time_s"].to_numpy() > 1.0
+    for place, name in enumerate(estimates.column_names):
+        if pa.types.is_floating(estimates[name].type) and name != "time_s":
+            estimates = estimates.set_column(place, name, pa.array(np.where(late, np.nan, estimates[name].to_numpy())))
+    pq.write_table(estimates, copy / "estimates.parquet")
+    with pytest.raises(InputError, match="the measurements are not at the times of the estimates"):
+        inspect(copy)
+
+
 def test_a_recording_of_another_program_is_one_message(tmp_path: Path) -> None:
     other = rr.RecordingStream("other")
     other.save(tmp_path / "other.rrd")

@@ -318,17 +318,24 @@ def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
 
 
 def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | None) -> Array:
-    """``(2, instants, objects)`` m, the latest measured position of each object, as the run charges it."""
+    """``(2, instants, objects)`` m, the latest measured position of each object, as the run charges it.
+
+    Raises:
+        InputError: the measurements are of other instants.
+    """
     rows = columns(result.tables.measurements)
-    positions = np.stack([rows["x_m"], rows["y_m"]])
     # A scan has a row of each object.
-    objects = np.stack([np.flatnonzero(rows["object"] == name) for name in recorded.objects], axis=-1)
-    scans = [
-        _scan(rows["time_s"][own[0]], rows["sensor"][own[0]], rows["valid"][own] > 0, rows["arrival_time_s"][own[0]])
-        for own in objects
-    ]
-    each = result.summary.score.each == "measurement"
-    return measured_positions(scans, lambda number: positions[:, objects[number]], sensors, each)
+    of_each = [np.flatnonzero(rows["object"] == name) for name in recorded.objects] if rows else []
+    measured = np.empty((2, 0))
+    if len({len(own) for own in of_each}) == 1 and len(of_each[0]):
+        positions, objects = np.stack([rows["x_m"], rows["y_m"]]), np.stack(of_each, axis=-1)
+        time, sensor, valid, arrival = (rows[name] for name in ("time_s", "sensor", "valid", "arrival_time_s"))
+        scans = [_scan(time[own[0]], sensor[own[0]], valid[own] > 0, arrival[own[0]]) for own in objects]
+        each = result.summary.score.each == "measurement"
+        measured = measured_positions(scans, lambda number: positions[:, objects[number]], sensors, each)
+    if measured.shape[1] != len(recorded.time):
+        raise InputError("the measurements are not at the times of the estimates: not the tables of one run")
+    return measured
 
 
 def _scan(time: float, sensor: str, valid: Mask, arrival_time: float) -> Scan:
