@@ -200,7 +200,7 @@ def test_measurements_of_other_instants_are_one_message(folder: Path, tmp_path: 
     # Only a missing estimate is charged with what was measured.
     late = estimates["time_s"].to_numpy() > 1.0
     for place, name in enumerate(estimates.column_names):
-        if pa.types.is_floating(estimates[name].type) and name != "time_s":
+        if pa.types.is_floating(estimates[name].type) and name not in ("time_s", "due"):
             estimates = estimates.set_column(place, name, pa.array(np.where(late, np.nan, estimates[name].to_numpy())))
     pq.write_table(estimates, copy / "estimates.parquet")
     with pytest.raises(InputError, match="the measurements are not at the times of the estimates"):
