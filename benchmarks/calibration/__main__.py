@@ -2,8 +2,8 @@
 
     python -m benchmarks.calibration [SUBJECT...]
 
-With subjects, only those are measured; the others stay in the table as they were. Exit status 1 where a claim does not
-hold.
+With subjects, only those are measured; the others stay in the table as they were. Exit status 1 where a claim is
+measured beyond what is wanted.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ def main() -> int:
         for name, claims in zip(chosen, pool.map(measure, chosen), strict=True):
             measured[name] = claims
             for claim in claims:
-                sign = "holds" if claim.holds else "FAILS"
-                print(f"{sign}  {name}: {claim.what}: {claim.measured}, wanted {claim.wanted}", flush=True)
+                print(f"{claim.outcome}  {name}: {claim.what}: {claim.measured}, wanted {claim.wanted}", flush=True)
     # Others may have been measured meanwhile.
     table = load() | measured
     save({name: table[name] for name in known if name in table})

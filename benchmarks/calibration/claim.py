@@ -15,6 +15,21 @@ class Claim(NamedTuple):
     measured: str
     wanted: str
     holds: bool
+    decided: bool = True
+    """Whether no limit of what is wanted lies within the Monte-Carlo error of what was measured."""
+
+    @property
+    def outcome(self) -> str:
+        """What became of it: one of ``OUTCOMES``."""
+        if self.wanted == STATED:
+            return STATED
+        return UNDECIDED if not self.decided else HOLDS if self.holds else FAILS
+
+
+#: What is wanted of a number that is only stated, which neither holds nor fails.
+STATED = "stated"
+HOLDS, FAILS, UNDECIDED = "holds", "**fails**", "not decided by so many repeats"
+OUTCOMES = (HOLDS, FAILS, UNDECIDED, STATED)
 
 
 def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float) -> Claim:
@@ -22,8 +37,8 @@ def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float)
 
     A hit is true or false, or the share of hits within a trial.
 
-    It holds where the measured share is in between, so take enough trials: the Monte-Carlo error that is stated with
-    the share (half of its 95 % interval) should be small beside the room that the claim leaves.
+    It holds where the measured share is in between, and is decided where no limit is within the Monte-Carlo error that
+    is stated with the share (half of its 95 % interval): take enough trials.
     """
     share = float(np.mean(hits))
     # Where there was no hit, or nothing else, as if there had been one.
@@ -32,7 +47,8 @@ def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float)
     if high >= 1:
         wanted = f"at least {100 * low:g} %"
     measured = f"{100 * share:.1f} ± {100 * error:.1f} % of {len(hits):,}"
-    return Claim(what, measured, wanted, low <= share <= high)
+    decided = all(abs(share - limit) > error for limit in (low, high) if 0 < limit < 1)
+    return Claim(what, measured, wanted, low <= share <= high, decided)
 
 
 def power(what: str, hits: Sequence[float] | np.ndarray, least: float = 0.0) -> Claim:
@@ -40,4 +56,4 @@ def power(what: str, hits: Sequence[float] | np.ndarray, least: float = 0.0) -> 
     shown; it is only stated unless it has to be at least something.
     """
     claim = rate(f"power: {what}", hits, least, 1.0)
-    return claim if least else claim._replace(wanted="stated")
+    return claim if least else claim._replace(wanted=STATED)

@@ -102,7 +102,13 @@ def _intervals() -> Iterator[Claim]:
 
 
 def _one(what: str, value: float, error: float) -> Claim:
-    return Claim(what, f"{value:.4f} ± {error:.4f}", "1.00 ± 0.01", abs(value - 1.0) <= 0.01)
+    return Claim(
+        what,
+        f"{value:.4f} ± {error:.4f}",
+        "1.00 ± 0.01",
+        abs(value - 1.0) <= 0.01,
+        abs(abs(value - 1.0) - 0.01) > error,
+    )
 
 
 def _sums(result: tb.Result, tracker: str, quantity: str, unit: str) -> Array:

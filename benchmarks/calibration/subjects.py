@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib
 import json
 import pkgutil
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from .claim import Claim
+from .claim import OUTCOMES, STATED, Claim
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER.parents[1] / "results"
@@ -35,21 +36,31 @@ def load() -> dict[str, list[Claim]]:
 
 def save(found: Mapping[str, Sequence[Claim]]) -> None:
     """Write the table as data and as Markdown."""
-    entries = {name: [claim._asdict() for claim in claims] for name, claims in found.items()}
+    entries = {name: [_entry(claim) for claim in claims] for name, claims in found.items()}
     text = json.dumps(entries, indent=1, ensure_ascii=False) + "\n"
     (RESULTS / "calibration.json").write_text(text, encoding="utf-8")
     (RESULTS / "calibration.md").write_text("\n".join(_lines(found)), encoding="utf-8")
 
 
+def _entry(claim: Claim) -> dict[str, object]:
+    """With whether it is decided where it is not."""
+    entry = claim._asdict()
+    return {key: value for key, value in entry.items() if key != "decided" or not value}
+
+
 def _lines(found: Mapping[str, Sequence[Claim]]) -> Iterator[str]:
-    every = [claim for claims in found.values() for claim in claims]
+    outcomes = Counter(claim.outcome for claims in found.values() for claim in claims)
+    hold, fail, undecided, stated = (outcomes[outcome] for outcome in OUTCOMES)
     yield "# Calibration"
     yield ""
-    yield f"Made by `make calibration`: {sum(claim.holds for claim in every)} of {len(every)} claims hold."
+    yield f"Made by `make calibration`. {hold + fail + undecided} claims: {hold} hold, {fail} do not;"
+    yield f"{undecided} are not decided by so many repeats; {stated} rows state a number."
     for subject, claims in found.items():
         for claim in claims:
-            if not claim.holds:
-                yield f"Does not hold: {subject}, {claim.what} ({claim.measured}, wanted {claim.wanted})."
+            if claim.outcome != STATED and not claim.holds:
+                begin = "Does not hold" if claim.decided else "Not decided, and measured beyond what is wanted"
+                yield f"{begin}: {subject}, {claim.what} ({claim.measured}, wanted {claim.wanted})."
+    yield "A claim is not decided where a limit of what is wanted lies within ±."
     yield "± is the Monte-Carlo error of the measurement itself, 95 %."
     for subject, claims in found.items():
         yield ""
@@ -58,5 +69,5 @@ def _lines(found: Mapping[str, Sequence[Claim]]) -> Iterator[str]:
         yield "| claim | measured | wanted | |"
         yield "|---|---|---|---|"
         for claim in claims:
-            yield f"| {claim.what} | {claim.measured} | {claim.wanted} | {'holds' if claim.holds else '**fails**'} |"
+            yield f"| {claim.what} | {claim.measured} | {claim.wanted} | {claim.outcome} |"
     yield ""

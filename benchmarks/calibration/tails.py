@@ -122,8 +122,8 @@ def _classes() -> Classes:
 
 #: Correlations over time, and of the errors of all objects and runs of a scene.
 CORRELATIONS = tuple(product((0.0, 0.5, 0.9), (0.0, 0.5, 0.9)))
-#: By number of scenes, or of runs of one, how often each case is repeated.
-REPEATS = {10: 40, 20: 40, 100: 10}
+#: Scenes, or runs of one, and how often each case is repeated.
+NUMBERS, REPEATS = (10, 20, 100), 40
 FAULTY = {
     "covariance times 40 and .51 in turn": alternating,
     "10 % beyond the 95 % point, mean NEES 4": beyond,
@@ -133,8 +133,8 @@ FAULTY = {
 
 def claims() -> Iterator[Claim]:
     """A matched filter is not accused, three faults are found, and the intervals of the shares cover them."""
-    for number, repeats in REPEATS.items():
-        items = {case: [_simulated(matched, number, *case, seed) for seed in range(repeats)] for case in CORRELATIONS}
+    for number in NUMBERS:
+        items = {case: [_simulated(matched, number, *case, seed) for seed in range(REPEATS)] for case in CORRELATIONS}
         yield from _of_matched(f"matched filter, {number} runs", items)
     for what, filtered in FAULTY.items():
         verdicts = [_simulated(filtered, 100, *case, seed).verdict for case in CORRELATIONS for seed in range(10)]

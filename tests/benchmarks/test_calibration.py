@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.calibration import subjects
-from benchmarks.calibration.claim import rate
+from benchmarks.calibration.claim import FAILS, HOLDS, STATED, UNDECIDED, power, rate
 
 #: What does not hold, and is said in docs/metrics.md.
 FAILING = {
@@ -38,3 +38,30 @@ def test_a_rate_holds_between_its_limits_and_states_its_own_error() -> None:
     assert rate("x", hits, 0.93, 0.97)[1:3] == ("94.0 ± 1.5 % of 1,000", "93 to 97 %")
     assert rate("x", ~hits, 0.0, 0.05).wanted == "at most 5 %"
     assert rate("x", hits, 0.95, 1.0).wanted == "at least 95 %"
+
+
+def test_a_rate_is_decided_where_no_limit_is_within_its_own_error() -> None:
+    hits = np.arange(1000) < 945
+    assert rate("x", hits, 0.93, 0.97).outcome == HOLDS
+    assert rate("x", hits, 0.94, 1.0).outcome == UNDECIDED
+    assert rate("x", hits, 0.95, 1.0).outcome == UNDECIDED
+    assert rate("x", hits, 0.96, 1.0).outcome == FAILS
+    # None of thirty says little of one in twenty.
+    assert rate("x", np.zeros(30), 0.0, 0.05).outcome == UNDECIDED
+    assert rate("x", np.zeros(100), 0.0, 0.05).outcome == HOLDS
+    assert power("x", hits).outcome == STATED
+
+
+def test_the_table_counts_what_holds_what_fails_what_is_undecided_and_what_is_stated(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hits = np.arange(1000) < 945
+    claims = [rate("a", hits, 0.93, 0.97), rate("b", hits, 0.96, 1.0), rate("c", hits, 0.95, 1.0), power("d", hits)]
+    monkeypatch.setattr(subjects, "RESULTS", tmp_path)
+    subjects.save({"tails": claims})
+    text = (tmp_path / "calibration.md").read_text(encoding="utf-8")
+    assert "3 claims: 1 hold, 1 do not;\n1 are not decided by so many repeats; 1 rows state a number." in text
+    assert "Does not hold: tails, b (" in text
+    assert "Not decided, and measured beyond what is wanted: tails, c (" in text
+    assert "| power: d | 94.5 ± 1.4 % of 1,000 | stated | stated |" in text
+    assert subjects.load() == {"tails": claims}
