@@ -22,6 +22,7 @@ import pytest
 from rich.console import Console
 from tests.support.differences import with_differences
 
+from trackbench.cli import terminal
 from trackbench.cli.commands import cli as root
 from trackbench.report.console import print_summary
 from trackbench.results import ExpectationResult, Result
@@ -182,6 +183,23 @@ def test_no_progress_where_there_is_no_terminal(tiny: Path, tmp_path: Path, trac
         cwd=tmp_path, env={**os.environ, "FORCE_COLOR": "1"}, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stderr == ""
+
+
+def test_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(terminal, "LINES_EVERY_S", 0.0)
+    for quiet in (False, True):
+        with terminal.progress("ekf", "trials", quiet=quiet) as advance:
+            advance(0, 10)
+            advance(4, 10, "best 0.12")
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "ekf: 0 of 10 trials"
+    assert re.fullmatch(r"ekf: 4 of 10 trials, best 0\.12(, \d:\d\d left)?", second)
+
+
+def test_tuning_says_the_best_so_far(tiny: Path, tmp_path: Path, trackbench: str) -> None:
+    command = [trackbench, "tune", "tiny.yaml", "--trackers", "ekf", "--trials", "12", "--objective", "position_rmse"]
+    lines = on_a_terminal(command, tmp_path, {**os.environ, "TERM": "xterm"})
+    assert any(re.search(r"^ekf .* \d+ of \d+ trials, best 0\.\d+", line) for line in lines)
 
 
 def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Progress, no_progress
+from trackbench.base.types import NotedProgress, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
 from trackbench.results import Result
@@ -79,7 +79,7 @@ class Listener:
         return False
 
     @contextmanager
-    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+    def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
         """Around a piece of work that takes its time.
 
         Args:
@@ -87,7 +87,7 @@ class Listener:
             unit: what is counted.
 
         Yields:
-            A function that is called with how much is done and how much there is.
+            A function that is called with how much is done, how much there is and, perhaps, what was reached.
         """
         yield no_progress
 
@@ -116,6 +116,9 @@ class Counter(Listener):
         self._progress, self._unit = progress, unit
 
     @contextmanager
-    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+    def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
         """Of the unit alone."""
-        yield self._progress if unit == self._unit else no_progress
+        yield self._counted if unit == self._unit else no_progress
+
+    def _counted(self, done: float, total: float, note: str = "") -> None:
+        self._progress(done, total)

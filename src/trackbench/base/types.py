@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,13 @@ Indices = npt.NDArray[np.intp]
 Progress = Callable[[float, float], None]
 
 
-def no_progress(done: float, total: float) -> None:
+class NotedProgress(Protocol):
+    """The same, which may say what was reached, such as "best 0.12"."""
+
+    def __call__(self, done: float, total: float, note: str = "") -> None: ...
+
+
+def no_progress(done: float, total: float, note: str = "") -> None:
     """Report no progress."""
 
 

@@ -18,9 +18,9 @@ INTRODUCTION = """\
 
 What each command prints with `--help`.
 
-The result goes to stdout; progress, warnings and errors go to stderr. A progress bar is shown only where stderr is a
-terminal, colour only where stdout is one, and none if `NO_COLOR` is set. A message on bad input says where and what
-would be right; it is never a traceback.
+The result goes to stdout; progress, warnings and errors go to stderr. A progress bar is shown where stderr is a
+terminal; elsewhere a line every 30 s, and neither with `--quiet`. Colour is shown only where stdout is a terminal, and
+none if `NO_COLOR` is set. A message on bad input says where and what would be right; it is never a traceback.
 
 The exit status is 0 if all is well, 2 after bad input or usage, and 4 if the result cannot be written: the disk or
 standard output is full or closed. What 1 and 3 mean is said below where they occur; 1 is never the status of an error.

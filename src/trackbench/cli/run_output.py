@@ -13,7 +13,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.plan import Listener, Prepared
-from trackbench.base.types import Progress, Scan
+from trackbench.base.types import NotedProgress, Scan
 from trackbench.cli.terminal import progress
 from trackbench.results import Result
 
@@ -39,7 +39,7 @@ class RunOutput(Listener):
         return any(follower.observes for follower in self.followers)
 
     @contextmanager
-    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+    def progress(self, work: str, unit: str) -> Iterator[NotedProgress]:
         """A bar; what a tracker prints is no part of the result, and goes to stderr."""
         with redirect_stdout(sys.stderr), progress(work, unit, quiet=self._quiet) as advance:
             yield advance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -18,23 +19,31 @@ from rich.text import Text
 from trackbench.base import types
 
 
-class _Left(ProgressColumn):
-    """ "120 of 401 steps, 0:03 left"."""
+#: Seconds from one line on the progress to the next where there is no terminal.
+LINES_EVERY_S = 30.0
 
+
+def _state(task: Task) -> str:
+    """ "120 of 401 trials, best 0.12, 0:03 left"."""
+    if task.total is None:
+        return ""
+    parts = [f"{task.completed:.0f} of {task.total:.0f} {task.fields['unit']}", task.fields["note"]]
+    if task.time_remaining is not None and not task.finished:
+        minutes, seconds = divmod(round(task.time_remaining), 60)
+        hours, minutes = divmod(minutes, 60)
+        parts.append(f"{hours}:{minutes:02}:{seconds:02} left" if hours else f"{minutes}:{seconds:02} left")
+    return ", ".join(filter(None, parts))
+
+
+class _Left(ProgressColumn):
     def render(self, task: Task) -> Text:
-        if task.total is None:
-            return Text()
-        text = f"{task.completed:.0f} of {task.total:.0f} {task.fields['unit']}"
-        if task.time_remaining is not None:
-            minutes, seconds = divmod(round(task.time_remaining), 60)
-            hours, minutes = divmod(minutes, 60)
-            text += f", {hours}:{minutes:02}:{seconds:02} left" if hours else f", {minutes}:{seconds:02} left"
-        return Text(text, no_wrap=True)
+        return Text(_state(task), no_wrap=True)
 
 
 @contextmanager
-def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Progress]:
-    """A bar that goes away when the work is done; until it is told of a total, it only says that work goes on.
+def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.NotedProgress]:
+    """A bar that goes away when the work is done; until it is told of a total, it only says that work goes on. Without
+    a terminal a line every ``LINES_EVERY_S``.
 
     Args:
         what: the work.
@@ -42,7 +51,7 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Pro
         quiet: show nothing.
 
     Yields:
-        A function to be called with how much is done and how much there is.
+        A function to be called with how much is done, how much there is and, perhaps, what was reached.
     """
     console = Console(stderr=True)
     columns = (
@@ -53,8 +62,17 @@ def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Pro
     # Rich may be told by its environment to write as to a terminal; what is redirected still gets no bar.
     shown = sys.stderr.isatty() and not console.is_dumb_terminal and not quiet
     with Progress(*columns, console=console, transient=True, expand=True, disable=not shown) as bar:
-        task = bar.add_task(escape(what), total=None, unit=unit)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(escape(what), total=None, unit=unit, note="")
+        said = time.monotonic()
+
+        def advance(done: float, total: float, note: str = "") -> None:
+            nonlocal said
+            bar.update(task, completed=done, total=total, note=note)
+            if not shown and not quiet and time.monotonic() - said >= LINES_EVERY_S:
+                said = time.monotonic()
+                print(f"{what}: {_state(bar.tasks[0])}", file=sys.stderr)
+
+        yield advance
 
 
 Command = TypeVar("Command", bound=Callable[..., Any])

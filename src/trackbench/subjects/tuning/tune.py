@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Indices, Progress, no_progress
+from trackbench.base.types import Array, Indices, NotedProgress, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.engine.equations import ComputedBy
@@ -195,7 +195,7 @@ def tune_tracker(
     executor: Executor,
     isolation: Isolation = ISOLATED,
     engine: EngineName = "auto",
-    progress: Progress = no_progress,
+    progress: NotedProgress = no_progress,
 ) -> Tuning:
     """Search the best values on some scenes and noise, and hold them against the start's on others.
 
@@ -205,7 +205,7 @@ def tune_tracker(
         executor: what makes the trials.
         isolation: how a tracker that is not built in is kept apart.
         engine: what computes.
-        progress: called with the number of trials made and of all.
+        progress: called with the number of trials made and of all, and what the best gives.
 
     Raises:
         InputError: the tracker fails as it is, does not give what the objective needs, or the storage does not fit.
@@ -226,7 +226,9 @@ def tune_tracker(
     total = task.count + last
 
     def advance_from(done: int, size: int) -> Progress:
-        return lambda part, parts: progress(done + part / parts * size, total)
+        reached = chosen_of(objective, study.trials)
+        note = "" if reached is None else f"best {reached.measures[objective.measure]:.4g}"
+        return lambda part, parts: progress(done + part / parts * size, total, note)
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         outcomes = evaluator(points, advance_from(len(study.trials), len(points)))
@@ -241,6 +243,7 @@ def tune_tracker(
 
     best, responses = polished(evaluator, objective, start, made, best, advance_from(task.count, last))
     others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine, 1, *wanted)
+    progress(total, total, "now on what is held out")
     held_out = compare_held_out(others, best.values)
     return Tuning(
         **vars(task),
