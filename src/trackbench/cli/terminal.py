@@ -18,7 +18,6 @@ from rich.text import Text
 
 from trackbench.base import types
 
-
 #: Seconds from one line on the progress to the next where there is no terminal.
 LINES_EVERY_S = 30.0
 

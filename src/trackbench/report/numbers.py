@@ -39,7 +39,7 @@ def fixed(value: float | None, places: int) -> str:
 
 def short(value: float | None, places: int) -> str:
     """As :func:`fixed`, but "6.4e+06" from 10,000 on."""
-    return fixed(value, places) if value is None or value < 1e4 else f"{value:.1e}"
+    return fixed(value, places) if value is None or abs(value) < 1e4 else f"{value:.1e}".replace("-", "\N{MINUS SIGN}")
 
 
 def interval(bounds: Sequence[float] | None, places: int) -> str:

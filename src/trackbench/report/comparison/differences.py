@@ -10,7 +10,8 @@ from trackbench.compare.comparison import ComparedResult, OverallChange
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, short
+from trackbench.report.tables import unit_of
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 _GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided": "warn"}
@@ -43,7 +44,7 @@ def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[
             )
         )
     for metric, items in comparison.by_metric():
-        yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, colours, metric, items)))
+        yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, colours, metric, items)))
     if comparison.gates:
         yield Section("Limits", (*_gates(comparison),))
     if several:
@@ -101,8 +102,8 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     places = max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
 
     def with_reach(item: PairDifference) -> str:
-        reach = "" if item.ci95 is None else f" ±{fixed((item.ci95[1] - item.ci95[0]) / 2, places)}"
-        return "0 in every run" if item.identical else fixed(item.difference, places) + reach
+        reach = "" if item.ci95 is None else f" ±{short((item.ci95[1] - item.ci95[0]) / 2, places)}"
+        return "0 in every run" if item.identical else short(item.difference, places) + reach
 
     tracker = (Column("tracker", left=True), [_name_cell(comparison, item) for item in items])
     if len(comparison.scenarios) > 1:
@@ -111,12 +112,12 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
         first = [tracker, (Column("against", left=True), [_against_cell(comparison, item) for item in items])]
     columns = [
         *first,
-        (Column("value"), [Cell(fixed(item.value, places)) for item in items]),
+        (Column("value"), [Cell(short(item.value, places)) for item in items]),
         (Column("difference"), [Cell(with_reach(item)) for item in items]),
         (Column("%", "of the value that it is held against"), [Cell(_percent(item.percent)) for item in items]),
         (
             Column("margin", "up to which a difference does not matter"),
-            [Cell(fixed(item.margin, places)) for item in items],
+            [Cell(short(item.margin, places)) for item in items],
         ),
         (Column("verdict", left=True), [Cell(item.verdict, tone=TONES.get(item.verdict, "")) for item in items]),
     ]

@@ -10,9 +10,9 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
-from trackbench.metrics.verdicts import NAMED, what_is_off
+from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, short
 from trackbench.report.tables import TONE
 
 _RANKED = (
@@ -165,7 +165,7 @@ def _plain(metric: str) -> _ToCell:
         if value is None:
             return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
         half = half_width(value.ci95)
-        return Cell(fixed(value.value, places), () if half is None else (f"±{fixed(half, places)}",))
+        return Cell(short(value.value, places), () if half is None else (f"±{short(half, places)}",))
 
     return cell
 
@@ -185,9 +185,10 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     nees = score.metrics.get("nees")
     if nees is None or nees.verdict is None:
         return Cell(NOT_AVAILABLE)
+    assert nees.value is not None
     off = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word in NAMED]
     details = tuple(text for text in (nees.words, *off) if text)
-    return Cell(fixed(nees.value, 1), details, TONE.get(nees.verdict, ""))
+    return Cell(mean_text(nees.value), details, TONE.get(nees.verdict, ""))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
