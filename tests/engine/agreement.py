@@ -19,7 +19,8 @@ from trackbench.trackers.filtered import FilterTracker
 
 KINDS = ("radar", "lidar", "speed_radar")
 NEAR_TRUTH = {"from": "truth", "position_sigma_m": 0.5, "velocity_sigma_mps": 0.5}
-STATES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6}
+#: Process noise that fits the circles: of innovations that are 30 times as large as stated, rounding is so too.
+DIAGONALS = {"cv": [0.01, 0.01, 0.25, 0.25], "ca": [0.01] * 6, "ctrv": [0.01] * 5, "ctra": [0.01] * 6}
 
 
 def of_modes(filter: str, *models: str, **options: Any) -> dict[str, Any]:
@@ -32,7 +33,7 @@ def _with_diagonals() -> Iterator[tuple[str, dict[str, Any]]]:
     for name, keys in TRACKERS.items():
         motion = str(keys["motion"])
         rest = {key: value for key, value in keys.items() if key not in NOISE[motion]}
-        yield f"{name}-diagonal", {**rest, "process_noise_diag": [0.01] * STATES[motion]}
+        yield f"{name}-diagonal", {**rest, "process_noise_diag": DIAGONALS[motion]}
 
 
 #: Every filter with every motion model, each also with a stated process noise, and several models together.

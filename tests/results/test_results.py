@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from trackbench import results
 from trackbench.base import files
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.results import SCHEMA_VERSION, MetricValue, Result, folder, to_json
+from trackbench.results import SCHEMA_VERSION, MetricValue, Result, by_value, folder, to_json
 from trackbench.results.declared import LABELLED
 
 
@@ -322,3 +323,11 @@ def test_measurements_without_their_arrival_are_none_of_a_run(tiny_result: Resul
     pq.write_table(pq.read_table(file).drop_columns(["arrival_time_s"]), file)
     with pytest.raises(InputError, match="no column arrival_time_s"):
         _ = results.Result.load(tmp_path / "run").tables.measurements
+
+
+def test_values_that_differ_by_rounding_are_in_the_order_of_the_scenario() -> None:
+    rest = {"far": 1.0 + 1e-6, "near": 0.5, "failed": math.inf, "lost": math.inf}
+    for kf, ekf in ((1.0, 1.0 + 4e-16), (1.0 + 4e-16, 1.0), (1.0, 1.0)):
+        assert by_value({"kf": kf, "ekf": ekf, **rest}) == ["near", "kf", "ekf", "far", "failed", "lost"]
+        assert by_value({"ekf": ekf, "kf": kf, **rest}) == ["near", "ekf", "kf", "far", "failed", "lost"]
+    assert by_value({}) == []

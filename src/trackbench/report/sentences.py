@@ -13,6 +13,7 @@ from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import value_text
 from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
+from trackbench.results.metric_value import by_value
 
 #: The parts of T-GOSPA, in words.
 PARTS = {
@@ -163,7 +164,7 @@ def other_switch_costs(result: Result) -> str:
         return stated
     others = []
     for path, factor in SWITCH_COSTS.items():
-        by_cost = sorted(ranked, key=lambda name: (_value(result[name], path) or 0.0, ranked.index(name)))
+        by_cost = by_value({name: _value(result[name], path) or 0.0 for name in ranked})
         if by_cost != ranked:
             order = f": {', '.join(by_cost)}" if len(ranked) <= MOST_DRAWN else ""
             others.append(f"With {factor * costs:g} s the order is another{order}.")

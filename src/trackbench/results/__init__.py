@@ -13,7 +13,7 @@ from trackbench.results.folder import (
     write_file,
     write_text,
 )
-from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict
+from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
 from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.scenario_summary import TruthSummary
 from trackbench.results.summary import (
@@ -47,6 +47,7 @@ __all__ = [
     "TrackerResult",
     "TruthAudit",
     "TruthSummary",
+    "by_value",
     "difference_table",
     "require_file",
     "require_replaceable",

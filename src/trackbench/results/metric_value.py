@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from trackbench.base.errors import InputError, nearest
 
 Json = dict[str, Any]
+K = TypeVar("K")
+#: Values that differ by less, relative to the larger, differ by rounding, which is another's in each engine.
+ROUNDING = 1e-9
 
 
 class ResultModel(BaseModel):
@@ -132,3 +136,13 @@ def nested_metrics(flat: Mapping[str, Any]) -> Json:
             node = node.setdefault(group, {})
         node[name] = entry
     return nested
+
+
+def by_value(values: Mapping[K, float]) -> list[K]:
+    """The keys by their values, the least first; those that differ by rounding alone as they stand in the mapping."""
+    least: dict[K, float] = {}
+    value = first = math.nan
+    for key in sorted(values, key=values.__getitem__):
+        first = first if math.isclose(values[key], value, rel_tol=ROUNDING) else values[key]
+        least[key], value = first, values[key]
+    return sorted(values, key=least.__getitem__)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from trackbench.base.errors import counted
-from trackbench.results.metric_value import ResultModel
+from trackbench.results.metric_value import ResultModel, by_value
 from trackbench.results.truth_audit import TruthAudit
 
 #: None where a truth was not audited; such a ``Truth`` has an empty mapping.
@@ -38,7 +38,7 @@ class SceneSummary(ResultModel):
     @property
     def order(self) -> list[str]:
         """The trackers by their error in this scene, the best first."""
-        return sorted(self.error, key=self.error.__getitem__)
+        return by_value(self.error)
 
 
 class TruthSummary(ResultModel):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
-from trackbench.results import Failure, MetricValue
+from trackbench.results import Failure, MetricValue, by_value
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Work
@@ -44,8 +44,7 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     enough = [name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
-    ranked = sorted(values, key=lambda name: (values[name], list(sums).index(name)))
-    return Evaluated(failures, evaluations, ranked, scores)
+    return Evaluated(failures, evaluations, by_value(values), scores)
 
 
 def _evaluated_tracks(
@@ -55,7 +54,7 @@ def _evaluated_tracks(
     evaluations = {name: _evaluation_of_tracks(work, blocks) for name, blocks in outcomes.items()}
     ranked = list(evaluations)
     if all(work.headline in evaluation.intervals for evaluation in evaluations.values()):
-        ranked.sort(key=lambda name: evaluations[name].intervals[work.headline].value)
+        ranked = by_value({name: evaluations[name].intervals[work.headline].value for name in ranked})
     return Evaluated(failures, evaluations, ranked, tracks=outcomes)
 
 

@@ -122,7 +122,7 @@ def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int
     }
     half_width = best = second = None
     if len(errors) >= 2:
-        best, second = sorted(errors, key=lambda name: errors[name].value)[:2]
+        best, second = [*errors][:2]
         ci95 = paired(errors[best], errors[second]).ci95
         if ci95 is not None and errors[best].value != 0.0:
             half_width = (ci95[1] - ci95[0]) / 2 / errors[best].value

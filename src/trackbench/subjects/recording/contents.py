@@ -22,6 +22,7 @@ from trackbench.results import (
     Summary,
     Tables,
     TrackerResult,
+    by_value,
     sensor_words,
 )
 from trackbench.results.columns import split
@@ -156,7 +157,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
         reference=references.pop() if len(references) == 1 else "reference",
-        ranking="\n".join(ranked(name, runs, sorted(trackers, key=_error))),
+        ranking="\n".join(ranked(name, runs, _by_error(trackers))),
         about="\n".join([*lines, *legend(trackers, sensors)]),
     )
 
@@ -170,9 +171,10 @@ def _named(name: str, label: str) -> str:
     return f"{name} ({label})"
 
 
-def _error(tracker: TrackerResult) -> float:
-    value = None if tracker.failed is not None else tracker.position_rmse.value
-    return float("inf") if value is None else value
+def _by_error(trackers: Sequence[TrackerResult]) -> list[TrackerResult]:
+    values = [None if tracker.failed is not None else tracker.position_rmse.value for tracker in trackers]
+    order = by_value({i: float("inf") if value is None else value for i, value in enumerate(values)})
+    return [trackers[i] for i in order]
 
 
 def _joined(tables: Mapping[str, pa.Table], column: str) -> pa.Table:
