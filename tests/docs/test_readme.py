@@ -28,6 +28,7 @@ def test_the_tracker_of_the_readme_works(
 ) -> None:
     code = next(block.text for block in fenced(README) if "class AlphaBeta" in block.text)
     assert len(code.splitlines()) <= 30
+    assert code == (ROOT / "docs" / "examples" / "alpha_beta.py").read_text(encoding="utf-8")
     namespace: dict[str, Any] = {}
     exec(code, namespace)
     check_tracker(namespace["AlphaBeta"], alpha=0.3)

@@ -1,8 +1,6 @@
-"""A scene in which an honest tracker starts a moment later than another: README's, from the first measurement on."""
+"""A scene in which an honest tracker starts a moment later than another, which does from the first measurement on."""
 
 from pathlib import Path
-
-from tests.support.places import ROOT
 
 SCENE = """
 name: silence
@@ -31,10 +29,41 @@ expect:
 """
 
 
+#: Of fixed gains and a fixed covariance, which is far too large.
+TRACKER = """
+import numpy as np
+
+
+class AlphaBeta:
+    def __init__(self, alpha=0.25, beta=0.05):
+        self.alpha, self.beta = alpha, beta
+
+    def step(self, state, scan):
+        if state is None:
+            position, velocity, time = self.position(scan), np.zeros(2), scan.time
+        else:
+            position, velocity, time = state
+            dt = scan.time - time
+            position, time = position + dt * velocity, scan.time
+            if scan.valid:
+                innovation = self.position(scan) - position
+                position = position + self.alpha * innovation
+                velocity = velocity + self.beta / max(dt, 0.05) * innovation
+        return (position, velocity, time), (np.concatenate([position, velocity]), np.diag([1.0, 1.0, 9.0, 9.0]))
+
+    def position(self, scan):
+        if scan.kind == "radar":
+            distance, azimuth = scan.measurement[:2]
+            x, y = distance * np.cos(azimuth), distance * np.sin(azimuth)
+        else:
+            x, y = scan.measurement
+        sx, sy, yaw = scan.sensor_pose
+        return np.array([sx + np.cos(yaw) * x - np.sin(yaw) * y, sy + np.sin(yaw) * x + np.cos(yaw) * y])
+"""
+
+
 def write_scene(folder: Path) -> Path:
-    """The scene, and beside it the tracker of the README."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    code = next(code for code in readme.split("```python")[1:] if "class AlphaBeta" in code).split("```")[0]
-    (folder / "alpha_beta.py").write_text(code)
+    """The scene, and beside it the tracker."""
+    (folder / "alpha_beta.py").write_text(TRACKER)
     (folder / "scene.yaml").write_text(SCENE)
     return folder / "scene.yaml"
