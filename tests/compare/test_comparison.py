@@ -19,6 +19,7 @@ from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_colours
 from trackbench.report.comparison.document import batch_files, comparison_files, document
 from trackbench.report.comparison.figures import rank_figure
+from trackbench.report.numbers import reach
 from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20
@@ -189,6 +190,41 @@ def test_equal_trackers_have_no_lead() -> None:
     found = compare([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
     assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
     assert "fair and good share the best mean rank, 1.50." in markdown(found)
+
+
+@pytest.mark.parametrize(
+    ("rmse", "first"),
+    [
+        ({"good": 0.5, "fair": 0.501}, "No two trackers are shown to differ in mean rank."),
+        (
+            {"good": 0.5, "fair": 0.502, "poor": 0.9},
+            "Only poor is shown to differ: it has a worse mean rank than every other.",
+        ),
+        (
+            {"good": 0.5, "fair": 0.7, "poor": 0.9},
+            "Shown to have a worse mean rank: fair than good; poor than every other.",
+        ),
+    ],
+)
+def test_what_is_shown_is_said_first(rmse: dict[str, float], first: str) -> None:
+    found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
+    assert f"# Comparison of trackers\n\n{first} {len(rmse)} trackers over 10 scenarios." in markdown(found)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "expected"),
+    [
+        ((0.90, 1.10), "±0.10"),
+        ((0.90, 1.12), "±0.11"),
+        ((0.90, 1.13), "0.90 to 1.13"),
+        ((0.60, 1.10), "0.60 to 1.10"),
+        (None, ""),
+    ],
+)
+def test_an_interval_with_unequal_halves_is_written_by_its_ends(
+    bounds: tuple[float, float] | None, expected: str
+) -> None:
+    assert reach(1.0, bounds, 2) == expected
 
 
 def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:

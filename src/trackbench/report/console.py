@@ -95,9 +95,11 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
         width = max(map(len, means))
         styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
+        # Both words fit 80 columns in this form; a note below has the whole one.
+        words = [m.words.replace(", heavy-tailed", ", heavy") for m in metrics]
         return [
-            Text.assemble((f"{mean:>{width}}", ""), (f" {m.words}" if m.words else "", style))
-            for mean, m, style in zip(means, metrics, styles, strict=True)
+            Text.assemble((f"{mean:>{width}}", ""), (f" {word}" if word else "", style))
+            for mean, word, style in zip(means, words, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
     halves = [half_width(metric.ci95) if path == "position_rmse" else None for metric in metrics]

@@ -8,6 +8,10 @@ from collections.abc import Iterable, Sequence
 from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
+#: By how much the longer half of an interval may be longer than the other and be written as ±.
+UNSYMMETRIC = 0.25
+#: What is beside a value in a table.
+REACH = f"half of its 95 % interval, or with its ends where one half is more than {100 * UNSYMMETRIC:g} % longer"
 
 
 def decimals(values: Iterable[float | None], significant: int = 3) -> int:
@@ -45,6 +49,17 @@ def short(value: float | None, places: int) -> str:
 def interval(bounds: Sequence[float] | None, places: int) -> str:
     """ "0.41 to 0.43", or nothing where there is no interval."""
     return f"{short(bounds[0], places)} to {short(bounds[1], places)}" if bounds else ""
+
+
+def reach(value: float | None, bounds: Sequence[float] | None, places: int) -> str:
+    """ "±0.006", or "0.10 to 0.13" where one half of the interval is longer than the other by more than
+    ``UNSYMMETRIC``; nothing where there is no interval."""
+    if value is None or not bounds:
+        return ""
+    halves = value - bounds[0], bounds[1] - value
+    if max(halves) > (1.0 + UNSYMMETRIC) * min(halves):
+        return interval(bounds, places)
+    return f"±{short(half_width(bounds), places)}"
 
 
 def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:

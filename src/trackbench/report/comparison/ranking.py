@@ -12,11 +12,11 @@ from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, short
+from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, joined, reach, short
 from trackbench.report.tables import TONE
 
 _RANKED = (
-    "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "
+    f"With {REACH}. Bold: the best of the scenario, and every tracker that was not shown to be worse "
     "than it by more than the margin (paired over runs; 5 % in each scenario, Holm over its pairs)."
 )
 _NEES = (
@@ -43,10 +43,11 @@ _OF_TRACKS = {
 
 
 def lead(comparison: Comparison) -> str:
-    """What was compared, who is ahead, and how certain that is."""
+    """Which trackers are shown to differ, what was compared, who is ahead, and how certain that is."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
-    compared = f"{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}. "
-    if shared := [" and ".join([", ".join(names[:-1]), names[-1]]) for names in sets if len(names) > 1]:
+    compared = f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over "
+    compared += f"{counted(len(comparison.scenarios), 'scenario')}. "
+    if shared := [joined(names) for names in sets if len(names) > 1]:
         count = counted(len(sets), "set")
         compared = f"{compared[:-2]} in {count} of scenes: {'; '.join(shared)} share theirs, and count as one. "
     if len(ranking) < 2:
@@ -65,6 +66,24 @@ def lead(comparison: Comparison) -> str:
         shown = "shown" if all(item.shown for item in rivals) else "not shown"
         certainty = f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
     return f"{compared}{first.tracker} has the best mean rank, {ranks}. {certainty}"
+
+
+def _shown(comparison: Comparison) -> str:
+    """Whose mean ranks are shown to be worse than whose: "Only raw is shown to differ: it has a worse mean rank than
+    every other. "; nothing where there are too few sets for a claim."""
+    names = [item.tracker for item in competitors(comparison)]
+    if len(names) < 2 or len(comparison.sets_of_scenes) < fewest_sets(len(names)):
+        return ""
+    pairs = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
+    better = {name: [other for other in names[:i] if {name, other} in pairs] for i, name in enumerate(names)}
+    worse = {name: others for name, others in better.items() if others}
+    if not worse:
+        return "No two trackers are shown to differ in mean rank. "
+    texts = {name: "every other" if len(of) == len(names) - 1 else joined(of) for name, of in worse.items()}
+    if len(worse) == 1:
+        ((name, text),) = texts.items()
+        return f"Only {name} is shown to differ: it has a worse mean rank than {text}. "
+    return f"Shown to have a worse mean rank: {'; '.join(f'{name} than {text}' for name, text in texts.items())}. "
 
 
 def blocks(
@@ -96,7 +115,7 @@ def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
     position = matrix("position", "position_rmse", _ranked("position_rmse"))
     yield Section("Position RMSE, m", (Paragraph(_RANKED), position, reference_figure(comparison)))
     velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
-    yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
+    yield Section("Velocity RMSE, m/s", (Paragraph(f"With {REACH}."), velocity))
     yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
 
 
@@ -164,8 +183,7 @@ def _plain(metric: str) -> _ToCell:
         value = score.metrics.get(metric)
         if value is None:
             return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
-        half = half_width(value.ci95)
-        return Cell(short(value.value, places), () if half is None else (f"±{short(half, places)}",))
+        return Cell(short(value.value, places), tuple(filter(None, [reach(value.value, value.ci95, places)])))
 
     return cell
 

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.verdicts import named, what_is_off
+from trackbench.report.numbers import reach
 from trackbench.results import (
     MOST_DRAWN,
     ExpectationResult,
@@ -317,12 +318,9 @@ def _row(tracker: TrackerResult) -> str:
 
 
 def with_interval(metric: MetricValue) -> str:
-    """The value with half the width of its 95 % interval, to the same decimals."""
+    """The value with half of its 95 % interval, or with its ends, to the same decimals."""
     value = number(metric.value)
-    if metric.ci95 is None:
-        return value
-    places = len(value.partition(".")[2])
-    return f"{value} ±{(metric.ci95[1] - metric.ci95[0]) / 2:.{places}f}"
+    return " ".join(filter(None, [value, reach(metric.value, metric.ci95, len(value.partition(".")[2]))]))
 
 
 def _expectation(item: ExpectationResult) -> str:
