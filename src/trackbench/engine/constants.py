@@ -339,7 +339,8 @@ def _of_library(value: Any) -> bool:
     if isinstance(value, np.ufunc):
         return True
     if isinstance(value, BuiltinFunctionType) and not isinstance(value.__self__, ModuleType):
-        return False
+        # Named tuples are made by it.
+        return bool(value == tuple.__new__)
     if not (isinstance(value, FunctionType | BuiltinFunctionType | type) or type(value) is type(np.sum)):
         return False
     path = value.__globals__.get("__name__") if isinstance(value, FunctionType) else value.__module__

@@ -21,7 +21,7 @@ from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
-from trackbench.engine.user_equations import MEMBERS, Comparisons, user_sources
+from trackbench.engine.user_equations import MEMBERS, MEMBERS_AT_FIRST, Comparisons, user_sources
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
@@ -102,8 +102,7 @@ class Kernels:
         outputs, held = _run(plan, plan.kernel, values)
         count = 0
         if plan.of_user and id(plan.kernel) not in self._compared:
-            # What was just made is compared for all members.
-            count = plan.members
+            count = MEMBERS_AT_FIRST
             self._compared.add(id(plan.kernel))
         elif plan.of_user and self.comparisons.due(id(plan.kernel)):
             count = MEMBERS

@@ -18,8 +18,8 @@ SHARE = 0.02
 AGREEMENT = 1e-6
 #: A difference is rounding where it is no larger than what NumPy makes of inputs that differ by so much, times so much.
 ROUNDING, AMPLIFIED = 1e-14, 100.0
-#: How many members are compared at once.
-MEMBERS = 64
+#: How many members are compared at once, and by what was just made.
+MEMBERS, MEMBERS_AT_FIRST = 64, 256
 
 
 def is_user_type(kind: type) -> bool:
