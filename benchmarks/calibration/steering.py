@@ -11,7 +11,7 @@ from highway_env.vehicle.controller import ControlledVehicle
 from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway
-from trackbench.truth.environment import Recorder
+from trackbench.truth.environment import Control, Recorder
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 from trackbench.truth.sources import HighwayTruth
 
@@ -43,8 +43,8 @@ class Observed(Recorder):
     lane_changes: int
     bodies: dict[int, Any]
 
-    def __init__(self, env: Any) -> None:
-        super().__init__(env)
+    def __init__(self, env: Any, control: Control | None = None) -> None:
+        super().__init__(env, control)
         self.offsets, self.bodies, self.lane_changes = [], {}, 0
         self._lanes: dict[int, Any] = {}
         made.append(self)

@@ -16,8 +16,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 66_661
-MOST_FILES = 387
+MOST_LINES = 67_031
+MOST_FILES = 389
 
 
 def lines_of(file: Path) -> int:

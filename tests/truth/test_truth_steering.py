@@ -16,19 +16,11 @@ from highway_env.vehicle.controller import ControlledVehicle
 from trackbench.base.types import Array, Truth
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway, simulated
-from trackbench.truth.environment import SteeredVehicle, limit_steering
+from trackbench.truth.environment import SteeredVehicle, steered
 from trackbench.truth.sources import HighwayTruth
 
 RATE = math.radians(30)
 DT = 0.05
-
-
-class OneCar:
-    """An environment of one car."""
-
-    def __init__(self, road: Road, vehicle: ControlledVehicle) -> None:
-        self.road = road
-        road.vehicles.append(vehicle)
 
 
 def drive(network: RoadNetwork, kind: Any, steps: int, rate: float | None = RATE, **start: Any) -> dict[str, Array]:
@@ -36,9 +28,9 @@ def drive(network: RoadNetwork, kind: Any, steps: int, rate: float | None = RATE
     road = Road(network, np_random=np.random.RandomState(0))
     car = kind.make_on_lane(road, ("a", "b", 0), 0, speed=start["speed"])
     car.target_speed = start["speed"]
-    env = OneCar(road, car)
+    road.vehicles.append(car)
     if rate is not None:
-        limit_steering(env, rate)
+        steered(rate)(car, 0)
     found: dict[str, list[float]] = {"steering": [], "course": [], "offset": [], "speed": []}
     for step in range(steps):
         if step == round(1 / DT) and len(network.graph["a"]["b"]) > 1:
@@ -102,8 +94,8 @@ def test_a_kind_of_vehicle_keeps_its_behaviour_and_attributes() -> None:
     road = Road(straight(), np_random=np.random.RandomState(0))
     car = IDMVehicle.make_on_lane(road, ("a", "b", 0), 0, speed=20.0)
     before = dict(vars(car))
-    env = OneCar(road, car)
-    limit_steering(env, RATE)
+    road.vehicles.append(car)
+    steered(RATE)(car, 0)
     road.act()
     road.step(DT)
     assert isinstance(car, SteeredVehicle)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -115,60 +115,103 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
     action: dict[str, float]
     #: rad/s.
     STEERING_RATE = math.inf
+    #: Largest acceleration across, m/s^2.
+    GRIP = math.inf
     TAU_HEADING = 0.5
     TAU_LATERAL = 1.5
+    #: Where it wants to be, to the side of the lane's centre, m.
+    lane_offset_wanted = 0.0
 
     def step(self, dt: float) -> None:
         if not self.crashed:
-            now = getattr(self, "steering", 0.0)
-            most = self.STEERING_RATE * dt
-            self.steering = now + float(np.clip(self._wanted(now, dt) - now, -most, most))
-            self.action = {**self.action, "steering": self.steering}
+            self.action = {**self.action, **self.controls(dt)}
         super().step(dt)
+
+    def controls(self, dt: float) -> dict[str, float]:
+        """Those that it sets itself in the step of ``dt`` s: the steering angle, rad."""
+        now = getattr(self, "steering", 0.0)
+        most = self.STEERING_RATE * dt
+        self.steering = now + float(np.clip(self._wanted(now, dt) - now, -most, most))
+        return {"steering": self.steering}
+
+    def steering_control(self, target_lane_index: Any) -> float:
+        """Not asked of the original's controller, since ``controls`` replaces it."""
+        return 0.0
 
     def _wanted(self, steering: float, dt: float) -> float:
         """The steering angle with which the course turns as the target lane asks for, rad."""
         lane = self.road.network.get_lane(self.target_lane_index)
         along, offset = lane.local_coordinates(self.position)
         ahead = self._lane_heading(along + self.speed * self.TAU_HEADING)
+        offset -= self.lane_offset_wanted
         back = math.asin(float(np.clip(-offset / self.TAU_LATERAL / not_zero(self.speed), -1.0, 1.0)))
         slip = math.atan(0.5 * math.tan(steering))
         wanted = ahead + float(np.clip(back, -math.pi / 4, math.pi / 4))
-        course_rate = wrap_to_pi(wanted - self.heading - slip) / self.TAU_HEADING
+        fastest = self.GRIP / abs(not_zero(self.speed))
+        course_rate = max(-fastest, min(fastest, wrap_to_pi(wanted - self.heading - slip) / self.TAU_HEADING))
         # The course turns with the heading, which the slip angle turns, and with the slip angle itself.
         slip += dt * (course_rate - self.speed * math.sin(slip) / (self.LENGTH / 2))
         limit = math.atan(0.5 * math.tan(self.MAX_STEERING_ANGLE))
         return math.atan(2.0 * math.tan(float(np.clip(slip, -limit, limit))))
 
-    def _lane_heading(self, along: float) -> float:
-        """The heading of the target lane, or of those after it, at a distance from its start, m."""
+    def lanes_ahead(self) -> Iterator[tuple[Any, Any]]:
+        """The index of the target lane and of those after it on the route, each with the lane."""
         network, index = self.road.network, self.target_lane_index
         route = list(self.route or ())
-        lane = network.get_lane(index)
-        while along > lane.length:
+        while True:
+            lane = network.get_lane(index)
+            yield index, lane
             following = network.next_lane(index, route=route, position=lane.position(lane.length, 0))
             if following == index:
+                return
+            index = following
+
+    def _lane_heading(self, along: float) -> float:
+        """The heading of the target lane, or of those after it, at a distance from its start, m."""
+        lanes = self.lanes_ahead()
+        _, lane = next(lanes)
+        while along > lane.length:
+            _, following = next(lanes, (None, None))
+            if following is None:
                 break
             along -= lane.length
-            index, lane = following, network.get_lane(following)
+            lane = following
         return float(lane.heading_at(along))
 
 
-def limit_steering(env: Any, rate: float) -> None:
-    """From now on let every vehicle that follows lanes steer at ``rate`` (rad/s) at most, those to come included."""
-    road_step = env.road.step
-    steered: dict[type[Any], type[Any]] = {}
+#: What is done to a vehicle when it appears, with its number: the ego's is 0.
+Control = Callable[[Any, int], None]
 
-    def step(dt: float) -> None:
-        for vehicle in env.road.vehicles:
-            kind = type(vehicle)
-            if isinstance(vehicle, ControlledVehicle) and not isinstance(vehicle, SteeredVehicle):
-                if kind not in steered:
-                    steered[kind] = type(f"Steered{kind.__name__}", (SteeredVehicle, kind), {"STEERING_RATE": rate})
-                vehicle.__class__ = steered[kind]
-        road_step(dt)
 
-    env.road.step = step
+def steered(rate: float) -> Control:
+    """Let every vehicle that follows lanes steer at ``rate`` (rad/s) at most."""
+    kinds = Kinds(SteeredVehicle, STEERING_RATE=rate)
+
+    def control(vehicle: Any, _: int) -> None:
+        if isinstance(vehicle, ControlledVehicle):
+            kinds.change(vehicle)
+
+    return control
+
+
+class Kinds:
+    """Classes of vehicles with another one mixed in, one for each class; highway-env's own stay as they are.
+
+    Args:
+        mixed: the class that goes first.
+        attributes: of the class that is made.
+    """
+
+    def __init__(self, mixed: type[Any], **attributes: Any) -> None:
+        self._mixed, self._attributes = mixed, attributes
+        self._made: dict[type[Any], type[Any]] = {}
+
+    def change(self, vehicle: Any) -> None:
+        """Give a vehicle its new class."""
+        kind = type(vehicle)
+        if kind not in self._made:
+            self._made[kind] = type(f"{self._mixed.__name__}{kind.__name__}", (self._mixed, kind), self._attributes)
+        vehicle.__class__ = self._made[kind]
 
 
 def at_instants(truth: Truth, stepped: Mask) -> Truth:
@@ -212,24 +255,36 @@ def _before(values: Array) -> Array:
 
 
 class Recorder:
-    """Stands in for ``road.step`` and notes, at the start of each step, every vehicle on the road."""
+    """Stands in for ``road.step`` and notes, at the start of each step, every vehicle on the road.
 
-    def __init__(self, env: Any) -> None:
+    Args:
+        env: the environment.
+        control: called with each vehicle that appears, before its first step.
+    """
+
+    def __init__(self, env: Any, control: Control | None = None) -> None:
         self.frames: list[dict[int, tuple[float, ...]]] = []
         self._env = env
-        self._bodies: list[Any] = [env.vehicle]
-        self._numbers = {id(env.vehicle): 0}
+        self._control = control
+        self._bodies: list[Any] = []
+        self._numbers: dict[int, int] = {}
         self._clock: dict[int, float] = {}
         self._step: Callable[[float], None] = env.road.step
         env.road.step = self
+        for vehicle in (env.vehicle, *env.road.vehicles):
+            self._number(vehicle)
 
     def __call__(self, dt: float) -> None:
         vehicles = list(self._env.road.vehicles)
+        numbers = [self._number(vehicle) for vehicle in vehicles]
         before = [(*v.position, v.heading, v.speed, *v.velocity, v.crashed) for v in vehicles]
         self._step(dt)
         # Steering is what this step used, so it is read after the step has clipped it.
         self.frames.append(
-            {self._number(v): (*state, float(v.action["steering"])) for v, state in zip(vehicles, before, strict=True)}
+            {
+                number: (*state, float(v.action["steering"]))
+                for number, v, state in zip(numbers, vehicles, before, strict=True)
+            }
         )
 
     def note_clock(self) -> None:
@@ -240,6 +295,8 @@ class Recorder:
         if id(vehicle) not in self._numbers:
             self._numbers[id(vehicle)] = len(self._bodies)
             self._bodies.append(vehicle)  # keeps it alive, so that no other can take its id
+            if self._control is not None:
+                self._control(vehicle, self._numbers[id(vehicle)])
         return self._numbers[id(vehicle)]
 
     def result(self, steps: int, dt: float) -> Frames:

@@ -36,7 +36,8 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.controller import ControlledVehicle
     from highway_env.vehicle.kinematics import Vehicle
 
-    from trackbench.truth.environment import Recorder, at_instants, complete, limit_steering
+    from trackbench.truth.drivers import Traffic
+    from trackbench.truth.environment import Control, Recorder, at_instants, complete, steered
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
@@ -89,9 +90,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     with _isolated():
         env = _prepare(config)
-        if config.steering_rate_degps is not None:
-            limit_steering(env, math.radians(config.steering_rate_degps))
-        recorder = Recorder(env)
+        recorder = Recorder(env, _control(env, config))
         action = _neutral(env.action_type)
         ended = None
         try:
@@ -125,6 +124,8 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
     unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
+    if config.drivers_vary is None:
+        unused.add("drivers")
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
@@ -137,6 +138,16 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     audited = audit(truth, config.audit, stated, ended_early)
     result = at_instants(audited, by_euler(audited))
     return replace(result, audit={**result.audit, "velocity_jumps": summarised(result).model_dump(mode="json")})
+
+
+def _control(env: AbstractEnv, config: HighwayOptions) -> Control | None:
+    """What is done to each vehicle when it appears; None where it stays as the environment makes it."""
+    rate, drivers = config.steering_rate_degps, config.drivers_vary
+    if drivers is not None:
+        return Traffic(
+            env, drivers if rate is None else drivers.model_copy(update={"steering_rate_degps": rate}), config
+        )
+    return None if rate is None else steered(math.radians(rate))
 
 
 def _fixed(at: FixedObserver, steps: int) -> Observer:
@@ -160,6 +171,8 @@ def _prepare(config: HighwayOptions) -> AbstractEnv:
         ) from error
     if config.ego == "idm":
         _let_idm_drive(env, config.env)
+    if config.drivers_vary is not None and not any(isinstance(vehicle, IDMVehicle) for vehicle in env.road.vehicles):
+        raise InputError(f"{config.env} has no driver who follows a lane; write steady", key="truth.drivers")
     return env
 
 

@@ -66,8 +66,10 @@ def _read(config: HighwayOptions) -> LoadedTruth | None:
 
 
 def _key(config: HighwayOptions) -> str:
+    drivers = config.drivers_vary
     meaning = {
-        "config": config.model_dump(mode="json"),
+        "config": config.model_dump(mode="json", exclude=set() if drivers else {"drivers"}),
+        **({"drivers": drivers.model_dump(mode="json")} if drivers else {}),
         "versions": {package: version(package) for package in PACKAGES},
         "format": FORMAT,
     }

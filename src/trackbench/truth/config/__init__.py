@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from trackbench.truth.config.drivers import HUMAN, Drivers
 from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
 from trackbench.truth.config.recording import FixedObserver, MovingObserver, RecordingOptions
 from trackbench.truth.config.scripted import ScriptedOptions
 
 __all__ = [
+    "HUMAN",
+    "Drivers",
     "FixedObserver",
     "HighwayOptions",
     "IdTargets",

@@ -20,6 +20,7 @@ from trackbench.base.config import (
     shape,
 )
 from trackbench.truth.base import MAX_SCENES, SteppedTruth
+from trackbench.truth.config.drivers import HUMAN, Drivers, DriversChoice
 from trackbench.truth.config.recording import FixedObserver
 
 LARGEST_SEED = 2**32 - 1
@@ -120,6 +121,11 @@ class HighwayOptions(SteppedTruth):
         description="Largest rate at which the front wheels of all vehicles turn, degrees per second. Unless given "
         "they turn in no time, as highway-env's do, and velocities jump.",
     )
+    drivers: DriversChoice = Field(
+        "steady",
+        description="How the drivers vary: not at all (steady, as highway-env's do), as fitted to recorded traffic "
+        "(human), or as stated.",
+    )
     sizes: VehicleSizes | None = Field(
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
     )
@@ -135,6 +141,11 @@ class HighwayOptions(SteppedTruth):
     @property
     def scene_name(self) -> str:
         return f"seed {self.seed}"
+
+    @property
+    def drivers_vary(self) -> Drivers | None:
+        """How; None where they are steady."""
+        return None if self.drivers == "steady" else HUMAN if self.drivers == "human" else self.drivers
 
     def scenes(self) -> Sequence[Self]:
         if self.seeds is None:

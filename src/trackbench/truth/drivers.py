@@ -1,0 +1,201 @@
+"""Drivers of highway-env's vehicles who vary, so that those behind them react."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+from highway_env.vehicle.behavior import IDMVehicle
+
+from trackbench.base.streams import stream
+from trackbench.base.units import wrap_angle
+from trackbench.truth.config import Drivers, HighwayOptions
+from trackbench.truth.environment import Kinds, SteeredVehicle, steered
+
+#: Below this speed the acceleration that a driver adds fades, so that who stands still does, m/s.
+FADES_BELOW_MPS = 2.0
+#: With which a driver brakes for a bend ahead, m/s^2.
+COMFORTABLE_BRAKING_MPS2 = 2.0
+#: Between the headings of which a lane's curvature is taken, m.
+SPACING_M = 2.0
+
+
+class GaussMarkov:
+    """A first-order Gauss-Markov process (Ornstein-Uhlenbeck), stationary from the start.
+
+    Its autocorrelation is ``sigma^2 exp(-|t| / time_s)``. Sampled exactly at any step ``dt``:
+    ``x <- k x + sigma sqrt(1 - k^2) w`` with ``k = exp(-dt / time_s)`` and ``w ~ N(0, 1)``
+    (Maybeck, Stochastic Models, Estimation, and Control, volume 1, section 4.11).
+    """
+
+    def __init__(self, sigma: float, time_s: float, dt: float, random: np.random.Generator) -> None:
+        self._keep = math.exp(-dt / time_s)
+        self._drive = sigma * math.sqrt(1.0 - self._keep**2)
+        self._random = random
+        self.value = sigma * random.standard_normal()
+
+    def advance(self) -> float:
+        """The value one step later."""
+        self.value = self._keep * self.value + self._drive * self._random.standard_normal()
+        return self.value
+
+
+def lateral_gain(time_s: float) -> float:
+    """RMS distance of a car from the lane's centre, over that of the Gauss-Markov process that its driver steers for.
+
+    The car follows the process ``w`` by ``y'' + a y' + b y = b w`` with ``a = 1 / TAU_HEADING`` and
+    ``b = a / TAU_LATERAL``. The variance of the output is an integral of its spectrum (Newton, Gould and Kaiser,
+    Analytical Design of Linear Feedback Controls, appendix E): ``b (a + c) / (a (b + a c + c^2))`` of that of ``w``,
+    with ``c = 1 / time_s``.
+    """
+    a, c = 1.0 / SteeredVehicle.TAU_HEADING, 1.0 / time_s
+    b = a / SteeredVehicle.TAU_LATERAL
+    return math.sqrt(b * (a + c) / (a * (b + a * c + c**2)))
+
+
+class Driver:
+    """What is one driver's own.
+
+    Args:
+        options: of all drivers.
+        dt: the step of the simulation, s.
+        seed: of the traffic.
+        number: of the vehicle, by its appearance.
+    """
+
+    def __init__(self, options: Drivers, dt: float, seed: int, number: int) -> None:
+        def own(purpose: str) -> np.random.Generator:
+            return stream(seed, "drivers", number, purpose)
+
+        self.options = options
+        self.acceleration = GaussMarkov(
+            options.acceleration_rms_mps2, options.acceleration_time_s, dt, own("acceleration")
+        )
+        wanted = options.wander_m / lateral_gain(options.wander_time_s)
+        self.wander = GaussMarkov(wanted, options.wander_time_s, dt, own("wander"))
+        # Within two standard deviations: nobody wants to drive at half the speed of the others.
+        deviation = float(np.clip(own("speed").standard_normal(), -2.0, 2.0))
+        self.speed_factor = 1.0 + options.speed_spread * deviation
+        self.headway = None
+        if options.headway_s is not None:
+            least, most = options.headway_s
+            self.headway = own("headway").uniform(least, most)
+        self._seen = deque([0.0] * (round(options.reaction_s / dt) + 1), maxlen=round(options.reaction_s / dt) + 1)
+
+    def reacts_to(self, seen: float) -> float:
+        """What was seen ``reaction_s`` ago, and note what is seen now."""
+        self._seen.append(seen)
+        return self._seen[0]
+
+
+class HumanVehicle(SteeredVehicle):
+    """A vehicle with a driver who varies. What the road asks of it is felt at once, the vehicle ahead later."""
+
+    driver: Driver
+    #: Largest speed in the bends of each lane that has some, by index, m/s.
+    BENDS: dict[Any, float]
+    last_acceleration = 0.0
+
+    @property
+    def target_speed(self) -> float:
+        """The desired speed: that of the model times the driver's own factor, m/s."""
+        return float(self.__dict__["target_speed"] * self.driver.speed_factor)
+
+    @target_speed.setter
+    def target_speed(self, value: float) -> None:
+        self.__dict__["target_speed"] = value
+
+    def controls(self, dt: float) -> dict[str, float]:
+        """Steering angle, rad, and acceleration, m/s^2."""
+        driver, options = self.driver, self.driver.options
+        self.lane_offset_wanted = driver.wander.advance()
+        slip_before = self._slip()
+        controls = super().controls(dt)
+
+        alone = max(-self.ACC_MAX, self.acceleration(self, None))
+        # With a desired speed of zero the model would creep.
+        alone = min(alone, self.KP_A * max(0.0, self.target_speed - self.speed))
+        seen = driver.reacts_to(min(0.0, self.action["acceleration"] - alone))
+        if self.BENDS:
+            alone = min(alone, self.KP_A * (self.speed_for_bends() - self.speed))
+        wanted = alone + seen + driver.acceleration.advance() * min(1.0, abs(self.speed) / FADES_BELOW_MPS)
+        if options.jerk_mps3 is not None:
+            most = options.jerk_mps3 * dt
+            wanted = max(self.last_acceleration - most, min(self.last_acceleration + most, wanted))
+        turning = (self._slip() - slip_before) / dt + self.speed * math.sin(slip_before) / (self.LENGTH / 2)
+        across = self.speed * turning
+        most = min(self.ACC_MAX, math.sqrt(max(0.0, self.GRIP**2 - across**2)))
+        wanted = max(-most, min(most, wanted))
+        if self.speed >= 0.0:
+            # Brakes do not push backwards.
+            wanted = max(wanted, -self.speed / dt)
+        self.last_acceleration = wanted
+        return {**controls, "acceleration": wanted}
+
+    def _slip(self) -> float:
+        """The course minus the heading, rad."""
+        return math.atan(0.5 * math.tan(getattr(self, "steering", 0.0)))
+
+    def speed_for_bends(self) -> float:
+        """The largest speed from which the driver can brake for each bend in comfort, m/s."""
+        lanes = self.lanes_ahead()
+        index, lane = next(lanes)
+        distance = -lane.local_coordinates(self.position)[0]
+        slowest = math.inf
+        reach = self.speed**2 / (2.0 * COMFORTABLE_BRAKING_MPS2)
+        while True:
+            if index in self.BENDS:
+                ahead = 2.0 * COMFORTABLE_BRAKING_MPS2 * max(0.0, distance)
+                slowest = min(slowest, math.sqrt(self.BENDS[index] ** 2 + ahead))
+            distance += lane.length
+            if distance > reach:
+                return slowest
+            index, lane = next(lanes, (None, None))
+            if index is None:
+                return slowest
+
+
+class Traffic:
+    """Gives each vehicle that appears its driver.
+
+    Args:
+        env: the environment, reset.
+        options: of the drivers.
+        config: of the simulation.
+    """
+
+    def __init__(self, env: Any, options: Drivers, config: HighwayOptions) -> None:
+        self._env, self._options, self._seed, self._dt = env, options, config.seed, 1.0 / config.rate_hz
+        bends = {} if options.cornering_mps2 is None else bend_speeds(env.road.network, options.cornering_mps2)
+        rate = math.radians(options.steering_rate_degps)
+        grip = math.inf if options.grip_mps2 is None else options.grip_mps2
+        self._kinds = Kinds(HumanVehicle, STEERING_RATE=rate, GRIP=grip, BENDS=bends)
+        self._steered = steered(rate)
+
+    def __call__(self, vehicle: Any, number: int) -> None:
+        if not isinstance(vehicle, IDMVehicle):
+            self._steered(vehicle, number)
+            return
+        vehicle.driver = Driver(self._options, self._dt, self._seed, number)
+        if vehicle.driver.headway is not None:
+            vehicle.TIME_WANTED = vehicle.driver.headway
+        self._kinds.change(vehicle)
+        if self._env.steps == 0 and vehicle.BENDS:
+            # Of those that are there at the start some are in a bend, faster than tyres allow.
+            vehicle.speed = min(vehicle.speed, vehicle.speed_for_bends())
+
+
+def bend_speeds(network: Any, across_mps2: float) -> dict[Any, float]:
+    """By the index of each lane that bends, the speed with which its sharpest bend takes ``across_mps2``, m/s."""
+    speeds = {}
+    for start, ends in network.graph.items():
+        for end, lanes in ends.items():
+            for number, lane in enumerate(lanes):
+                along = np.linspace(0.0, lane.length, max(2, math.ceil(lane.length / SPACING_M) + 1))
+                heading = np.array([lane.heading_at(at) for at in along])
+                curvature = float(np.abs(wrap_angle(np.diff(heading))).max() / (along[1] - along[0]))
+                if curvature > 1e-6:
+                    speeds[start, end, number] = math.sqrt(across_mps2 / curvature)
+    return speeds
