@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -105,6 +105,10 @@ benchmark: $(VENV)/.installed-dev
 OLD ?= HEAD
 same-numbers: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.same_numbers $(OLD)
+
+# A radar with typical effects beside the real one of comma2k19, which TRACKBENCH_DATA has: results/radar.
+radar: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.radar
 
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev

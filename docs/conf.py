@@ -18,7 +18,15 @@ exclude_patterns = ["site"]
 #: The menu: by heading, the pages in their order.
 MENU = {
     "Start": ["Quick start <self>", "tour", "traffic"],
-    "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
+    "Scenarios": [
+        "scenario-file",
+        "truth",
+        "own-log",
+        "sensors",
+        "sensor-effects",
+        "traffic-sensing",
+        "sensor-presets",
+    ],
     "Trackers": [
         "motion-models",
         "filters",

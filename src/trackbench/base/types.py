@@ -8,7 +8,7 @@ SI units and radians throughout; angles are counter-clockwise.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -273,12 +273,28 @@ class Truth:
     """What the audit found and did, as it goes into the result (JSON values only)."""
     target: Mask = field(default_factory=lambda: np.ones(0, dtype=bool))
     """``(objects,)``: whether tracks of it are wanted; all unless given."""
+    hiders: Truth | None = None
+    """With known identities: the objects that are no targets and hide them from sensors with ``occlusion``."""
     known: bool = True
     """False where a recording has measurements alone: no object is known then."""
 
     def __post_init__(self) -> None:
         if len(self.target) != len(self.ids):
             object.__setattr__(self, "target", np.ones(len(self.ids), dtype=bool))
+
+    def with_hiders(self) -> Truth:
+        """Its targets alone, and what else there is as ``hiders``."""
+        rest = ~self.target
+        return replace(self._of(self.target), hiders=self._of(rest)) if rest.any() else self
+
+    def _of(self, chosen: Mask) -> Truth:
+        motion = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
+        return replace(
+            self,
+            ids=tuple(name for name, kept in zip(self.ids, chosen, strict=True) if kept),
+            **{name: getattr(self, name)[:, chosen] for name in motion},
+            **{name: getattr(self, name)[chosen] for name in ("length", "width", "target")},
+        )
 
     @property
     def vx(self) -> Array:

@@ -70,6 +70,12 @@ def _sensors() -> Iterator[Row]:
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
 
+def _sensor_effects() -> Iterator[Row]:
+    from trackbench.models.sensors.effects import EFFECTS
+
+    return _plugins(EFFECTS, lambda effect: _options(effect, without=("type",)))
+
+
 def _truth_sources() -> Iterator[Row]:
     from trackbench.truth import TRUTH_SOURCES
 
@@ -124,6 +130,7 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "filters": _filters,
     "motion-models": _motion_models,
     "sensors": _sensors,
+    "sensor-effects": _sensor_effects,
     "truth-sources": _truth_sources,
     "metrics": _metrics,
     "envs": _envs,

@@ -349,6 +349,9 @@ def sensors(result: Result) -> Table:
         (Column("mount", pose, left=True), [Cell(sensor_words.mount(sensor)) for sensor in sensors]),
         (Column("detections, %", rates), [Cell(_percents(sensor.detection_rate)) for sensor in sensors]),
     ]
+    if any(sensor.effects for sensor in sensors):
+        differs = Column("effects", "how it differs from an ideal sensor with white noise", left=True)
+        columns.insert(4, (differs, [Cell(sensor_words.effects(sensor)) for sensor in sensors]))
     if any(sensor.latency_s[1] > 0 for sensor in sensors):
         late = Column("latency, s", "from a measurement to its arrival at the trackers")
         columns.insert(3, (late, [Cell(sensor_words.latency(sensor)) for sensor in sensors]))

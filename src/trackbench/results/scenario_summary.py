@@ -101,6 +101,8 @@ class SensorSummary(ResultModel):
     """Share of the scans with an object in view that gave a measurement of it."""
     latency_s: tuple[float, float] = (0.0, 0.0)
     """The least and the most time from a measurement to its arrival."""
+    effects: tuple[str, ...] = ()
+    """How it differs from an ideal sensor, in the order in which they act."""
 
 
 class ReferenceSummary(ResultModel):
@@ -111,8 +113,8 @@ class ReferenceSummary(ResultModel):
     """
 
     kind: Literal["bound", "reference"]
-    """bound: the targets do move so, and no tracker can be expected to have smaller errors. reference: they move in
-    another way, and a tracker can have smaller errors."""
+    """bound: the targets do move so and the noise is as stated, and no tracker can be expected to have smaller errors.
+    reference: they move in another way, or a sensor has effects, and a tracker can have smaller errors."""
     motion: str
     acceleration_sigma_mps2: float
     """Standard deviation per axis."""

@@ -23,3 +23,8 @@ def mount(sensor: SensorSummary) -> str:
 def latency(sensor: SensorSummary) -> str:
     """Of its scans, s, such as "0.1" or, drawn, "0.05 to 0.2"."""
     return " to ".join(dict.fromkeys(f"{end:g}" for end in sensor.latency_s))
+
+
+def effects(sensor: SensorSummary) -> str:
+    """How it differs from an ideal one, such as "reflection, correlated errors"."""
+    return ", ".join(name.replace("_", " ") for name in sensor.effects) or "none"

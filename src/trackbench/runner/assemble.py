@@ -177,8 +177,9 @@ def _scene_share(work: Work, evaluation: Evaluation) -> float | None:
 
 
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:
+    affected = any(sensor.config.effects for sensor in work.scenes[0].sensors)
     return ReferenceSummary(
-        kind="bound" if work.acceleration_as_drawn else "reference",
+        kind="bound" if work.acceleration_as_drawn and not affected else "reference",
         motion="cv",
         acceleration_sigma_mps2=work.acceleration,
         acceleration_from="truth" if stated_acceleration is None else "scenario",
@@ -217,6 +218,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
             preset=config.preset,
             detection_rate=float(detected / seen) if seen > 0 else None,
             latency_s=config.latency,
+            effects=tuple(effect.type for effect in config.effects),
         )
     return summaries
 

@@ -90,6 +90,7 @@ def nearer(scene: Scene) -> list[IdealSensor]:
             measurement=sensor.config.measure(
                 moved[:, sensor.steps], sensor.pose[:, :, None, None], sensor.velocity[:, :, None, None]
             ),
+            bodies=sensor.bodies and replace(sensor.bodies, target=moved[:, sensor.steps]),
         )
         for sensor in scene.sensors
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from trackbench.base.config.key_units import show, split_key
 from trackbench.metrics import Field
 from trackbench.metrics.registry import METRICS, metric_paths
 from trackbench.models.motion import MOTION_MODELS
+from trackbench.models.sensors.effects import EFFECTS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.schema import REFERENCE, Schema, json_schema
 from trackbench.trackers.config import FilterConfig
@@ -66,7 +68,7 @@ def scenario_markdown() -> str:
     for section in list(EXAMPLES)[1:]:
         blocks += [f"## {section}", _example(section), *_described(schema["properties"][section], "", parts, described)]
         if section == "sensors":
-            blocks.append(_presets())
+            blocks += [*_effects(), _presets()]
         if section == "trackers":
             blocks += [_motion_models(), _trackers(), *_declared(parts, described)]
         if section == "expect":
@@ -200,6 +202,17 @@ def _declared(parts: Schema, described: set[str]) -> Iterator[str]:
         yield _table(options)
         for key, value in options["properties"].items():
             yield from _described(value, key, parts, described)
+
+
+def _effects() -> Iterator[str]:
+    yield "### `effects` of a sensor"
+    yield "What they do, and which are typical: [sensor effects](sensor-effects.md)."
+    for name, effect in EFFECTS.loaded().items():
+        schema = effect.model_json_schema()
+        del schema["properties"]["type"]
+        yield f"#### `{name}`"
+        yield inspect.cleandoc(schema["description"])
+        yield _table(schema)
 
 
 def _presets() -> str:

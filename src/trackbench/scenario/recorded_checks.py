@@ -17,7 +17,16 @@ if TYPE_CHECKING:
     from trackbench.scenario.config import ScenarioConfig
 
 #: Keys of a sensor that say when and what it would read; recorded measurements are taken as they are.
-SYNTHETIC = ("rate_hz", "phase_s", "detection_probability", "detection", "occlusion", "clutter", "resolution")
+SYNTHETIC = (
+    "rate_hz",
+    "phase_s",
+    "detection_probability",
+    "detection",
+    "occlusion",
+    "clutter",
+    "resolution",
+    "effects",
+)
 
 
 def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:

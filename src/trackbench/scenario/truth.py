@@ -44,11 +44,17 @@ def truths_of(
 
 
 def source_of(loaded: Scenario) -> TruthSource:
-    """The source of the truth: with hidden identities, of every object that a sensor may reach."""
+    """The source of the truth: with hidden identities or occlusion, of every object that a sensor may reach."""
     config = loaded.config
-    if config.sensing.identities == "known":
+    if config.sensing.identities == "known" and not _hides(loaded):
         return config.truth
     return config.truth.with_all_objects(min(reach(config.sensors.values()), LARGEST["length"]))
+
+
+def _hides(loaded: Scenario) -> bool:
+    """Whether objects that are no targets may hide those that are."""
+    config = loaded.config
+    return config.sensing.identities == "known" and any(sensor.occlusion for sensor in config.sensors.values())
 
 
 class PendingTruths:
@@ -78,7 +84,7 @@ class PendingTruths:
     def _begun(self, source: TruthSource, executor: Executor) -> LoadedTruth | Future[LoadedTruth]:
         stored = source.stored()
         if stored is not None:
-            return stored
+            return _as_sensed(stored, _hides(self._loaded))
         load = Task(_Load.made, _Load.of(self._loaded, source), own_folder(self._loaded))
         return (self._here if source.quick else executor).submit(load, Here(self._advance))
 
@@ -108,15 +114,21 @@ class _Load:
     draw: Draw
     folder: Path
     kinds: dict[str, str]
+    hides: bool
 
     @classmethod
     def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
         config = loaded.config
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
         kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-        return cls(source, draw, loaded.path.resolve().parent, kinds)
+        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded))
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
         with at_work(plugins_among(self.source)):
-            return self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
+            loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
+        return _as_sensed(loaded, self.hides)
+
+
+def _as_sensed(loaded: LoadedTruth, hides: bool) -> LoadedTruth:
+    return loaded._replace(truth=loaded.truth.with_hiders()) if hides else loaded

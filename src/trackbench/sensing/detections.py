@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,17 @@ from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import ClutterPlace
-from trackbench.sensing.scans import IdealSensor, arrivals, make_read_only, measured, scan_at, with_noise
+from trackbench.sensing.scans import (
+    IdealSensor,
+    affected,
+    arrivals,
+    as_given,
+    effect_stream,
+    make_read_only,
+    measured,
+    scan_at,
+    with_noise,
+)
 from trackbench.sensing.view import field_of_view, silent
 
 
@@ -116,12 +126,26 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
     if clutter.per_scan:
         random = stream(seed, scenario, run, f"clutter of {name}")
         instant = _instants(sensor, clutter.per_scan, random)
-        measurement = sensor.config.uniform(random.random((len(sensor.noise_covariance), len(instant))))
+        shares = random.random((len(sensor.noise_covariance), len(instant)))
+        measurement = as_given(sensor.config, sensor.config.uniform(shares))
         result.append(FalseAlarms(instant, measurement, random.random(len(instant))))
     for i, place in enumerate(clutter.places, 1):
         result.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
+    if sensor.bodies is not None:
+        result += _of_effects(sensor, seed, scenario, run)
     heard = ~silent(sensor.config, sensor.time)
     return [_where(alarms, heard[alarms.instant]) for alarms in result]
+
+
+def _of_effects(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Iterator[FalseAlarms]:
+    sensed = affected(sensor, seed, scenario, run)
+    for place, effect in enumerate(sensor.config.effects):
+        alarms = effect.alarms(sensed, effect_stream(sensor, place, seed, scenario, run))
+        if alarms is not None:
+            instant, ideal = alarms
+            random = stream(seed, scenario, run, f"false alarms of effect {place} of {sensor.name}")
+            measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
+            yield FalseAlarms(instant, measurement, random.random(len(instant)))
 
 
 def _where(alarms: FalseAlarms, kept: Mask) -> FalseAlarms:

@@ -13,6 +13,7 @@ from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
+from trackbench.models.sensors.effects import Bodies, Sensed
 from trackbench.sensing.view import (
     detection_probability,
     firing_steps,
@@ -53,6 +54,8 @@ class IdealSensor:
     resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
+    bodies: Bodies | None = None
+    """What it sees, of a sensor that has effects."""
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
     detections: RecordedDetections | None = None
@@ -151,6 +154,7 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
     probability = detection_probability(truth, steps, config, pose, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
+    bodies = Bodies(target, truth.heading[steps], truth.yaw_rate[steps], truth.length, truth.width)
     return IdealSensor(
         name,
         config,
@@ -164,6 +168,7 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
         velocity,
         noise,
         polar=None if config.resolution is None else seen,
+        bodies=bodies if config.effects else None,
     )
 
 
@@ -189,6 +194,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
         in_view=within,
         probability=np.broadcast_to(1.0, within.shape),
         polar=None,
+        bodies=None,
         cycle_starts=first,
         recorded=True,
     )
@@ -208,8 +214,13 @@ def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[A
     ideal, visible = sensor.measurement[..., of_run], sensor.visible[..., of_run]
     random = stream(seed, scenario, run, sensor.name)
     draws, chance = random.standard_normal(ideal.shape), random.random(visible.shape)
-    detected = visible & (chance < sensor.probability[..., of_run])
     with at_work(plugins_among(sensor.config)):
+        if sensor.bodies is None:
+            detected = visible & (chance < sensor.probability[..., of_run])
+        else:
+            sensed = affected(sensor, seed, scenario, run)
+            detected = visible & (chance < sensed.probability)
+            ideal, draws = difference(sensed.ideal(), -sensed.error, sensor.config.angular), draws * sensed.scale
         if sensor.recorded:
             detected = detected & np.isfinite(ideal).all(axis=0)
             noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
@@ -218,11 +229,44 @@ def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[A
     return np.where(detected, noisy, np.nan), detected
 
 
+def affected(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Sensed:
+    """One run of a sensor that has effects, before its white noise."""
+    assert sensor.bodies is not None
+    of_run = run if sensor.visible.shape[-1] > 1 else 0
+    visible, probability = sensor.visible[..., of_run], sensor.probability[..., of_run]
+    sensed = Sensed(
+        sensor.config,
+        sensor.time,
+        sensor.pose,
+        sensor.velocity,
+        sensor.bodies.of_run(run),
+        visible,
+        probability,
+        np.ones(visible.shape),
+        np.zeros((len(sensor.noise_covariance), *visible.shape)),
+    )
+    for place, effect in enumerate(sensor.config.effects):
+        sensed = effect.before(sensed, effect_stream(sensor, place, seed, scenario, run))
+    return sensed
+
+
+def effect_stream(sensor: IdealSensor, place: int, seed: int, scenario: str, run: int) -> np.random.Generator:
+    """What an effect, the ``place``-th of the sensor, draws from in one run: for each of its methods from the start."""
+    return stream(seed, scenario, run, f"effect {place} of {sensor.name}")
+
+
 def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
     """Measurements ``(m, ...)`` with the sensor's noise, from ``draws`` of a standard normal, and its bias."""
     own = (slice(None), *(None,) * (ideal.ndim - 1))
     error = draws * np.array(config.sigmas())[own] + np.array(config.biases())[own]
-    return difference(ideal, -error, config.angular)
+    return as_given(config, difference(ideal, -error, config.angular))
+
+
+def as_given(config: Sensor, measurement: Array) -> Array:
+    """Measurements ``(m, ...)`` as the sensor gives them."""
+    for effect in config.effects:
+        measurement = effect.after(measurement, config)
+    return measurement
 
 
 def _stacked(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Indices, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
+from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 
 if TYPE_CHECKING:
     from trackbench.sensing.scans import IdealSensor
@@ -95,27 +96,35 @@ def crosses(start: Array, end: Array, half_length: Array | float, half_width: Ar
 
 
 def _occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
-    px, py, heading = truth.px[steps], truth.py[steps], truth.heading[steps]
-    c, s = np.cos(heading), np.sin(heading)
+    px, py, c, s = _placed(truth, steps)
     half_length, half_width = truth.length / 2, truth.width / 2
     ahead, left = (POINTS[:, i, None, None, None] * half[:, None] for i, half in enumerate((half_length, half_width)))
     x, y = px + c * ahead - s * left, py + s * ahead + c * left
     ox, oy = (np.broadcast_to(values[None, :, None, None], x.shape) for values in origin)
     blocked = np.zeros(x.shape, dtype=bool)
-    for other in range(len(truth.ids)):
-        cx, cy, co, so = (values[:, other, None] for values in (px, py, c, s))
-        start, end = (
-            np.stack([co * (a - cx) + so * (b - cy), co * (b - cy) - so * (a - cx)]) for a, b in ((ox, oy), (x, y))
-        )
-        crossed = crosses(start, end, half_length[other], half_width[other])
-        crossed &= truth.alive[steps, other][:, None, None]
-        crossed[:, :, other] = False
-        blocked |= crossed
+    for others in (truth, truth.hiders):
+        if others is None:
+            continue
+        placed = _placed(others, steps)
+        for other in range(len(others.ids)):
+            cx, cy, co, so = (values[:, other, None] for values in placed)
+            start, end = (
+                np.stack([co * (a - cx) + so * (b - cy), co * (b - cy) - so * (a - cx)]) for a, b in ((ox, oy), (x, y))
+            )
+            crossed = crosses(start, end, others.length[other] / 2, others.width[other] / 2)
+            crossed &= others.alive[steps, other][:, None, None]
+            if others is truth:
+                crossed[:, :, other] = False
+            blocked |= crossed
     return np.asarray(blocked.all(axis=0))
 
 
-#: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
-FALSE_ALARM_PROBABILITY = 1e-6
+def _placed(truth: Truth, steps: Indices) -> tuple[Array, Array, Array, Array]:
+    """``(instants, objects, runs or 1)`` x, y, and cosine and sine of the heading."""
+    heading = truth.heading[steps]
+    return truth.px[steps], truth.py[steps], np.cos(heading), np.sin(heading)
+
+
 #: How much farther than any sensor's range an object may hide others, m.
 MARGIN_M = 10.0
 
@@ -159,16 +168,11 @@ def in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, 
 
 
 def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Array, seen: Array) -> Array:
-    """``(instants, objects, runs or 1)`` probability that an object in view is detected; ``seen`` from ``polar``.
-
-    Source of the curve by range: Swerling (1954), "Probability of detection for fluctuating targets", case 1, where
-    ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to ``range^-4``.
-    """
+    """``(instants, objects, runs or 1)`` probability that an object in view is detected; ``seen`` from ``polar``."""
     factors, distance = config.detection, seen[0]
     probability: Array = np.broadcast_to(config.detection_probability, distance.shape)
     if factors.half_range_m is not None:
-        at_half = np.log(FALSE_ALARM_PROBABILITY) / np.log(0.5) - 1.0
-        signal = at_half * (factors.half_range_m / distance) ** 4
+        signal = signal_ratio(distance, factors.half_range_m)
         probability = probability * FALSE_ALARM_PROBABILITY ** (1.0 / (1.0 + signal))
     if factors.by_range is not None:
         probability = probability * np.interp(distance, *np.transpose(factors.by_range))

@@ -27,10 +27,13 @@ from trackbench.base.config import (
     reject,
 )
 from trackbench.base.config.key_units import in_si, split_key
+from trackbench.base.config.plugin import Plugin
 from trackbench.base.errors import nearest
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
+from trackbench.models.sensors.effects import EFFECTS, Effect
+from trackbench.models.sensors.effects.presets import WORDS, Words, typical
 from trackbench.models.sensors.presets import presets
 
 #: A time for which a measurement is on its way, s.
@@ -116,6 +119,11 @@ class Sensor(Config, ABC):
     resolution: Resolution | None = Field(
         None, description="The cell in which two vehicles give one measurement; every vehicle has its own unless given."
     )
+    effects: Annotated[list[Annotated[Effect, Plugin(EFFECTS, "type")]], Words()] = Field(
+        default_factory=list,
+        description="How it differs from an ideal sensor with white noise: nothing (`ideal`), what is `typical` of its "
+        "kind, or a list of effects, which act in this order.",
+    )
     states: StatedDetection = Field(
         default_factory=StatedDetection,
         description="What it tells trackers where that is not what is simulated, to study wrong figures.",
@@ -133,6 +141,8 @@ class Sensor(Config, ABC):
         if not isinstance(data, dict):
             return data
         kind = data.get("type") or cls.kind()
+        if data.get("effects") in WORDS:
+            data = {**data, "effects": typical(kind) if data["effects"] == "typical" else []}
         if not isinstance(data.get("preset"), str):
             return {"type": kind, **data}
         of_kind = {name: preset for name, preset in presets().items() if preset.kind == kind}
@@ -158,6 +168,9 @@ class Sensor(Config, ABC):
         least, most = self.latency
         if least > most:
             yield Problem(("latency_s",), f"the least comes first: [{most:g}, {least:g}]")
+        for i, effect in enumerate(self.effects):
+            for problem in effect.problems_on(self):
+                yield Problem(("effects", i, *problem.at), problem.message)
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 

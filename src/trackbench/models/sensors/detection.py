@@ -5,13 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem
+from trackbench.base.types import Array
+
+#: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
+FALSE_ALARM_PROBABILITY = 1e-6
 
 Row = Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+def signal_ratio(distance: Array, half_range_m: float) -> Array:
+    """``(...)`` mean signal-to-noise ratio at distances in m: by the radar equation, and such that half of the targets
+    at ``half_range_m`` are detected.
+
+    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1, where
+    ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to ``range^-4``.
+    """
+    at_half = np.log(FALSE_ALARM_PROBABILITY) / np.log(0.5) - 1.0
+    return np.asarray(at_half * (half_range_m / distance) ** 4)
 
 
 class DetectionFactors(Config):

@@ -1,0 +1,168 @@
+"""What an effect of a sensor is."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from trackbench.base.config import Config, Problem
+from trackbench.base.config.key_units import in_si, split_key, unit_of
+from trackbench.base.errors import nearest
+from trackbench.base.plugins import Registry, lacks_class
+from trackbench.base.types import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    from trackbench.models.sensors.base import Sensor
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """What a sensor sees at its instants: points that move, and the boxes around them.
+
+    Each ``(instants, objects)``, and with a last axis of runs until one is taken.
+    """
+
+    target: Array
+    """``(4, instants, objects)`` x, y, vx, vy in the fixed frame, of the centre unless moved."""
+    heading: Array
+    """rad."""
+    yaw_rate: Array
+    """rad/s."""
+    length: Array
+    """``(objects,)`` m."""
+    width: Array
+    """``(objects,)`` m."""
+
+    def of_run(self, run: int) -> Bodies:
+        """Those of one run; where the motion is the same in every run, of all."""
+        run = run if self.heading.shape[-1] > 1 else 0
+        return replace(
+            self, target=self.target[..., run], heading=self.heading[..., run], yaw_rate=self.yaw_rate[..., run]
+        )
+
+    def seen_from(self, pose: Array) -> Array:
+        """``(2, instants, objects)`` where a sensor of pose ``(3, instants)`` is, ahead and to the left of each, m."""
+        dx, dy = pose[0][:, None] - self.target[0], pose[1][:, None] - self.target[1]
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        return np.stack([c * dx + s * dy, c * dy - s * dx])
+
+    def moved(self, ahead: Array, left: Array) -> Bodies:
+        """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        x, y = c * ahead - s * left, s * ahead + c * left
+        shift = np.stack([x, y, -self.yaw_rate * y, self.yaw_rate * x])
+        return replace(self, target=self.target + shift)
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """One run of one sensor, before its white noise is added."""
+
+    sensor: Sensor
+    time: Array
+    """``(instants,)`` s."""
+    pose: Array
+    """``(3, instants)``."""
+    velocity: Array
+    """``(2, instants)``."""
+    bodies: Bodies
+    """The points that are measured."""
+    visible: Mask
+    """``(instants, objects)``."""
+    probability: Array
+    """``(instants, objects)`` that an object that is visible is detected."""
+    scale: Array
+    """``(instants, objects)`` standard deviation of the white noise over that of the sensor's options."""
+    error: Array
+    """``(m, instants, objects)`` what is added beside the white noise, in SI units and radians."""
+
+    def replaced(self, **values: Any) -> Sensed:
+        """With other values of these fields."""
+        return replace(self, **values)
+
+    def ideal(self) -> Array:
+        """``(m, instants, objects)`` what the sensor reads of the points without any error."""
+        return self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None])
+
+    def sigmas(self) -> Array:
+        """``(m, 1, 1)`` standard deviations of the sensor's options, in SI units and radians."""
+        return np.array(self.sensor.sigmas())[:, None, None]
+
+
+class Effect(Config, ABC):
+    """Something that a real sensor does. The fields of a subclass are its options in a scenario.
+
+    Effects act in the order in which a sensor lists them. Each draws from a stream of its own.
+    """
+
+    type: str = Field("", description="The effect.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, data: Any) -> Any:
+        return {"type": EFFECTS.name_of(cls), **data} if isinstance(data, dict) else data
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        """What is wrong with its options on this sensor."""
+        yield from ()
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        """What is changed before the white noise is added."""
+        return sensed
+
+    def after(self, measurement: Array, sensor: Sensor) -> Array:
+        """Measurements ``(m, instants, objects)`` as the sensor gives them."""
+        return measurement
+
+    def alarms(self, sensed: Sensed, random: np.random.Generator) -> tuple[Indices, Array] | None:
+        """Further detections, which belong to no object: numbers of their instants ``(n,)`` and measurements ``(m, n)``
+        without white noise. They matter with hidden identities alone."""
+        return None
+
+
+#: The effects by the names that scenarios use.
+EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor effect", lacks_class(Effect))
+
+
+def by_component(sizes: Mapping[str, float], sensor: Sensor) -> Array:
+    """``(m,)`` sizes in SI units and radians from keys such as ``azimuth_deg``; 0 where none is stated."""
+    stated = {split_key(key)[0]: in_si(key, value) for key, value in sizes.items()}
+    return np.array([stated.get(name, 0.0) for name in sensor.components])
+
+
+def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor) -> Iterator[Problem]:
+    """Keys that are no component of the sensor with a unit of its quantity."""
+    units = dict(zip(sensor.components, map(unit_of, sensor.units), strict=True))
+    usual = {"length": "m", "angle": "deg", "speed": "mps"}
+    names = [f"{name}_{usual[unit.quantity]}" for name, unit in units.items() if unit]
+    for name in sizes:
+        component, unit = split_key(name)
+        measured = units.get(component)
+        if unit is None or measured is None or measured.quantity != unit.quantity:
+            yield Problem((key, name), f"is no component of a {sensor.kind()} with its unit; {nearest(name, names)}")
+
+
+def gauss_markov(time: Array, time_s: float, white: Array) -> Array:
+    """A stationary first-order Gauss-Markov process of unit variance, with autocorrelation ``exp(-|t| / time_s)``.
+
+    Source: Gelb (1974), "Applied Optimal Estimation", section 3.8. Summed by doubling, all instants at once.
+
+    Args:
+        time: ``(instants,)`` s, increasing.
+        time_s: the time constant, s.
+        white: ``(instants, ...)`` draws of a standard normal.
+    """
+    decay = np.concatenate([[0.0], np.exp(-np.diff(time) / time_s)]).reshape(-1, *(1,) * (white.ndim - 1))
+    value: Array = white * np.sqrt(1.0 - decay * decay)
+    shift = 1
+    while shift < len(time) and decay.any():
+        value[shift:] = value[shift:] + decay[shift:] * value[:-shift]
+        decay[shift:] = decay[shift:] * decay[:-shift]
+        decay[:shift] = 0.0
+        shift *= 2
+    return value

@@ -1,0 +1,84 @@
+"""Errors that are not white: constant over a run, slowly changing, and periodic in the azimuth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import Angle, NonNegative, Positive, Problem
+from trackbench.base.types import Array
+from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems, gauss_markov
+
+if TYPE_CHECKING:
+    from trackbench.models.sensors.base import Sensor
+
+
+class CorrelatedErrors(Effect):
+    """A part of the sensor's noise that changes slowly, a first-order Gauss-Markov process for each vehicle.
+
+    The variance of each measurement stays that of the options; only its errors at different instants are correlated.
+    """
+
+    share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
+    time_s: Positive = Field(description="Time constant of the process, s.")
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        instants, objects = sensed.scale.shape
+        white = random.standard_normal((instants, len(sensed.error), objects))
+        slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white), 1, 0)
+        error = sensed.error + np.sqrt(self.share) * sensed.sigmas() * sensed.scale * slow
+        return sensed.replaced(error=error, scale=np.sqrt(1.0 - self.share) * sensed.scale)
+
+
+class Bias(Effect):
+    """An error that is drawn once for a run and stays: a mount that is off, a clock that is late."""
+
+    sigmas: dict[str, NonNegative] = Field(
+        min_length=1, description="Standard deviation by component, such as `azimuth_deg: 0.3`."
+    )
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        sigmas = by_component(self.sigmas, sensed.sensor)
+        constant = sigmas * random.standard_normal(len(sigmas))
+        return sensed.replaced(error=sensed.error + constant[:, None, None])
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        return component_problems("sigmas", self.sigmas, sensor)
+
+
+class AzimuthRipple(Effect):
+    """An error that is periodic in the azimuth, as of an antenna behind a bumper; its phase is drawn once a run."""
+
+    amplitude_deg: Angle = Field(description="Largest error, degrees.")
+    period_deg: float = Field(gt=0, le=360, description="Period in azimuth, degrees.")
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        place = sensed.sensor.components.index("azimuth")
+        phase = 2.0 * np.pi * random.random()
+        error = sensed.error.copy()
+        turns = sensed.ideal()[place] / np.deg2rad(self.period_deg)
+        error[place] += np.deg2rad(self.amplitude_deg) * np.sin(2.0 * np.pi * turns + phase)
+        return sensed.replaced(error=error)
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        if "azimuth" not in sensor.components:
+            yield Problem(("type",), f"a {sensor.kind()} measures no azimuth; remove it")
+
+
+class Quantised(Effect):
+    """Measurements are given in whole steps."""
+
+    steps: dict[str, Positive] = Field(min_length=1, description="Step by component, such as `range_m: 0.2`.")
+
+    def after(self, measurement: Array, sensor: Sensor) -> Array:
+        step = by_component(self.steps, sensor)
+        result = measurement.copy()
+        for i in np.flatnonzero(step):
+            result[i] = step[i] * np.rint(measurement[i] / step[i])
+        return result
+
+    def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
+        return component_problems("steps", self.steps, sensor)

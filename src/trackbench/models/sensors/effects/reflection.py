@@ -1,0 +1,60 @@
+"""Where on a body a sensor measures it."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import NonNegative, Positive
+from trackbench.models.sensors.effects.base import Effect, Sensed, gauss_markov
+
+
+class Reflection(Effect):
+    """A radar's point of reflection: on the line from the centre to the nearest point of the box, and wandering.
+
+    The range rate is that of the point, to which a turn of the body gives a velocity of its own.
+    """
+
+    toward_sensor: float = Field(
+        0,
+        ge=0,
+        le=1,
+        description="Share of the way from the centre of the vehicle's box (0) to its point nearest to the sensor (1); "
+        "less than 1 where the sensor corrects for the size of a car.",
+    )
+    along_m: NonNegative = Field(0, description="Standard deviation of its wandering along the vehicle, m.")
+    across_m: NonNegative = Field(0, description="Standard deviation of its wandering across the vehicle, m.")
+    time_s: Positive = Field(1, description="Time constant of the wandering (Gauss-Markov), s.")
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        bodies = sensed.bodies
+        half = np.stack([bodies.length, bodies.width])[:, None] / 2
+        nearest = np.clip(bodies.seen_from(sensed.pose), -half, half)
+        white = random.standard_normal((len(sensed.time), 2, nearest.shape[-1]))
+        wander = np.moveaxis(gauss_markov(sensed.time, self.time_s, white), 1, 0)
+        ahead, left = self.toward_sensor * nearest + wander * np.array([self.along_m, self.across_m])[:, None, None]
+        return sensed.replaced(bodies=bodies.moved(ahead, left))
+
+
+class Faces(Effect):
+    """A lidar's view of a box: the mean of the points on the faces that it sees, as many as the face looks wide."""
+
+    share: float = Field(
+        1,
+        gt=0,
+        le=1,
+        description="Share of the way from the centre of the box to that mean; less than 1 where the sensor corrects "
+        "for the size of a car.",
+    )
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        bodies = sensed.bodies
+        half = np.stack(np.broadcast_arrays(bodies.length / 2, bodies.width / 2))[:, None]
+        sensor = bodies.seen_from(sensed.pose)
+        beyond = np.abs(sensor) > half
+        # A face of half width w, seen from an offset d beyond it at range r, looks 2 w d / r wide, about.
+        wide = np.where(beyond, half[::-1] * np.abs(sensor), 0.0)
+        total = wide.sum(axis=0)
+        weight = np.divide(wide, total, out=np.zeros_like(wide), where=total > 0)
+        ahead, left = self.share * weight * half * np.sign(sensor)
+        return sensed.replaced(bodies=bodies.moved(ahead, left))

@@ -1,0 +1,60 @@
+"""Signal-to-noise ratio: how well and how surely a radar detects what it sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import Positive, Problem
+from trackbench.base.types import Array
+from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
+from trackbench.models.sensors.effects.base import Effect, Sensed
+
+
+class SignalToNoise(Effect):
+    """Detection and accuracy from one signal-to-noise ratio: of range, aspect and a cross-section that fluctuates.
+
+    The received power P is drawn anew for each scan (Swerling 1). A vehicle is detected where it exceeds the threshold
+    of a false alarm probability of 1e-6. The variances are those of the sensor's options times
+    ``share + (1 - share) P0 / P`` with the mean power P0 at ``stated_at_m``.
+
+    Source: Swerling (1954), "Probability of detection for fluctuating targets", case 1; Barton (2005), "Radar System
+    Analysis and Modeling", section 8.1: the error of an estimate falls with the root of the ratio.
+    """
+
+    half_range_m: Positive = Field(
+        description="Range at which half of the vehicles that show their front or rear are detected, m."
+    )
+    stated_at_m: Positive = Field(
+        description="Range at which the sensor's standard deviations are those at the mean power, m."
+    )
+    constant_share: float = Field(
+        0, ge=0, le=1, description="Share of the noise variance that does not depend on the signal."
+    )
+    side_db: float = Field(
+        0,
+        ge=-40,
+        le=40,
+        description="Cross-section of a vehicle's side over that of its front or rear, dB; in between, the logarithm "
+        "goes with the square of the sine of the aspect.",
+    )
+
+    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+        ahead, left = sensed.bodies.seen_from(sensed.pose)
+        distance = np.hypot(ahead, left)
+        side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0) ** 2
+        mean = 1.0 + self._ratio(distance) * 10.0 ** (self.side_db * side / 10.0)
+        power = mean * random.standard_exponential(distance.shape)
+        detected = power > -np.log(FALSE_ALARM_PROBABILITY)
+        relative = (1.0 + self._ratio(np.array(self.stated_at_m))) / np.where(detected, power, np.inf)
+        factor = np.sqrt(self.constant_share + (1.0 - self.constant_share) * relative)
+        return sensed.replaced(probability=sensed.probability * detected, scale=sensed.scale * factor)
+
+    def problems(self) -> Iterator[Problem]:
+        if self.stated_at_m > self.half_range_m:
+            yield Problem(("stated_at_m",), f"must be at most half_range_m, which is {self.half_range_m:g}")
+
+    def _ratio(self, distance: Array) -> Array:
+        return signal_ratio(distance, self.half_range_m)

@@ -1,0 +1,224 @@
+"""Effects of sensors: geometry by hand, statistics by closed forms, and bits that stay where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from tests.support.scenes import fixed_observer, truth
+
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
+from trackbench.models.sensors.effects import gauss_markov
+from trackbench.sensing.detections import false_alarms
+from trackbench.sensing.scans import affected, ideal_sensors, measured
+
+RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
+LIDAR = {"rate_hz": 10, "position_sigma_m": 0.15}
+EXACT = {"rate_hz": 10, "range_sigma_m": 1e-6, "azimuth_sigma_deg": 1e-7, "range_rate_sigma_mps": 1e-6}
+
+
+def ideal(config, position=(50.0, 0.0), velocity=(0.0, 0.0), steps=400, heading=0.0, yaw_rate=0.0, dt=0.1):
+    """A sensor at the origin that looks along x, and one object, 4 m by 2 m."""
+    shape = (steps, 1, 1)
+    time = np.arange(steps) * dt
+    px, py = (p + v * time[:, None, None] for p, v in zip(position, velocity, strict=True))
+    vx, vy = (np.full(shape, v) for v in velocity)
+    of = truth(time, px, py, vx, vy, observer=fixed_observer(steps))
+    one = {"heading": np.full(shape, heading), "yaw_rate": np.full(shape, yaw_rate)}
+    size = {"length": np.array([4.0]), "width": np.array([2.0])}
+    return ideal_sensors(replace(of, **one, **size), {"sensor": config})[0]
+
+
+def runs(sensor, count):
+    """``(m, instants, runs)`` measurements of the object."""
+    return np.stack([measured(sensor, 1, "effects", run)[0][:, :, 0] for run in range(count)], axis=-1)
+
+
+def test_a_gauss_markov_process_has_unit_variance_and_an_exponential_autocorrelation():
+    time = np.cumsum(np.random.default_rng(0).uniform(0.05, 0.3, 40))
+    of = gauss_markov(time, 0.7, np.random.default_rng(1).standard_normal((40, 20_000)))
+    covariance = of @ of.T / of.shape[1]
+    expected = np.exp(-np.abs(time[:, None] - time) / 0.7)
+    # Five standard deviations of an estimated covariance of normal variables.
+    assert np.abs(covariance - expected).max() < 5 * np.sqrt(2 / of.shape[1])
+
+
+def test_a_gauss_markov_process_is_the_recursion_of_textbooks():
+    time, white = np.arange(30) * 0.1, np.random.default_rng(2).standard_normal((30, 3))
+    a = np.exp(-0.1 / 0.5)
+    expected = [white[0]]
+    for draw in white[1:]:
+        expected.append(a * expected[-1] + np.sqrt(1 - a * a) * draw)
+    np.testing.assert_allclose(gauss_markov(time, 0.5, white), expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("effects", [[], "ideal"])
+def test_without_effects_every_bit_is_that_of_a_sensor_that_knows_none(effects):
+    with_none, stated = ideal(Radar(**RADAR)), ideal(Radar(effects=effects, **RADAR))
+    assert runs(with_none, 3).tobytes() == runs(stated, 3).tobytes()
+
+
+def test_effects_leave_the_white_noise_and_the_detections_as_they_were():
+    config = {**RADAR, "detection_probability": 0.8}
+    plain, moved = ideal(Radar(**config)), ideal(Radar(effects=[{"type": "reflection", "along_m": 0.5}], **config))
+    a, b = runs(plain, 2), runs(moved, 2)
+    np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
+    # The object is straight ahead and points away: its wandering along changes the range alone.
+    np.testing.assert_allclose(a[1:], b[1:], atol=1e-12)
+    assert np.nanstd(b[0] - a[0]) > 0.3
+
+
+def test_the_point_nearest_to_the_sensor_by_hand():
+    # From straight behind: the middle of the rear. From 30 m to its left and 2.5 m behind its centre: the corner.
+    near = [{"type": "reflection", "toward_sensor": 1.0}]
+    behind = affected(ideal(Radar(effects=near, **RADAR)), 1, "effects", 0)
+    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0], [48, 0])
+    beside = affected(ideal(Radar(effects=near, **RADAR), position=(2.5, -30.0)), 1, "effects", 0)
+    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0], [0.5, -29])
+    half = affected(ideal(Radar(effects=[{"type": "reflection", "toward_sensor": 0.5}], **RADAR)), 1, "effects", 0)
+    np.testing.assert_allclose(half.bodies.target[:2, 0, 0], [49, 0])
+
+
+def test_the_range_rate_is_that_of_the_point_when_the_body_turns():
+    # Heading north at x = 50, turning left at 1 rad/s: the right side, 1 m nearer to the sensor at the origin, moves
+    # north with the turn; the corner in front of it, 2 m ahead, away from the axis of the turn: to the west.
+    sensor = ideal(
+        Radar(effects=[{"type": "reflection", "toward_sensor": 1.0}], **RADAR),
+        position=(50.0, -2.0),
+        heading=np.pi / 2,
+        yaw_rate=1.0,
+    )
+    sensed = affected(sensor, 1, "effects", 0)
+    # Nearest to the origin is the corner (49, 0), at (-1, 2) from the centre: its velocity is that of a rotation.
+    np.testing.assert_allclose(sensed.bodies.target[:, 0, 0], [49, 0, -2, -1], atol=1e-12)
+    np.testing.assert_allclose(sensed.ideal()[:, 0, 0], [49, 0, -2], atol=1e-12)
+
+
+def test_the_wandering_has_its_standard_deviations_and_its_time_constant():
+    effects = [{"type": "reflection", "along_m": 0.4, "across_m": 0.3, "time_s": 1.0}]
+    sensor = ideal(Radar(effects=effects, **RADAR), heading=0.5, steps=200)
+    points = np.stack([affected(sensor, 1, "effects", run).bodies.target[:2, :, 0] for run in range(800)], axis=-1)
+    c, s = np.cos(0.5), np.sin(0.5)
+    offset = points - np.array([50.0, 0.0])[:, None, None]
+    along, across = c * offset[0] + s * offset[1], c * offset[1] - s * offset[0]
+    # Effective number of independent draws: 800 runs of 20 s, each of 10 s per time constant of the square.
+    free = 800 * 20
+    for values, sigma in ((along, 0.4), (across, 0.3)):
+        low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], free) / free
+        assert low < np.mean(values**2) / sigma**2 < high
+        lag = np.mean(values[10:] * values[:-10]) / sigma**2
+        assert lag == pytest.approx(np.exp(-1), abs=5 / np.sqrt(free))
+
+
+def test_the_faces_that_a_lidar_sees_by_hand():
+    faces = [{"type": "faces"}]
+    behind = affected(ideal(Lidar(effects=faces, **LIDAR)), 1, "effects", 0)
+    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0], [48, 0])
+    beside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.0, 30.0)), 1, "effects", 0)
+    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0], [0, 29])
+    # At 45 degrees a face looks as wide as it is: 2 m of rear and 4 m of side.
+    both = affected(ideal(Lidar(effects=faces, **LIDAR), position=(30.0, 30.0)), 1, "effects", 0)
+    np.testing.assert_allclose(both.bodies.target[:2, 0, 0], [30 - 2 / 3, 30 - 2 / 3])
+    inside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.5, 0.0)), 1, "effects", 0)
+    np.testing.assert_allclose(inside.bodies.target[:2, 0, 0], [0.5, 0])
+
+
+@pytest.mark.parametrize("distance", [60.0, 100.0, 150.0])
+def test_detections_follow_the_curve_of_swerling(distance):
+    effects = [{"type": "signal_to_noise", "half_range_m": 100.0, "stated_at_m": 60.0}]
+    sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), steps=2000)
+    detected = np.stack([measured(sensor, 1, "effects", run)[1] for run in range(20)])
+    expected = FALSE_ALARM_PROBABILITY ** (1 / (1 + float(signal_ratio(np.array(distance), 100.0))))
+    low, high = stats.binom.ppf([1e-4, 1 - 1e-4], detected.size, expected)
+    assert low <= detected.sum() <= high
+
+
+def test_the_noise_grows_as_the_signal_falls_and_a_broad_side_is_stronger():
+    def spread(distance, heading=0.0, **keys):
+        effects = [{"type": "signal_to_noise", "half_range_m": 200.0, "stated_at_m": 60.0, **keys}]
+        sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), heading=heading, steps=2000)
+        return np.nanmedian(np.abs(runs(sensor, 5)[0] - distance)) / 0.3
+
+    # The ratio falls by 16 from 60 to 120 m, so that the standard deviation grows by 4, but for the few undetected.
+    assert spread(120.0) / spread(60.0) == pytest.approx(4, rel=0.1)
+    assert spread(60.0) / spread(60.0, heading=np.pi / 2, side_db=6.0) == pytest.approx(10**0.3, rel=0.1)
+    assert spread(120.0, constant_share=1.0) == pytest.approx(stats.norm.ppf(0.75), rel=0.05)
+
+
+def test_correlated_errors_keep_the_variance_and_have_their_time_constant():
+    effects = [{"type": "correlated_errors", "share": 0.5, "time_s": 2.0}]
+    sensor = ideal(Radar(effects=effects, **RADAR), steps=100)
+    error = (runs(sensor, 2000)[0] - 50.0) / 0.3
+    assert np.mean(error**2) == pytest.approx(1, abs=0.04)
+    for lag in (1, 10, 30):
+        assert np.mean(error[lag:] * error[:-lag]) == pytest.approx(0.5 * np.exp(-lag * 0.1 / 2), abs=0.04)
+
+
+def test_a_bias_is_drawn_once_a_run():
+    effects = [{"type": "bias", "sigmas": {"azimuth_deg": 0.5}}]
+    azimuth = np.rad2deg(runs(ideal(Radar(effects=effects, **EXACT), steps=5), 2000)[1])
+    assert np.ptp(azimuth, axis=0).max() < 1e-5
+    low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], 2000) / 2000
+    assert low < np.mean(azimuth[0] ** 2) / 0.25 < high
+
+
+def test_a_ripple_has_its_amplitude_and_period():
+    effects = [{"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0}]
+    sensor = ideal(Radar(effects=effects, **EXACT), position=(50.0, -50.0), velocity=(0.0, 5.0), steps=200)
+    true = np.rad2deg(np.arctan2(-50 + 0.5 * np.arange(200), 50.0))
+    error = np.rad2deg(runs(sensor, 1)[1, :, 0]) - true
+    basis = np.stack([np.sin(2 * np.pi * true / 10), np.cos(2 * np.pi * true / 10)], axis=1)
+    weights, *_ = np.linalg.lstsq(basis, error, rcond=None)
+    np.testing.assert_allclose(basis @ weights, error, atol=1e-5)
+    assert np.hypot(*weights) == pytest.approx(0.4, abs=1e-5)
+
+
+def test_quantised_measurements_are_whole_steps():
+    effects = [{"type": "quantised", "steps": {"range_m": 0.25, "azimuth_deg": 0.5}}]
+    values = runs(ideal(Radar(effects=effects, **RADAR)), 2)
+    np.testing.assert_allclose(values[0] / 0.25, np.rint(values[0] / 0.25), atol=1e-9)
+    np.testing.assert_allclose(np.rad2deg(values[1]) / 0.5, np.rint(np.rad2deg(values[1]) / 0.5), atol=1e-9)
+    assert len(np.unique(values[2])) == values[2].size
+
+
+def test_bursts_of_interference_take_their_share_of_the_time():
+    effects = [{"type": "interference", "per_minute": 10.0, "duration_s": 2.0, "detection_factor": 0.0}]
+    sensor = ideal(Radar(effects=effects, **RADAR), steps=600)
+    detected = np.stack([measured(sensor, 1, "effects", run)[1][:, 0] for run in range(400)])
+    # Of a Poisson process the number of bursts at an instant is Poisson with mean rate times duration.
+    assert detected.mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.02)
+    assert detected[:, 0].mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.1)
+
+
+def test_bursts_add_false_alarms_only_while_detections_are_few():
+    effects = [
+        {"type": "interference", "per_minute": 6.0, "duration_s": 1.0, "detection_factor": 0.0, "alarms_per_scan": 5.0}
+    ]
+    sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), steps=600)
+    detected = measured(sensor, 1, "effects", 3)[1][:, 0]
+    (alarms,) = false_alarms(sensor, 1, "effects", 3)
+    counts = np.bincount(alarms.instant, minlength=600)
+    assert counts[detected].sum() == 0
+    assert counts[~detected].mean() == pytest.approx(5, abs=5 * np.sqrt(5 / (~detected).sum()))
+
+
+def test_a_ghost_is_the_mirror_image_of_its_cause():
+    effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4, "time_s": 0.5}]
+    sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 2.0), velocity=(3.0, 0.5), steps=80)
+    seen = [false_alarms(sensor, 1, "effects", run)[0] for run in range(300)]
+    share = np.mean([len(alarms.instant) / 80 for alarms in seen])
+    assert share == pytest.approx(0.4, abs=0.05)
+    for alarms in seen[:3]:
+        time = alarms.instant * 0.1
+        x, y = 20 + 3 * time, 12 - (2 + 0.5 * time)
+        distance = np.hypot(x, y)
+        np.testing.assert_allclose(alarms.measurement[0], distance, atol=1e-4)
+        np.testing.assert_allclose(alarms.measurement[1], np.arctan2(y, x), atol=1e-6)
+        np.testing.assert_allclose(alarms.measurement[2], (3 * x - 0.5 * y) / distance, atol=1e-4)
+
+
+def test_there_is_no_ghost_of_a_vehicle_behind_the_wall():
+    effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4}]
+    sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 9.0))
+    assert len(false_alarms(sensor, 1, "effects", 0)[0].instant) == 0
