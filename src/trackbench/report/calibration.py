@@ -108,6 +108,13 @@ def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
     return longest + list(dict.fromkeys(name for names in every for name in names if name not in longest))
 
 
+def _scores(tracker: TrackerResult, by: By, name: str) -> ConditionScores | None:
+    """Under one of the conditions, or of all estimates."""
+    if name == ALL and tracker.breakdown is not None:
+        return tracker.breakdown.all
+    return conditions(tracker, by).get(name)
+
+
 def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | None:
     """The RMSE of a quantity under one condition."""
     if scores is None:
@@ -115,13 +122,15 @@ def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | No
     return scores.position_rmse if quantity == "position" else scores.velocity_rmse
 
 
+#: What stands beside the conditions.
+ALL = "all"
 _NOT_MET = "no estimate of the tracker falls into it"
 
 
 def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """RMSE of each tracker in each class."""
-    names = classes(trackers, by)
-    metrics = [[rmse(conditions(tracker, by).get(name), quantity) for tracker in trackers] for name in names]
+    names = [ALL, *classes(trackers, by)]
+    metrics = [[rmse(_scores(tracker, by, name), quantity) for tracker in trackers] for name in names]
     places = decimals([metric.value for row in metrics for metric in row if metric])
 
     def cell(metric: MetricValue | None) -> Cell:
@@ -137,7 +146,7 @@ def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Tab
 
 def calibrations(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
     """Errors over what each tracker states, in each class."""
-    names = classes(trackers, by)
+    names = [ALL, *classes(trackers, by)]
 
     def cell(scores: ConditionScores | None) -> Cell:
         item = None if scores is None else calibration(scores, quantity)
@@ -147,7 +156,7 @@ def calibrations(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) 
         return estimate_cell(fixed(item.ratio, places), item.ci95, places, item.verdict)
 
     columns = [Column(name, details=VERDICT) for name in names]
-    cells = [[cell(conditions(tracker, by).get(name)) for tracker in trackers] for name in names]
+    cells = [[cell(_scores(tracker, by, name)) for tracker in trackers] for name in names]
     caption = f"{quantity.capitalize()} error over its stated standard deviation"
     return _class_table(f"{quantity}-calibration-by-{by}", trackers, columns, cells, caption)
 
@@ -196,14 +205,16 @@ _UNJUDGED = Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judg
 
 def nees_by_condition(result: Result) -> Table | None:
     """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
-    judged = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in result.scored]
-    columns = []
+    nees = [metric_of(tracker, "nees") for tracker in result.scored]
+    judged = [{item.name: item for item in metric.conditions or ()} for metric in nees]
+    every = [_UNJUDGED if m.mean is None else estimate_cell(mean_text(m.mean), m.ci95, 1) for m in nees]
+    columns = [(Column(ALL, details=INTERVAL), every)]
     for name in dict.fromkeys(name for items in judged for name in items):
         verdicts = [items.get(name) for items in judged]
         cells = [_UNJUDGED if v is None else estimate_cell(mean_text(v.mean), v.ci95, 1, v.verdict) for v in verdicts]
         columns.append((Column(name, details=VERDICT), cells))
     caption = "Mean NEES under each condition, 4 expected"
-    return tracker_table("nees-by-condition", result.scored, columns, caption) if columns else None
+    return tracker_table("nees-by-condition", result.scored, columns, caption) if any(judged) else None
 
 
 def nees_parts(result: Result) -> Table | None:
