@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 import trackbench as tb
+from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.errors import InputError
 from trackbench.compare import compare
 from trackbench.document.markdown import to_markdown
-from trackbench.metrics.differences import MOST_PAIRED
+from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected, times_as_large
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
@@ -82,6 +84,22 @@ def test_the_column_says_who_is_not_shown_worse(many: Result, tmp_path: Path) ->
     )
     many.save(tmp_path / "many")
     assert Result.load(tmp_path / "many").differences == many.differences
+
+
+def test_the_note_says_how_much_larger_a_difference_must_be_than_of_two(many: Result) -> None:
+    text = f"; with 31 trackers a difference must be about {times_as_large(31, 11):.2g} times as large as with 2"
+    assert standing(many).meaning.endswith(f"{text} to be shown")
+
+
+@pytest.mark.parametrize(("trackers", "runs"), [(31, 12), (60, 100), (200, 20)])
+def test_a_difference_so_much_larger_is_just_shown(trackers: int, runs: int) -> None:
+    """Of two trackers the limit is the quantile itself."""
+    assert times_as_large(2, runs - 1) == 1
+    t = times_as_large(trackers, runs - 1) * t_quantile(0.975, runs - 1)
+    p_value = 2 * float(t_probability(np.array(-t), runs - 1))
+    others = [1.0] * (trackers - 2)
+    choices = [(trackers - 1) / 2] * (trackers - 1)
+    assert corrected([p_value, *others], choices)[0] == pytest.approx(LEVEL)
 
 
 def test_a_comparison_of_them_says_the_same(many: Result) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, compress
 
+from trackbench.base.distributions import t_quantile
 from trackbench.metrics.intervals import Contrast, Interval, all_paired, holm
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, MetricValue
@@ -66,6 +67,18 @@ def corrected(p_values: Sequence[float], choices: Sequence[float]) -> list[float
     selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
     # Of the best too it might have been rejected that it is as good as the best.
     return holm([*selected, *([1.0] if any(choices) else [])])[: len(p_values)]
+
+
+def times_as_large(trackers: int, freedom: int) -> float:
+    """How many times as far from zero a difference from the best of so many trackers must be as one of two trackers, to
+    be the first that is shown: the ratio of Student's quantiles at the corrected level and at ``LEVEL``.
+
+    Args:
+        trackers: that are compared with the best, and the best.
+        freedom: one less than the runs, or scenes.
+    """
+    level = LEVEL / (trackers * (trackers - 1) / 2)
+    return t_quantile(1 - level / 2, freedom) / t_quantile(1 - LEVEL / 2, freedom)
 
 
 EVERY_PAIR = Family()
