@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from tests.support.recorded_log import OBJECTS, WALKERS, Errors, write_log
@@ -85,8 +85,16 @@ def _coverage(
     yield rate(f"{name}: a sigma within its 95 % interval", noises, 0.93, 0.97)
 
 
-#: Logs with a reference that is noisy, from this seed on: others served for the design.
-NOISY, FROM = 200, 5000
+#: The kinds of logs, as settings: walkers about a sensor at rest, and cars, a van and a cyclist about a car that turns.
+KINDS: dict[str, dict[str, Any]] = {
+    "walkers, sensor at rest": {"objects": WALKERS, "moving": False},
+    "vehicles, sensor that turns": {"objects": OBJECTS, "moving": True},
+}
+#: Noise of the reference, m; and the rate of its rows, Hz, with the time of the first, in hundredths of a second.
+NOISES = (0.0, 0.05, 0.1)
+STAMPS = {"stamps of the radar": ((20, 0), (10, 0)), "stamps between the radar's": ((20, 2), (10, 2))}
+#: Logs of each combination, of which none shares its noise with another; others, before these, served for the design.
+EACH, FROM = 17, 80_000
 #: What is wrong with the radar of half of them: 30 ms, 1 degree, and every sigma by a half.
 SMALL = Errors(
     time_offset_s=0.03,
@@ -95,42 +103,59 @@ SMALL = Errors(
 )
 
 
+class NoisyLog(NamedTuple):
+    """The audit of a log with noise in the reference."""
+
+    kind: str
+    noise: str
+    stamps: str
+    audit: LogAudit
+
+
 def noisy_reference() -> Iterator[Claim]:
-    """Logs with up to 10 cm of noise in the reference, whose rows are at the radar's stamps or between them."""
-    clean = [_noisy(seed, radar=Errors(), lidar=Errors()) for seed in range(FROM, FROM + NOISY)]
-    wrong = [_noisy(seed, radar=SMALL) for seed in range(FROM, FROM + NOISY)]
-    within = "reference with 0 to 10 cm of noise"
-    yield rate(
-        f"{within}: a log without errors has any finding (radar, lidar)", [bool(a.findings) for a in clean], 0, 0.05
-    )
-    for kind, what in (("time_offset", "30 ms"), ("mount_yaw", "1 degree")):
-        yield rate(f"{within}: a {kind} of {what} is found", [_finds(a, kind) for a in wrong], 0.95, 1)
-    for name in ("range", "azimuth", "range_rate"):
-        hits = [_finds(a, "sigma", name) for a in wrong]
-        yield rate(f"{within}: 1.5 times the stated sigma of {name} is found", hits, 0.95, 1)
+    """Logs with noise in the reference, whose rows are at the radar's stamps or between them.
+
+    A log has a finding where the audit prints any, of whatever kind, sensor, component or object of the truth.
+    """
+    clean = _noisy(FROM, EACH, radar=Errors(), lidar=Errors())
+    any_finding = "a log without errors has any finding (radar, lidar, truth)"
+    noises = [f"reference noise {100 * sigma:g} cm" for sigma in NOISES]
+    for part in (*KINDS, *STAMPS, *noises):
+        hits = [bool(item.audit.findings) for item in clean if part in item]
+        yield rate(f"{part}: {any_finding}", hits, 0, 0.05)
+    wrong = _noisy(FROM + len(clean), EACH, radar=SMALL)
+    errors = [("time_offset", None, "a clock of 30 ms"), ("mount_yaw", None, "a mount of 1 degree")]
+    sigmas = [("sigma", name, f"1.5 times the sigma of {name}") for name in ("range", "azimuth", "range_rate")]
+    for part, among in (("reference noise 0 to 10 cm", noises), (noises[-1], noises[-1:])):
+        logs = [item.audit for item in wrong if item.noise in among]
+        for kind, component, what in (*errors, *sigmas):
+            yield rate(f"{part}: {what} is found", [_finds(audit, kind, component) for audit in logs], 0.95, 1)
     covers = [
         _covers(estimate.interval.bounds(), 0.0)
-        for a in clean
-        for item in a.sensors.values()
+        for noisy in clean
+        for item in noisy.audit.sensors.values()
         if item.fit is not None
         for estimate in item.fit.estimates.values()
     ]
-    yield rate(f"{within}: an error of time, mount or bias within its 95 % interval", covers, 0.93, 0.97)
+    yield rate(
+        "reference noise 0 to 10 cm: an error of time, mount or bias within its 95 % interval", covers, 0.93, 0.97
+    )
 
 
-def _noisy(seed: int, **errors: Errors) -> LogAudit:
-    """Every other log with stamps between those of the radar; two with fast objects, two with slow ones."""
-    objects, moving = ((OBJECTS, True), (WALKERS, False))[seed // 2 % 2]
-    sigma = float(np.random.default_rng(seed).uniform(0, 0.1))
-    hz = (20, 10)[seed // 4 % 2]
-    settings = {
-        "objects": objects,
-        "moving": moving,
-        "truth_hz": hz,
-        "truth_sigma_m": sigma,
-        "truth_from": 2 * (seed % 2),
-    }
-    return _audit(seed, **errors, **settings)
+def _noisy(first: int, each: int, **errors: Errors) -> list[NoisyLog]:
+    """Logs of every combination, with seeds from ``first`` on."""
+    combinations = [
+        (kind, sigma, stamps, hz, start)
+        for kind in KINDS
+        for sigma in NOISES
+        for stamps, rows in STAMPS.items()
+        for hz, start in rows
+    ]
+    logs = []
+    for seed, (kind, sigma, stamps, hz, start) in enumerate(each * combinations, first):
+        settings = {**KINDS[kind], "truth_hz": hz, "truth_from": start, "truth_sigma_m": sigma, **errors}
+        logs.append(NoisyLog(kind, f"reference noise {100 * sigma:g} cm", stamps, _audit(seed, **settings)))
+    return logs
 
 
 def _finds(audit: LogAudit, kind: str, component: str | None = None) -> bool:

@@ -119,8 +119,10 @@ def _exponent(log: SensorLog, fit: JointFit, i: int, distance: Array) -> BlockIn
         return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
     interval = fit.blocks.intervals(terms, slope)[0]
-    # What a wrong noise of the reference would make of it.
-    wrong = 0.5 * log.noise.uncertainty * float(along @ by_reference / (along @ along))
+    # What a wrong noise of the reference would make of it: that of each object is an estimate of its own, while the
+    # observer's is in the rows of all.
+    by_object = np.bincount(log.log.object[fit.inlier], along * by_reference) / (along @ along)
+    wrong = 0.5 * log.noise.uncertainty * max(abs(by_object.sum()), np.linalg.norm(by_object))
     return interval._replace(sigma=float(np.hypot(interval.sigma, wrong)))
 
 
