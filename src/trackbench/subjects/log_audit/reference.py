@@ -113,8 +113,9 @@ def _interpolated(rows: Array, time: Array) -> Array:
 WINDOW = 0.5
 #: The largest difference that passes, m/s: the range-rate noise of a good automotive radar.
 TOLERANCE_MPS = 0.1
-#: As many windows are taken together as bring the difference that the noise of the positions makes below this, m/s.
-NOISE_MPS = 0.5 * TOLERANCE_MPS
+#: As many windows are taken together as bring the difference that the noise of the positions makes below this, m/s. At
+#: half of the tolerance the median of few windows still passed it in one of a thousand logs; so in one of 100 000.
+NOISE_MPS = 0.4 * TOLERANCE_MPS
 #: A scale this near to that of another unit is taken for it.
 NEAR = 0.03
 #: Windows of motion without which nothing is said of an object.
