@@ -9,12 +9,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.support.hostile import OF_THE_BENCH, scenario
+
+from trackbench.base.descendants import descendants
 
 PLUGINS = """\
 import asyncio, atexit, ctypes, os, posix, signal, subprocess, sys, threading, time
@@ -52,6 +54,20 @@ def run(tmp_path: Path, trackbench: str) -> Run:
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
 
     return call
+
+
+@pytest.fixture
+def begun(request: pytest.FixtureRequest, tmp_path: Path, trackbench: str) -> Iterator[subprocess.Popen[str]]:
+    """A run whose motion model has started a process in a session of its own, and does what the parameter says."""
+    child = "subprocess.Popen(['sleep', '600'], start_new_session=True)"
+    act = f"{child}; open('under_way', 'w').close(); {getattr(request, 'param', 'time.sleep(600)')}"
+    (tmp_path / "plug.py").write_text(PLUGINS % act + OF_THE_BENCH, encoding="utf-8")
+    (tmp_path / "plugged.yaml").write_text(scenario("motion"), encoding="utf-8")
+    process = subprocess.Popen([trackbench, "run", "plugged.yaml"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    wait_for(tmp_path / "under_way")
+    yield process
+    process.kill()
+    process.communicate()
 
 
 #: By what a plug-in does: its kind, its code, how the end of the process is told, and whether the line is known.
@@ -96,6 +112,31 @@ def test_a_plug_in_that_ends_the_process_is_named(run: Run, tmp_path: Path, name
     done = run(kind, act)
     place = " (plug.py:8, in act)" if known else ""
     assert done.stderr == f"trackbench: no result: {cause}{place}, while 'plug:{kind}' was at work\n"
+    assert (done.returncode, done.stdout) == (2, "")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+#: How a plug-in may send its process a signal to end, which nobody else gets.
+SIGNALS = {
+    "terminates": ("motion", "os.kill(os.getpid(), signal.SIGTERM)", "15 (SIGTERM)"),
+    "interrupts": ("metric", "signal.raise_signal(signal.SIGINT)", "2 (SIGINT)"),
+    "terminates_by_libc": ("sensor", "ctypes.CDLL(None).kill(os.getpid(), 15)", "15 (SIGTERM)"),
+    "interrupts_from_a_thread": (
+        "truth",
+        "threading.Thread(target=os.kill, args=(os.getpid(), 2)).start(); time.sleep(60)",
+        "2 (SIGINT)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", first_is_fast(SIGNALS))
+def test_a_plug_in_that_sends_its_process_a_signal_is_named(run: Run, tmp_path: Path, name: str) -> None:
+    kind, act, number = SIGNALS[name]
+    done = run(kind, act)
+    assert done.stderr == (
+        f"trackbench: no result: its process alone was sent signal {number} (plug.py:8, in act), "
+        f"while 'plug:{kind}' was at work\n"
+    )
     assert (done.returncode, done.stdout) == (2, "")
     assert list((tmp_path / "results").iterdir()) == []
 
@@ -173,6 +214,33 @@ def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, tr
         time.sleep(0.7)
     assert process.communicate(timeout=60)[1] == "interrupted: the unfinished run was not kept\n"
     assert process.returncode == 130
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_from_outside_is_no_fault_of_the_plug_in_at_work(
+    begun: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
+) -> None:
+    begun.send_signal(number)
+    assert begun.communicate(timeout=60)[1] == "interrupted: the unfinished run was not kept\n"
+    assert begun.returncode == 130
+
+
+#: Machine code that no signal reaches and that holds Python's lock: a mutex that is locked twice.
+STUCK = "lock = ctypes.PyDLL(None).pthread_mutex_lock; mutex = bytes(64); lock(mutex); lock(mutex)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begun", ["time.sleep(600)", STUCK], indirect=True)
+def test_nothing_outlives_a_supervisor_that_is_killed(begun: subprocess.Popen[str], tmp_path: Path) -> None:
+    before = list(descendants(begun.pid))
+    assert len(before) >= 3, "the command, what watches it, and what the plug-in has started"
+    begun.kill()
+    limit = time.monotonic() + 60
+    while alive := [process for process in before if Path(f"/proc/{process}/exe").exists()]:
+        assert time.monotonic() < limit, alive
+        time.sleep(0.1)
     assert list((tmp_path / "results").iterdir()) == []
 
 

@@ -59,10 +59,6 @@ def test_no_plug_in_answers_for_the_bench(tmp_path: Path, trackbench: str, kind:
         time.sleep(0.1)
     assert not processes
     assert "Traceback" not in done.stderr
-    if act == "terminates" and kind != "tracker":
-        # Nothing tells who has sent the signal.
-        assert (done.returncode, done.stderr) == (130, "interrupted: the unfinished run was not kept\n")
-        return
     assert done.returncode in (0, 2, 3), done.stderr
     if done.returncode == 0:
         result = Result.load(tmp_path / "results" / "plugged")

@@ -26,9 +26,8 @@ def clear_of_streams(descriptor: int) -> int:
     return clear
 
 
-def how_it_ended(status: int) -> str:
-    """How a process ended, from its status as of ``os.waitpid``."""
-    code = os.waitstatus_to_exitcode(status)
+def how_it_ended(code: int) -> str:
+    """How a process ended, from its exit code, which is minus the number of the signal that killed it."""
     if code >= 0:
         return f"its process ended itself, with status {code}"
     names = {number.value: f" ({number.name})" for number in signal.Signals}

@@ -1,6 +1,7 @@
-"""What the process of a command tells the supervisor that waits for it (:mod:`trackbench.cli.supervisor`).
+"""What a process in which plug-ins run leaves of them for another, which says how it ended.
 
-Without a supervisor (``tb.run``, ``--in-process``, a worker) nothing is told.
+That of a command tells the supervisor that waits for it (:mod:`trackbench.cli.supervisor`); a worker writes files that
+the command reads. In others (``tb.run``, ``--in-process``) nothing is told.
 """
 
 from __future__ import annotations
@@ -9,24 +10,26 @@ import faulthandler
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from mmap import mmap
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-from trackbench.base.descendants import end_with_parent
-from trackbench.base.process import clear_of_streams
+from trackbench.base.descendants import adopt_orphans, end_descendants, end_with_parent
+from trackbench.base.process import clear_of_streams, how_it_ended
 
 #: Functions by which Python code ends its process or replaces it, in the modules ``os`` and ``posix``.
 LEAVING = ("_exit", "execv", "execve")
+#: Bytes of the note of which plug-in is at work.
+NOTE = 1024
 
 
-class _Supervisor(NamedTuple):
-    process: int
-    """Its number."""
+class _Watch(NamedTuple):
+    parent: int
+    """Number of the supervisor, or of the process that started a worker."""
     own: int
-    """Number of the supervised process."""
+    """Number of this process."""
     pipe: int
     """Takes a line for each thing that is told, and the traceback of a process that ends."""
     note: mmap
@@ -35,7 +38,9 @@ class _Supervisor(NamedTuple):
     """Descriptor of the working directory of the command."""
 
 
-_supervisor: _Supervisor | None = None
+_watch: _Watch | None = None
+#: The plug-ins that were loaded in this process.
+_plugins: dict[str, None] = {}
 
 
 def begin(process: int, pipe: int, note: mmap) -> None:
@@ -46,12 +51,68 @@ def begin(process: int, pipe: int, note: mmap) -> None:
         pipe: descriptor that it reads.
         note: shared memory in which it reads which plug-in is at work.
     """
-    global _supervisor
     end_with_parent(process, signal.SIGTERM)
+    adopt_orphans()
+    _begin_watch(process, pipe, note)
+
+
+def begin_worker(notes: Path) -> None:
+    """Leave in a folder what :func:`how_worker_ended` reads, in a worker that has not begun to."""
+    own = os.getpid()
+    if _watch is None or _watch.own != own:
+        told = os.open(notes / f"{own}.told", os.O_CREAT | os.O_WRONLY | os.O_APPEND)
+        with (notes / f"{own}.note").open("w+b") as file:
+            file.write(bytes(NOTE))
+            file.flush()
+            _begin_watch(os.getppid(), clear_of_streams(told), mmap(file.fileno(), NOTE))
+
+
+def how_worker_ended(notes: Path, process: int, code: int) -> str:
+    """How a worker ended, and with which plug-in.
+
+    Args:
+        notes: the folder in which it has begun.
+        process: its number.
+        code: its exit code.
+    """
+    texts = []
+    for kind in ("told", "note"):
+        # It may have ended before it began.
+        with suppress(OSError):
+            texts.append((notes / f"{process}.{kind}").read_bytes())
+    told, note = texts if len(texts) == 2 else (b"", b"")
+    return end_in_words(how_it_ended(code), told, note, _plugins)
+
+
+def end_in_words(cause: str, told: bytes, note: bytes, plugins: Iterable[str]) -> str:
+    """How a process ended, where in the user's code, and which plug-in was at work.
+
+    Args:
+        cause: as of ``how_it_ended``.
+        told: what it has told, with its traceback.
+        note: of the plug-in that was at work.
+        plugins: those that were loaded, which are named where none was at work.
+    """
+    # Imported here: a command that ends as it should need not wait for it.
+    from trackbench.base.user_code import place_in_dump
+
+    at_work, names = note.rstrip(b"\0").decode(errors="replace"), list(dict.fromkeys(plugins))
+    place = place_in_dump(told.decode(errors="replace"))
+    where = "" if place is None else f" ({place})"
+    who = "with no plug-in; the memory may not have been enough"
+    if at_work:
+        who = f"while {at_work} was at work"
+    elif names:
+        who = f"with the plug-in{'s' * (len(names) > 1)} {', '.join(names)}"
+    return f"{cause}{where}, {who}"
+
+
+def _begin_watch(parent: int, pipe: int, note: mmap) -> None:
+    global _watch
     folder = -1
     with suppress(OSError):
         folder = clear_of_streams(os.open(".", os.O_RDONLY))
-    _supervisor = _Supervisor(process, os.getpid(), pipe, note, folder)
+    _watch = _Watch(parent, os.getpid(), pipe, note, folder)
     faulthandler.enable(pipe, all_threads=False)
     for name in LEAVING:
         leaving = _dumped(getattr(os, name), pipe, os.getpid())
@@ -62,17 +123,29 @@ def begin(process: int, pipe: int, note: mmap) -> None:
 def end(status: int) -> NoReturn:
     """End the command with a status, which the supervisor gives to the shell whatever happens after."""
     _tell(f"status {status}")
+    if _watch is not None and os.getppid() != _watch.parent:
+        # The supervisor was killed, which would have ended them.
+        end_descendants()
     raise SystemExit(status)
 
 
-def alone() -> bool:
-    """Whether there was a supervisor, and it was killed."""
-    return _supervisor is not None and os.getppid() != _supervisor.process
+def is_supervised() -> bool:
+    """Whether a supervisor waits for this process, or did until it was killed."""
+    return _watch is not None
 
 
 def tell_plugin(reference: str) -> None:
     """Let the supervisor know of a plug-in that was loaded."""
+    _plugins[repr(reference)] = None
     _tell(f"plugin {reference!r}")
+
+
+def tell_signal(number: int) -> None:
+    """Let the supervisor know that this process was sent a signal to end, and which plug-in was at work."""
+    if _watch is not None:
+        with suppress(OSError):
+            faulthandler.dump_traceback(_watch.pipe, all_threads=False)
+        _tell(f"signal {number} {_watch.note[:].rstrip(bytes(1)).decode(errors='replace')}")
 
 
 def tell_scratch(folder: Path) -> None:
@@ -101,15 +174,15 @@ def at_work(plugins: str) -> Iterator[None]:
     Args:
         plugins: their names; empty where all that is called is built in.
     """
-    if _supervisor is None or not plugins or os.getpid() != _supervisor.own:
+    if _watch is None or not plugins or os.getpid() != _watch.own:
         yield
         return
-    note, before = _supervisor.note, _supervisor.note[:]
+    note, before = _watch.note, _watch.note[:]
     note[:] = plugins.encode(errors="replace")[: len(note)].ljust(len(note), b"\0")
     try:
         yield
     finally:
-        if os.getpid() != _supervisor.own:
+        if os.getpid() != _watch.own:
             os._exit(1)
         note[:] = before
         return_to_folder()
@@ -117,15 +190,15 @@ def at_work(plugins: str) -> Iterator[None]:
 
 def return_to_folder() -> None:
     """Go back to the folder in which the command was started, wherever a plug-in has gone."""
-    if _supervisor is not None and _supervisor.folder >= 0:
+    if _watch is not None and _watch.folder >= 0:
         with suppress(OSError):
-            os.fchdir(_supervisor.folder)
+            os.fchdir(_watch.folder)
 
 
 def _tell(line: str) -> None:
-    if _supervisor is not None and os.getpid() == _supervisor.own:
+    if _watch is not None and os.getpid() == _watch.own:
         with suppress(OSError):
-            os.write(_supervisor.pipe, f"{line}\n".encode(errors="surrogateescape"))
+            os.write(_watch.pipe, f"{line}\n".encode(errors="surrogateescape"))
 
 
 def _dumped(call: Callable[..., Any], pipe: int, process: int) -> Callable[..., Any]:

@@ -24,7 +24,7 @@ from trackbench.base.errors import InputError, OutputError, TrackbenchError, sho
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
-from trackbench.base.supervised import alone, end
+from trackbench.base.supervised import end, is_supervised, tell_signal
 from trackbench.base.user_code import place_of
 
 
@@ -293,17 +293,19 @@ def _require_place() -> None:
 _interrupted_at = float("-inf")
 
 
-def _interruption(*_: object) -> None:
+def _interruption(number: int, _: object) -> None:
     global _interrupted_at
     before, _interrupted_at = _interrupted_at, time.monotonic()
     if _interrupted_at - before > 1.0:
+        tell_signal(number)
         raise KeyboardInterrupt
 
 
 def _interrupted(error: BaseException) -> int:
     if _interrupted_at == float("-inf") and place_of(error, installed=False) is not None:
         return _plugin_failed(error)
-    if alone():
+    if _interrupted_at > float("-inf") and is_supervised():
+        # The supervisor, which knows whether it was sent the signal too, says so.
         return INTERRUPTED
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""

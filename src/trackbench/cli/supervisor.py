@@ -19,13 +19,11 @@ from contextlib import suppress
 from typing import NoReturn
 
 from trackbench.base import supervised
-from trackbench.base.descendants import adopt_orphans, children, end_descendants
+from trackbench.base.descendants import adopt_orphans, children, descendants, end_children, end_descendants
 from trackbench.base.process import BAD_INPUT, FAULT, INTERRUPTED, clear_of_streams, how_it_ended
 
 #: Options of commands that run no plug-in, or want none between them and the terminal.
 UNSUPERVISED = {"--help", "-h", "--version", "--in-process"}
-#: Bytes of the note of which plug-in is at work.
-NOTE = 1024
 #: Bytes of what the command tells that are kept.
 KEPT = 2**18
 #: How long the process of a command that has told its status, or was told to end, may go on, s.
@@ -56,7 +54,7 @@ def start() -> None:
     signals = {number for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
     reading, writing = map(clear_of_streams, os.pipe())
-    note = mmap.mmap(-1, NOTE)
+    note = mmap.mmap(-1, supervised.NOTE)
     process = os.fork()
     if process:
         os.close(writing)
@@ -79,6 +77,7 @@ class _Supervisor:
     def wait(self, mask: Iterable[int]) -> NoReturn:
         """Wait for the command, and give its status to the shell."""
         adopt_orphans()
+        successor = self._start_successor()
         waking, wake = map(clear_of_streams, os.pipe())
         for end in (waking, wake):
             os.set_blocking(end, False)
@@ -98,12 +97,15 @@ class _Supervisor:
             if self._pipe in ready:
                 self._read()
             if waking in ready:
-                for number in self._signals.intersection(os.read(waking, 4096)):
-                    self._interrupt(number)
+                self._take_signals(waking)
             self._reap()
+        # One that came with what has ended the command.
+        with suppress(BlockingIOError):
+            self._take_signals(waking)
         while self._open and select.select([self._pipe], [], [], 0.0)[0]:
             self._read()
-        self._end_helpers()
+        self._end_helpers(successor)
+        end_children(successor, signal.SIGKILL)
         status = self._status()
         # None where it was closed from the start.
         with suppress(OSError, AttributeError):
@@ -124,6 +126,10 @@ class _Supervisor:
     def _answered(self) -> bool:
         return bool(self._values("status"))
 
+    def _take_signals(self, waking: int) -> None:
+        for number in self._signals.intersection(os.read(waking, 4096)):
+            self._interrupt(number)
+
     def _interrupt(self, number: int) -> None:
         if self._sending < float("inf"):
             return
@@ -143,8 +149,31 @@ class _Supervisor:
                 if process == self._process:
                     self._ended = status
 
-    def _end_helpers(self) -> None:
-        kept = set(map(int, self._values("kept")))
+    def _start_successor(self) -> list[int]:
+        """Start a process that kills the command where this one is killed and the command does not end by itself.
+
+        It may be in machine code, which Python's signals do not reach. Returns its number; nothing where there is none.
+        """
+        if not hasattr(os, "pidfd_open"):
+            return []
+        command, waiting, held = map(clear_of_streams, (os.pidfd_open(self._process), *os.pipe()))
+        if own := os.fork():
+            os.close(waiting)
+            os.close(command)
+            return [own]
+        os.closerange(0, 3)
+        os.close(held)
+        os.close(self._pipe)
+        # To the end of the process that holds the other end.
+        select.select([waiting], [], [])
+        if not select.select([command], [], [], FAREWELL)[0]:
+            for process in (*descendants(self._process), self._process):
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+        os._exit(0)
+
+    def _end_helpers(self, successor: list[int]) -> None:
+        kept = {*map(int, self._values("kept")), *successor}
         until = time.monotonic() + HELPERS
         while set(children(os.getpid())) - kept and time.monotonic() < until:
             self._reap()
@@ -152,32 +181,25 @@ class _Supervisor:
         end_descendants(kept)
 
     def _status(self) -> int:
-        if self._answered:
-            return int(self._values("status")[-1])
+        signals = [value.partition(" ") for value in self._values("signal")]
+        status = int(self._values("status")[-1]) if self._answered else None
+        if status is not None and not (signals and status == INTERRUPTED):
+            return status
         for folder in self._values("scratch"):
             shutil.rmtree(folder, ignore_errors=True)
-        if self._interruptions:
+        number, _, at_work = signals[-1] if signals else ("", "", "")
+        if self._interruptions or (signals and not at_work):
             _say("interrupted: the unfinished run was not kept")
             return INTERRUPTED
         assert self._ended is not None
-        # Imported here: a command that ends as it should need not wait for it.
-        from trackbench.base.user_code import place_in_dump
-
-        at_work = self._note[:].rstrip(b"\0").decode(errors="replace")
-        plugins = list(dict.fromkeys(self._values("plugin")))
-        cause = how_it_ended(self._ended)
+        note, plugins = at_work.encode() or self._note[:], self._values("plugin")
+        cause = how_it_ended(os.waitstatus_to_exitcode(self._ended))
         if self._overdue:
             cause = "its process became another program, or closed its files"
-        place = place_in_dump(self._told.decode(errors="replace"))
-        where = "" if place is None else f" ({place})"
-        if at_work:
-            who = f"while {at_work} was at work"
-        elif plugins:
-            who = f"with the plug-in{'s' * (len(plugins) > 1)} {', '.join(plugins)}"
-        else:
-            who = "with no plug-in; the memory may not have been enough"
-        _say(f"trackbench: no result: {cause}{where}, {who}")
-        return BAD_INPUT if at_work or plugins else FAULT
+        elif signals:
+            cause = f"its process alone was sent signal {number} ({signal.Signals(int(number)).name})"
+        _say(f"trackbench: no result: {supervised.end_in_words(cause, self._told, note, plugins)}")
+        return BAD_INPUT if note.strip(b"\0") or plugins else FAULT
 
 
 def _say(text: str) -> None:

@@ -243,7 +243,7 @@ class TrackerProcess:
         if report.memory:
             taken, most = report.memory / GIGABYTE, self._memory / GIGABYTE
             return f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
-        return how_it_ended(report.status)
+        return how_it_ended(os.waitstatus_to_exitcode(report.status))
 
     def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
         if by is not None:

@@ -7,18 +7,19 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, InvalidStateError
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event, Thread
 from typing import Any
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.execution.task import Task
 from trackbench.base.process import uninterrupted
-from trackbench.base.supervised import tell_scratch
+from trackbench.base.supervised import begin_worker, how_worker_ended, tell_scratch
 
 try:
     import dask
@@ -35,6 +36,8 @@ PATIENCE = 20
 START = 60
 #: How long a worker that is told to end may take, s.
 FAREWELL = 1
+#: Between two looks whether the workers of this machine are there, s.
+INTERVAL = 0.2
 LOCAL = re.compile(r"local:([1-9]\d{0,3})")
 REMOTE = re.compile(r"(tcp|tls|ucx|ws|wss)://.+:\d+")
 SETTINGS = {
@@ -44,6 +47,8 @@ SETTINGS = {
 }
 #: The log of a worker on this machine, which would stand among the messages of the run.
 QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+#: Of the workers of this machine so many may end, whose work the others take over.
+MOST_ENDED = 1
 DIED = "workers of the cluster died several times of the same work; --workers 1 may show what they died of"
 LOST = "the connection to the Dask scheduler was lost"
 
@@ -55,10 +60,24 @@ class Cluster(Executor):
         address: of the scheduler, as the user wrote it.
         client: connected to it.
         started: what was started for it, and ends with it.
+        workers: those of this machine.
+        notes: the folder in which they leave which plug-in is at work.
     """
 
-    def __init__(self, address: str, client: distributed.Client, started: ExitStack) -> None:
-        self._address, self._client, self._started = address, client, started
+    def __init__(
+        self,
+        address: str,
+        client: distributed.Client,
+        started: ExitStack,
+        workers: Sequence[subprocess.Popen[bytes]] = (),
+        notes: Path | None = None,
+    ) -> None:
+        self._address, self._client, self._started, self._notes = address, client, started, notes
+        self._pending: set[Future[Any]] = set()
+        self._failure: TrackbenchError | None = None
+        self._closing = Event()
+        if notes is not None:
+            Thread(target=self._watch, args=(workers, notes), daemon=True).start()
         self._executor = client.get_executor(pure=False)
         self._sent: dict[int, tuple[Task, distributed.Future[Any]]] = {}
 
@@ -70,11 +89,17 @@ class Cluster(Executor):
                 self._sent[id(call)] = call, self._client.submit(_same, call, pure=False)
             sent = self._sent[id(call)][1]
         outcome: Future[Any] = Future()
-        self._executor.submit(_call, sent, *args, **kwargs).add_done_callback(partial(_pass_on, outcome))
+        self._pending.add(outcome)
+        outcome.add_done_callback(self._pending.discard)
+        future = self._executor.submit(_call, self._notes, sent, *args, **kwargs)
+        future.add_done_callback(partial(_pass_on, outcome))
+        if self._failure is not None:
+            _fail(outcome, self._failure)
         return outcome
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take back what is not done, and let the cluster go."""
+        self._closing.set()
         self._executor.shutdown(wait=False)
         self._sent.clear()
         self._started.close()
@@ -82,6 +107,17 @@ class Cluster(Executor):
     def __str__(self) -> str:
         workers = self._client.scheduler_info()["workers"]
         return f"on the Dask cluster {self._address} ({len(workers)} workers)"
+
+    def _watch(self, workers: Sequence[subprocess.Popen[bytes]], notes: Path) -> None:
+        """Fail all that is not done once too many workers have ended; Dask would wait for others to come."""
+        while not self._closing.wait(INTERVAL):
+            ended = [worker for worker in workers if worker.poll() is not None]
+            if len(ended) > min(MOST_ENDED, len(workers) - 1):
+                how = how_worker_ended(notes, ended[-1].pid, ended[-1].returncode)
+                self._failure = TrackbenchError(f"no result: {len(ended)} of {len(workers)} workers have ended: {how}")
+                for outcome in list(self._pending):
+                    _fail(outcome, self._failure)
+                return
 
 
 def connected(address: str) -> Cluster:
@@ -111,8 +147,10 @@ def connected(address: str) -> Cluster:
                 scheduler_kwargs={"local_directory": scratch, "dashboard_address": "127.0.0.1:0", "dashboard": False},
             )
             stack.callback(_close, scheduler)
+            workers = []
             for _ in range(int(here[1])):
-                stack.callback(_kill, _start_worker(scheduler.scheduler_address, scratch))
+                workers.append(_start_worker(scheduler.scheduler_address, scratch))
+                stack.callback(_kill, workers[-1])
         try:
             client = distributed.Client(address if here is None else scheduler.scheduler_address, timeout=PATIENCE)
             stack.callback(_close, client)
@@ -124,7 +162,9 @@ def connected(address: str) -> Cluster:
             raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
         except OSError as error:
             raise InputError(f"no Dask scheduler answers at {address}", key="--cluster") from error
-        return Cluster(address, client, stack.pop_all())
+        if here is None:
+            return Cluster(address, client, stack.pop_all())
+        return Cluster(address, client, stack.pop_all(), workers, Path(scratch))
 
 
 def _start_worker(address: str, scratch: str) -> subprocess.Popen[bytes]:
@@ -151,18 +191,27 @@ def _close(connection: distributed.Client | distributed.LocalCluster) -> None:
 
 def _pass_on(outcome: Future[Any], future: Future[Any]) -> None:
     if future.cancelled():
-        outcome.set_exception(TrackbenchError(LOST))
+        _fail(outcome, TrackbenchError(LOST))
     elif isinstance(future.exception(), KilledWorker):
-        outcome.set_exception(TrackbenchError(DIED))
-    elif future.exception() is not None:
-        outcome.set_exception(future.exception())
+        _fail(outcome, TrackbenchError(DIED))
+    elif (error := future.exception()) is not None:
+        _fail(outcome, error)
     else:
-        outcome.set_result(future.result())
+        with suppress(InvalidStateError):
+            outcome.set_result(future.result())
+
+
+def _fail(outcome: Future[Any], error: BaseException) -> None:
+    # It may have failed already.
+    with suppress(InvalidStateError):
+        outcome.set_exception(error)
 
 
 def _same(task: Callable[..., Any]) -> Callable[..., Any]:
     return task
 
 
-def _call(task: Callable[..., Any], *args: Any) -> Any:
+def _call(notes: Path | None, task: Callable[..., Any], *args: Any) -> Any:
+    if notes is not None:
+        begin_worker(notes)
     return task(*args)

@@ -10,16 +10,20 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from loky import ProcessPoolExecutor, process_executor
 from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool
 
-from trackbench.base.errors import TrackbenchError
+from trackbench.base.errors import TrackbenchError, printable, text_of
 from trackbench.base.process import allow_termination, collect_rarely, uninterrupted
+from trackbench.base.supervised import begin_worker, how_worker_ended, tell_scratch
 
-DIED = "worker processes died twice; --workers 1 may show what they died of"
+#: What is said of the second worker that has ended.
+DIED = "no result: a second worker has ended: "
 #: Between two looks whether the process that started a worker is still there, s.
 INTERVAL = 0.5
 #: Loky would restart a worker that has grown by 300 MB, as one does whose blocks differ in size.
@@ -36,6 +40,10 @@ class LocalProcesses(Executor):
     def __init__(self, number: int) -> None:
         self._number = number
         self._deaths = 0
+        self._failure = TrackbenchError(DIED)
+        self._scratch = TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True)
+        self._notes = Path(self._scratch.name)
+        tell_scratch(self._notes)
         self._lock = threading.RLock()
         # Loky would also kill what a worker has started, and with it what ends the children of a tracker.
         process_executor.kill_process_tree = _kill
@@ -51,12 +59,15 @@ class LocalProcesses(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes, whatever they do."""
         self._pool.shutdown(kill_workers=True)
+        self._scratch.cleanup()
 
     def __str__(self) -> str:
         return f"in {self._number} processes of this machine"
 
     def _new(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self._number, initializer=_begin, initargs=(os.getpid(),), env=ENVIRONMENT)
+        return ProcessPoolExecutor(
+            self._number, initializer=_begin, initargs=(os.getpid(), self._notes), env=ENVIRONMENT
+        )
 
     def _start(self, outcome: Future[Any], call: Callable[[], Any]) -> None:
         with self._lock:
@@ -89,12 +100,19 @@ class LocalProcesses(Executor):
                 self._deaths += 1
                 if self._deaths == 1:
                     self._pool = self._new()
+                if self._deaths == 2:
+                    self._failure = TrackbenchError(DIED + self._cause(broken, error))
             if self._pool is not broken:
                 self._start(outcome, call)
                 return
-        failure = TrackbenchError(DIED)
-        failure.__cause__ = error
-        outcome.set_exception(failure)
+        outcome.set_exception(self._failure)
+
+    def _cause(self, broken: ProcessPoolExecutor, error: BaseException) -> str:
+        """How a worker of the broken pool has ended, the others of which still run."""
+        for process in list(broken._processes.values()):
+            if process.exitcode is not None:
+                return how_worker_ended(self._notes, process.pid, process.exitcode)
+        return printable(text_of(error))
 
 
 def _kill(worker: Any) -> None:
@@ -116,10 +134,11 @@ def _start_resource_tracker() -> None:
             os.environ["PYTHONWARNINGS"] = before
 
 
-def _begin(parent: int) -> None:
+def _begin(parent: int, notes: Path) -> None:
     """In a new process, which ends when that which started it has ended, which no longer reads what it writes."""
     allow_termination()
     collect_rarely()
+    begin_worker(notes)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
