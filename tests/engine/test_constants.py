@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,7 +35,6 @@ POINTS = scaled(1.0, 2.0, -1.0)
 FILTERS: dict[str, Callable[[ConstantVelocity], Any]] = {
     "ekf": ExtendedKalmanFilter,
     "ukf": lambda motion: SigmaPointFilter(motion, POINTS),
-    "additive ukf": lambda motion: SigmaPointFilter(motion, POINTS, augmented=False),
     "ckf": lambda motion: SigmaPointFilter(motion, CUBATURE, augmented=False),
     "imm": lambda motion: InteractingMultipleModel(
         (SigmaPointFilter(motion, POINTS), SigmaPointFilter(AGILE, POINTS)), (5.0, 2.0), (0.5, 0.5)
@@ -120,11 +118,6 @@ def cases(names: Iterable[str], *filters: str, fast: Sequence[tuple[str, str]]) 
 LINEARISED = ("motion", "ekf"), ("sensor", "ekf")
 
 
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path))
-
-
 @cases(PLACES, "ekf", "imm", fast=LINEARISED)
 def test_a_parameter_that_is_changed_between_two_runs_counts(kernels: Kernels, name: str, of: str, filter: str) -> None:
     """Or NumPy computes the model, and it is said."""
@@ -165,7 +158,7 @@ def test_an_odd_model_differs_from_numpy_only_where_it_is_said(
     differs_only_where_it_is_said(kernels, FACTORS[name], of, filter)
 
 
-@cases(MOTIONS, "ukf", "additive ukf", "ckf", "imm", fast=[("motion", "ukf")])
+@cases(MOTIONS, "ukf", "ckf", "imm", fast=[("motion", "ukf")])
 def test_a_model_that_is_odd_with_sigma_points_does_so_too(kernels: Kernels, name: str, of: str, filter: str) -> None:
     differs_only_where_it_is_said(kernels, MOTIONS[name], of, filter)
 

@@ -87,8 +87,6 @@ class Graph:
         """Why the function cannot be traced, also where it caught the error."""
         self.batch_axes = 0
         """How many axes of the inputs count members; set where a user's function is traced, which might ask."""
-        self.traced = False
-        """Whether the function has returned: what it has kept is not to be used any more."""
         self._applied: dict[tuple[object, ...], Node] = {}
         self._given: dict[object, Node] = {}
         self._count = 0

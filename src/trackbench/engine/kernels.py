@@ -173,7 +173,7 @@ class Kernels:
             try:
                 kept = self._traced(equations, inputs, own)
             except Untraceable as reason:
-                where = place_of(reason) or (reason.__cause__ and place_of(reason.__cause__))
+                where = place_of(reason)
                 self.untraced[equations.key] = equations.name, f"{reason} ({where})" if where else str(reason)
                 return None
         layout, code = kept

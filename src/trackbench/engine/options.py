@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -51,22 +51,8 @@ def with_numbers(model: M, at: str, values: Values) -> M:
     return model.model_copy(update=update) if update else model
 
 
-def models(filter: Filter[Any]) -> Iterator[MotionModel]:
-    """The motion models of a filter, and those within them."""
-    for motion in filter.motions:
-        yield from within(motion)
-
-
-def within(model: MotionModel) -> Iterator[MotionModel]:
-    """A motion model, and those within it."""
-    yield model
-    for value in _fields(model).values():
-        if isinstance(value, MotionModel):
-            yield from within(value)
-
-
 def form(value: Any) -> Hashable:
-    """What a kernel of a filter or motion model depends on beside those options; of models from elsewhere, all."""
+    """What a kernel of a filter or motion model depends on beside those options; of a user's model, all."""
     if isinstance(value, InteractingMultipleModel):
         # How the modes switch is an input.
         return tuple(map(form, value.filters))

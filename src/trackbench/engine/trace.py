@@ -52,8 +52,6 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
     # What a function of someone else raises when it is given symbols, whatever it is, means the same.
     except Exception as error:
         raise Untraceable(graph.refused or f"{type(error).__name__}: {error}") from error
-    finally:
-        graph.traced = True
     if graph.refused is not None:
         raise Untraceable(graph.refused)
     return _lowered(graph, equations, inputs, result)

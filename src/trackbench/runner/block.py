@@ -254,6 +254,9 @@ class PendingBlocks:
             for name, used in block.engines.items():
                 before[name] = joined([before.get(name, used), used]) or used
         if any(used.invalid for used in before.values()):
+            # Blocks of many runs are large.
+            blocks.clear()
+            self._futures.clear()
             blocks = self._by_numpy().collect(progress, on_recorded_run)
             for block in blocks:
                 for name, used in block.engines.items():
