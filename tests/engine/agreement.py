@@ -60,13 +60,6 @@ CHOSEN = (
 CASES = [pytest.param(name, marks=() if name in CHOSEN else pytest.mark.slow) for name in FILTERS]
 #: Largest difference between the engines, relative or in sigmas.
 LIMIT = 1e-12
-#: The same of a position converted from range and azimuth: in its covariance the squares of the range cancel.
-CONVERTED_LIMIT = 1e-10
-
-
-def limit(name: str) -> float:
-    """The largest difference that one of ``FILTERS`` may show."""
-    return CONVERTED_LIMIT if name.startswith("kf-") else LIMIT
 
 
 class Drive(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.engine import agreement
-from tests.engine.agreement import drive
+from tests.engine.agreement import LIMIT, drive
 
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine.arithmetic import LARGEST_ANGLE
@@ -100,7 +100,7 @@ def test_a_member_in_trouble_gets_what_numpy_gives(name: str, trouble: str, kern
     others = np.arange(BATCH) != TROUBLED
     for what, value in said.items():
         assert bits(value, others) == bits(untroubled[what], others), what
-        same(what, member(value, TROUBLED), member(expected[what], 0), agreement.limit(name))
+        same(what, member(value, TROUBLED), member(expected[what], 0), LIMIT)
 
 
 def operations(filter: Any, belief: AnyBelief, scan: Scan) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from tests.engine import agreement
-from tests.engine.agreement import KINDS, Drive, drive
+from tests.engine.agreement import KINDS, LIMIT, Drive, drive
 
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
@@ -25,23 +25,22 @@ def test_each_operation(name: str, kernels: Kernels, of_each_kind: dict[str, Dri
         fused = FusedFilter(own, kernels)
         angular = tuple(motion.angular for motion in own.motions)
         belief, scan = _under_way(of, name), of.scans[-1]
-        limit = agreement.limit(name)
 
         def near(one: AnyBelief, other: AnyBelief) -> bool:
-            return agreement.apart(one, other, angular) < limit  # noqa: B023
+            return agreement.apart(one, other, angular) < LIMIT  # noqa: B023
 
         for dt in (0.1, 0.0):
             assert near(fused.predict(belief, dt), own.predict(belief, dt))
         predicted = own.predict(belief, 0.1)
         expected = own.predict_measurement(predicted, scan)
-        assert agreement.of_predictions(fused.predict_measurement(predicted, scan), expected, predicted) < limit
+        assert agreement.of_predictions(fused.predict_measurement(predicted, scan), expected, predicted) < LIMIT
         for given in (None, expected):
             pair = fused.update(predicted, scan, given), own.update(predicted, scan, given)
-            assert agreement.of_updates(*pair, scan, angular) < limit
+            assert agreement.of_updates(*pair, scan, angular) < LIMIT
         stepped, by_numpy = fused.step(belief, 0.1, scan), own.step(belief, 0.1, scan)
-        assert agreement.of_updates(stepped.update, by_numpy.update, scan, angular) < limit
+        assert agreement.of_updates(stepped.update, by_numpy.update, scan, angular) < LIMIT
         for one in (stepped.cartesian, fused.cartesian(by_numpy.update.belief)):
-            assert agreement.of_gaussians(one, by_numpy.cartesian) < limit
+            assert agreement.of_gaussians(one, by_numpy.cartesian) < LIMIT
         later = by_numpy.update.belief
         assert near(fused.smooth(belief, later, 0.1), own.smooth(belief, later, 0.1))
         # Of several motion models NumPy smooths.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.engine import agreement
-from tests.engine.agreement import Drive, drive
+from tests.engine.agreement import LIMIT, Drive, drive
 from tests.support.late_scans import swapped
 from tests.support.scenes import tracker
 
@@ -169,4 +169,4 @@ def test_several_batch_axes(given: Drive) -> None:
     ]
     for name in ("ekf-cv", "ukf-ca", "kf-imm"):
         of = tracker(**agreement.FILTERS[name], initial=FIRST)
-        compared((of, replace(of, engine="fused")), scans, agreement.limit(name))
+        compared((of, replace(of, engine="fused")), scans, LIMIT)
