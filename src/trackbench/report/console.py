@@ -159,7 +159,17 @@ def print_outcome(result: Result, console: Console) -> None:
 def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
         label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NOT RANKED ", STYLE["warn"])
-        print_hanging(console, Text(*label), Text(f"{tracker.name}: {failure(result, tracker)}"))
+        print_hanging(console, Text(*label), Text(f"{tracker.name}: {failure(result, tracker)}{_errors_of(tracker)}"))
+
+
+def _errors_of(tracker: TrackerResult) -> str:
+    """ "; position RMSE 0.123 m, velocity RMSE 1.23 m/s", as far as there are any."""
+    errors = [
+        f"{path.replace('_rmse', ' RMSE')} {fixed(metric.value, decimals([metric.value]))} {metric.unit}"
+        for path in ("position_rmse", "velocity_rmse")
+        if (metric := metric_of(tracker, path)).value is not None
+    ]
+    return f"; {', '.join(errors)}" if errors else ""
 
 
 def _print_missed(result: Result, console: Console) -> None:

@@ -101,7 +101,8 @@ def _verdict(result: Result) -> Iterator[Block]:
         yield from _standings(result)
     if missing:
         failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Not ranked", (Items(failures),))
+        numbers = tables.unranked(result)
+        yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
 
 
 _NO_TRUTH = (

@@ -172,10 +172,6 @@ def other_switch_costs(result: Result) -> str:
     return " ".join([stated, *(others or [f"With {low} and with {high} the order is the same."])])
 
 
-#: A biased estimator may be a little below the bound.
-LEAST_OVER_BOUND = 0.95
-
-
 def missing_estimates(result: Result) -> list[str]:
     """What is charged for estimates that trackers did not give, where it makes much of their errors; empty of nothing.
 
@@ -202,8 +198,7 @@ def below_the_bound(result: Result) -> list[str]:
     """Of each contender that is shown to be below the Cramer-Rao bound: that it cannot be by its measurements alone."""
     sentences = []
     for tracker in result.contenders if result.summary.held_against.kind == "bound" else ():
-        ratio = tracker.metrics.get("position_over_reference")
-        if ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND:
+        if tracker.below_reference:
             sentences.append(f"{tracker.name} is below the Cramér-Rao bound: it knows more than its measurements say")
     return sentences
 

@@ -145,17 +145,33 @@ def ranking(result: Result) -> Table:
     differing = Column(shown.heading, shown.meaning, left=True), list(map(Cell, shown.cells))
     if result.summary.identities == "hidden":
         return track_table("Ranking", trackers, RANKING_OF_TRACKS, differing)
-    label, order = result.summary.held_against.label, [tracker.name for tracker in result.contenders]
+    order = [tracker.name for tracker in result.contenders]
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
+    columns = [
+        (Column("#", "rank by position RMSE"), ranks),
+        (TRACKER, names(trackers)),
+        differing,
+        *_errors(result, trackers),
+    ]
+    return Table.of_columns("ranking", columns)
+
+
+def unranked(result: Result) -> Table | None:
+    """What the trackers that are not ranked have reached all the same; None if none has a value."""
+    trackers = [tracker for tracker in result.unscored if metric_of(tracker, result.summary.headline).value is not None]
+    known = result.summary.identities == "known"
+    return tracker_table("unranked", trackers, _errors(result, trackers)) if trackers and known else None
+
+
+def _errors(result: Result, trackers: Sequence[TrackerResult]) -> list[TableColumn]:
+    """Errors, consistency and health of trackers, a column each."""
+    label = result.summary.held_against.label
     counted = "a missing estimate counts as the last measurement or estimate, held; given: of those given alone"
     judged = "mean, verdict under all conditions, 95 % interval"
     present = "share of the due estimates that were given"
     diverged = [_fault_count(tracker.health.diverged_runs) for tracker in trackers]
     repaired = [_fault_count(tracker.health.repaired_covariances) for tracker in trackers]
-    columns = [
-        (Column("#", "rank by position RMSE"), ranks),
-        (TRACKER, names(trackers)),
-        differing,
+    return [
         (Column("position RMSE, m", counted, details=INTERVAL), values(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", counted, details=INTERVAL), values(trackers, "velocity_rmse")),
         (Column("course RMSE, deg", counted, details=INTERVAL), values(trackers, "course_rmse")),
@@ -169,7 +185,6 @@ def ranking(result: Result) -> Table:
         (Column("repaired", "covariances made positive definite again"), repaired),
         (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
     ]
-    return Table.of_columns("ranking", columns)
 
 
 def by_switch_costs(result: Result, costs: Mapping[str, str]) -> Table:

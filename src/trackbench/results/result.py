@@ -64,7 +64,7 @@ class Result:
 
     @cached_property
     def scored(self) -> list[TrackerResult]:
-        """The trackers that finished with a position RMSE and enough estimates, best first."""
+        """The trackers that finished with a position RMSE that is comparable, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [tracker for tracker in ranked if not self.why_unscored(tracker)]
 
@@ -91,7 +91,7 @@ class Result:
 
     @property
     def unscored(self) -> list[TrackerResult]:
-        """The trackers that failed, gave nothing to score or too few estimates."""
+        """The trackers that failed, gave nothing to score or too few estimates, or are too good to be true."""
         return [tracker for tracker in self.summary.trackers if self.why_unscored(tracker)]
 
     def why_unscored(self, tracker: TrackerResult) -> str:
@@ -105,6 +105,8 @@ class Result:
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
             return f"it gave {100 * share:.0f} % of the estimates due, {least:g} % are needed (score.min_coverage)"
+        if tracker.is_too_good(self.summary.reference):
+            return "it is below the Cramér-Rao bound: it knows more than its measurements say (random = True)"
         return ""
 
     def json(self) -> dict[str, Any]:

@@ -9,7 +9,10 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, ResultModel, flat_metrics, nested_metrics
+from trackbench.results.scenario_summary import ReferenceSummary
 
+#: A biased estimator may be a little below the Cramer-Rao bound.
+LEAST_OVER_BOUND = 0.95
 #: How a tracker associates that knows the true origin of each detection.
 ORACLE = "oracle"
 
@@ -133,6 +136,16 @@ class TrackerResult(ResultModel):
     def is_reference(self) -> bool:
         """Whether it is no competitor."""
         return bool(self.reference_kind)
+
+    @property
+    def below_reference(self) -> bool:
+        """Whether its position error is shown to be below the reference by more than a bias explains."""
+        ratio = self.metrics.get("position_over_reference")
+        return ratio is not None and ratio.ci95 is not None and ratio.ci95[1] < LEAST_OVER_BOUND
+
+    def is_too_good(self, reference: ReferenceSummary | None) -> bool:
+        """Whether it is not driven a second time, and shown to be below the reference, which is a bound."""
+        return self.random and self.below_reference and reference is not None and reference.kind == "bound"
 
     @property
     def marks(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import hashlib
 import math
 import platform
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -64,6 +65,9 @@ def assemble(
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
     trackers = [_tracker(work, name, scores, engines.get(name), name in random) for name in work.trackers]
+    reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
+    too_good = {tracker.name for tracker in trackers if tracker.is_too_good(reference)}
+    scores = replace(scores, ranked=[name for name in scores.ranked if name not in too_good])
     references = {tracker.name for tracker in trackers if tracker.is_reference}
     baseline = scenario.score.baseline if scenario.score.baseline in scores.ranked else None
     contenders = [name for name in scores.ranked if name not in references]
@@ -101,7 +105,7 @@ def assemble(
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
         truth=_truth(loaded, truths, work, scores),
         sensors=_sensors(work, blocks),
-        reference=None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work),
+        reference=reference,
         score=ScoreSummary(
             settle_s=work.settle,
             each=scenario.score.each,
