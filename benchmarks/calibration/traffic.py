@@ -23,29 +23,29 @@ TRIALS, COMPARISONS = 1000, 500
 SIZES = (10, 20, 50, 100, 400)
 SCENES = 10
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
-#: From how many runs on an interval misses the mean in at most so many percent of the results; None where more than 100
-#: are not enough, as few runs decide the mean.
+#: From as many runs on as a result takes for an interval, it misses the mean in at most so many percent of the results.
 MISSES = 8.0
-FEWEST: dict[str, int | None] = {
-    "gospa": 50,
-    "gospa_localisation": 400,
-    "gospa_missed": 50,
-    "gospa_false": 10,
-    "tgospa": 50,
-    "hota": 100,
-    "idf1": 400,
-    "mota": 50,
-    "id_switches": 10,
-    "false_tracks": 10,
-    "confirm_latency": 100,
-    "matched_share": 50,
-    "position_rmse": 400,
-    "velocity_rmse": None,
-    "nees": None,
-    "association_right": 400,
-}
+#: Metrics whose intervals over runs are looked at.
+OVER_RUNS = (
+    "gospa",
+    "gospa_localisation",
+    "gospa_missed",
+    "gospa_false",
+    "tgospa",
+    "hota",
+    "idf1",
+    "mota",
+    "id_switches",
+    "false_tracks",
+    "confirm_latency",
+    "matched_share",
+    "position_rmse",
+    "velocity_rmse",
+    "nees",
+    "association_right",
+)
 #: Of pmb, whose bad runs are less rare.
-FEWEST_OF_PMB = FEWEST | {"velocity_rmse": 400, "nees": 400}
+FEWEST_OF_PMB = {"velocity_rmse": 400, "nees": 400}
 #: Metrics whose intervals over ``SCENES`` and whose differences are looked at.
 OVER_SCENES = ("gospa", "gospa_missed", "gospa_false", "tgospa", "mota", "false_tracks", "confirm_latency")
 
@@ -99,7 +99,7 @@ def claims() -> Iterator[Claim]:
     runs = Population("runs", traffic_pool.runs()[:, :, None])
     scenes = Population(f"scenes of {RUNS_OF_SCENE} runs", traffic_pool.scenes())
     for tracker in ("gnn", "pmb"):
-        for path in FEWEST:
+        for path in OVER_RUNS:
             yield _intervals(random, runs, TRACKERS.index(tracker), path)
         for path in OVER_SCENES:
             what = f"{tracker} {path}, {SCENES} {scenes.name}: interval misses the mean"
@@ -130,8 +130,10 @@ def _intervals(random: np.random.Generator, runs: Population, tracker: int, path
         rates[size] = 100 * float(missed.mean())
         none = f" ({100 * without:.0f} % have none)" if without > 0.005 else ""
         parts.append(f"{size} runs {rates[size]:.1f} %{none}")
-    fewest = (FEWEST_OF_PMB if TRACKERS[tracker] == "pmb" else FEWEST)[path]
-    if fewest is None:
+    fewest = TRACK_METRICS[path].fewest
+    if TRACKERS[tracker] == "pmb":
+        fewest = FEWEST_OF_PMB.get(path, fewest)
+    if fewest == np.inf:
         holds = rates[100] > MISSES
         wanted = f"where it stops: over {MISSES:g} % with 100 runs, as few runs decide the mean"
     else:

@@ -48,7 +48,11 @@ def scenes() -> Array:
 def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval | None:
     """A metric of runs ``(runs, 2, paths)``, as a result makes it; None where no run tells it."""
     found = TRACK_METRICS[path].of_runs(*run_sums(sums, path))
-    return found if found is None or scene is None else clustered(found, scene)
+    if found is None:
+        return None
+    # Also below the number of runs from which on a result has one.
+    found = found._replace(fewest=2)
+    return found if scene is None else clustered(found, scene)
 
 
 def _sums(changes: Mapping[str, object], number: int) -> Array:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from trackbench.metrics import clustered, ratio, root, scaled, variance_shares
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
+from trackbench.metrics.traffic import TRACK_METRICS
 
 
 def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -124,3 +125,30 @@ def test_intervals_from_scenes_cover_where_those_from_runs_do_not() -> None:
         inside += [low <= 0.0 <= high for low, high in (found.ci95, clustered(found, scene).ci95)]
     assert inside[0] < 600
     assert 930 <= inside[1] <= 970
+
+
+@pytest.mark.parametrize(
+    ("path", "runs", "reason"),
+    [
+        ("tgospa", 49, "no interval holds with fewer than 50 runs"),
+        ("tgospa", 50, None),
+        ("false_tracks", 9, "no interval holds with fewer than 10 runs"),
+        ("false_tracks", 10, None),
+        ("position_rmse", 399, "no interval holds with fewer than 400 runs"),
+        ("position_rmse", 400, None),
+        ("velocity_rmse", 1000, "no interval holds over runs, of which few decide the value"),
+        ("tgospa", 1, "too short for an interval"),
+    ],
+)
+def test_tracks_have_an_interval_from_as_many_runs_as_calibrate_it(path, runs, reason):
+    """A difference of two trackers, which is calibrated by itself, and scenes do not take so many."""
+    totals = np.random.default_rng(1).gamma(4.0, size=(2, runs))
+    own, other = (TRACK_METRICS[path].of_runs(total, np.full(runs, 9.0)) for total in totals)
+    value = own.as_value("m")
+    assert value.reason == reason
+    assert (value.ci95 is None) == bool(reason)
+    assert (paired(own, other).ci95 is None) == (runs == 1)
+    if runs > 1:
+        scenes = clustered(own, np.arange(runs) % FEWEST_SCENES)
+        assert scenes.ci95 is not None
+        assert clustered(own, np.arange(runs) % (FEWEST_SCENES - 1)).as_value("m").reason == TOO_FEW_SCENES

@@ -142,12 +142,19 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
 
 
 def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
-    text = ranking(traffic_result)
+    plain = ranking(traffic_result)
+    assert "95 % intervals" not in plain
+    assert "| oracle (reference) |" in plain
+    metrics = traffic_result["pmb"].metrics
+    assert metrics["gospa"].reason == "no interval holds with fewer than 50 runs"
+    metrics = {**metrics, "gospa": metrics["gospa"].model_copy(update={"ci95": (1.234, 5.678), "reason": None})}
+    trackers = [
+        tracker.model_copy(update={"metrics": metrics}) if tracker.name == "pmb" else tracker
+        for tracker in traffic_result.summary.trackers
+    ]
+    text = ranking(traffic_result.updated(trackers=trackers))
     assert "±" not in text
-    ends = traffic_result["pmb"].metrics["gospa"].ci95
-    assert ends is not None
-    assert f"| pmb | {ends[0]:#.3g} to {ends[1]:#.3g} |" in text
-    assert "| oracle (reference) |" in text
+    assert "| pmb | n/a | 1.23 to 5.68 | n/a |" in text
 
 
 def test_charts_show_their_largest_value(traffic_result: Result) -> None:

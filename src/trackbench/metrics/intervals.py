@@ -22,7 +22,8 @@ ALL_THE_SAME = "the same in every run, which says nothing of others: no interval
 FEWEST_SCENES = 5
 #: By which share of their value two errors may differ from scene to scene without a sign of it in those that were seen.
 UNSEEN = 0.1
-TOO_FEW_SCENES = f"no interval holds with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
+UNCALIBRATED = "no interval holds"
+TOO_FEW_SCENES = f"{UNCALIBRATED} with fewer than {FEWEST_SCENES} scenes; the report shows each of them"
 
 
 class Stretch(NamedTuple):
@@ -41,13 +42,24 @@ class Parts(NamedTuple):
 
     number: int
     scenes: bool
+    fewest: float = 2
+    """Runs from which on an interval of one tracker is calibrated."""
 
     @property
     def too_few(self) -> str:
-        """Why there are too few for an interval; empty where there are enough."""
+        """Why there are too few for an interval or a difference; empty where there are enough."""
         if self.scenes and self.number < FEWEST_SCENES:
             return TOO_FEW_SCENES
         return TOO_SHORT if self.number < 2 else ""
+
+    @property
+    def uncalibrated(self) -> str:
+        """Why there are too few for an interval of one tracker, of which differences may tell; empty where enough."""
+        if self.too_few or self.scenes or self.number >= self.fewest:
+            return self.too_few
+        if self.fewest == np.inf:
+            return f"{UNCALIBRATED} over runs, of which few decide the value"
+        return f"{UNCALIBRATED} with fewer than {self.fewest} runs"
 
     @property
     def stretch(self) -> Stretch:
@@ -81,6 +93,8 @@ class Interval(NamedTuple):
     """Whether each part is a scene, and not a run."""
     skewed: bool = False
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
+    fewest: float = 2
+    """Runs from which on the interval is calibrated."""
 
     @property
     def corrected(self) -> Array:
@@ -103,7 +117,7 @@ class Interval(NamedTuple):
     @property
     def parts(self) -> Parts:
         """The runs or scenes."""
-        return Parts(len(self.influence), self.scenes)
+        return Parts(len(self.influence), self.scenes, self.fewest)
 
     @property
     def stretch(self) -> Stretch:
@@ -128,7 +142,7 @@ class Interval(NamedTuple):
 
     @property
     def ci95(self) -> tuple[float, float] | None:
-        """The 95 % interval, by Student's t; None where there is no standard error, or where all runs are the same.
+        """The 95 % interval, by Student's t; None with fewer parts than calibrate it, or where all runs are the same.
 
         Of what has a limit it is that of a function without one, by the delta method: the logarithm of the distance
         from a single limit, the log-odds between two. Such values are skewed away from the limit, and Student's
@@ -138,7 +152,7 @@ class Interval(NamedTuple):
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
         error, stretch = self.error, self.stretch
-        if error is None or self.constant:
+        if error is None or self.parts.uncalibrated or self.constant:
             return None
         reach = t_quantile(0.975, len(self.influence) - 1) * error
         below, above = self.value - self.at_least, self.at_most - self.value
@@ -158,7 +172,7 @@ class Interval(NamedTuple):
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
         ci95 = self.ci95
-        reason = self.parts.too_few or ALL_THE_SAME
+        reason = self.parts.uncalibrated or ALL_THE_SAME
         return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=reason if ci95 is None else None)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
-from trackbench.metrics.intervals import FEWEST_SCENES
+from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, UNCALIBRATED
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
@@ -45,6 +45,18 @@ def values_of_few_scenes(result: Result) -> list[str]:
     for tracker in result.scored:
         lines.append(f"  {tracker.name}: {', '.join(fixed(scene.error.get(tracker.name), places) for scene in every)}")
     return lines
+
+
+def without_interval(result: Result) -> list[str]:
+    """Of which metrics no interval over runs holds, and why: "no interval holds with fewer than 50 runs: tgospa"; none
+    where there are too few scenes for any."""
+    paths: dict[str, dict[str, None]] = {}
+    for tracker in result.scored:
+        for path, metric in tracker.metrics.items():
+            if metric.value is not None and (metric.reason or "").startswith(UNCALIBRATED):
+                paths.setdefault(metric.reason or "", {})[path] = None
+    paths.pop(TOO_FEW_SCENES, None)
+    return [f"{reason}: {joined([*own])}" for reason, own in paths.items()]
 
 
 def scenes(result: Result) -> Iterator[Block]:

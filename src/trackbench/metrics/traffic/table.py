@@ -48,6 +48,8 @@ class RunRatio(Metric):
     combine: ClassVar[Combine] = "ratio"
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
     at_least: ClassVar[float] = 0.0
+    fewest: ClassVar[float] = 50
+    """Runs of one scene from which on an interval is calibrated: ``benchmarks/calibration/traffic.py``."""
     missing: ClassVar[str] = "no run tells it"
     """Why there is no value where no run has a term."""
 
@@ -63,7 +65,8 @@ class RunRatio(Metric):
         total, count = columns
         if not count.any():
             return None
-        quotient = ratio(total, count, at_least=self.at_least, at_most=self.at_most)._replace(skewed=True)
+        quotient = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
+        quotient = quotient._replace(skewed=True, fewest=self.fewest)
         return root(quotient) if self.combine == "root" else quotient
 
     def finish(self, sums: Array) -> Outcome:
@@ -93,8 +96,8 @@ def root_of(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
 
 
 def of_detections(name: str, unit: str, meaning: str, **options: Any) -> RunRatio:
-    """A metric of which neither direction is better, that needs no truth."""
-    return run_ratio(name, unit, meaning, None, without_truth=True, **options)
+    """A metric of which neither direction is better, that needs no truth; its interval is not calibrated."""
+    return run_ratio(name, unit, meaning, None, without_truth=True, fewest=2, **options)
 
 
 def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
@@ -103,6 +106,8 @@ def by_name(*metrics: RunRatio) -> dict[str, RunRatio]:
 
 #: Why there is no value where a tracker does not say, or is not asked.
 NOT_SAID = {"missing": "the tracker does not say which detections it used"}
+#: Associations, of which few runs decide the shares.
+OF_ASSOCIATIONS = {**NOT_SAID, "fewest": 400}
 NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
 #: Those of runs with a truth.
 TRACK_METRICS = by_name(
@@ -110,46 +115,54 @@ TRACK_METRICS = by_name(
     root_of("tgospa_half", "m", "T-GOSPA where a switch costs half as much"),
     root_of("tgospa_twice", "m", "T-GOSPA where a switch costs twice as much"),
     root_of("gospa", "m", "error in position, missed objects and false tracks in one number"),
-    root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks"),
+    root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks", fewest=400),
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
-    root_of("gospa_false", "m", "part of GOSPA from tracks without an object"),
+    root_of("gospa_false", "m", "part of GOSPA from tracks without an object", fewest=10),
     root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),
     root_of("ospa", "m", "error per object in position and number"),
     root_of("ospa2", "m", "error per trajectory in position, number and identity"),
-    share("hota", "detection and association in one number", "larger", combine="mean"),
+    share("hota", "detection and association in one number", "larger", combine="mean", fewest=100),
     share("deta", "detection part of HOTA", "larger", combine="mean"),
-    share("assa", "association part of HOTA", "larger", combine="mean"),
-    share("idf1", "share of time that one track each covers of the objects", "larger"),
+    share("assa", "association part of HOTA", "larger", combine="mean", fewest=100),
+    share("idf1", "share of time that one track each covers of the objects", "larger", fewest=400),
     share("mota", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf),
     run_ratio("motp", "m", "mean distance of matched tracks", "smaller"),
-    run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller"),
-    run_ratio("fragmentations", "1/min", "times a lost object is tracked again, per minute of an object", "smaller"),
-    run_ratio("false_tracks", "1/min", "tracks that never are on an object, per minute", "smaller"),
+    run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller", fewest=10),
+    run_ratio(
+        "fragmentations", "1/min", "times a lost object is tracked again, per minute of an object", "smaller", fewest=10
+    ),
+    run_ratio("false_tracks", "1/min", "tracks that never are on an object, per minute", "smaller", fewest=10),
     run_ratio(
         "confirm_latency",
         "s",
         "time that objects wait for their first track, per object that gets one",
         "smaller",
         missing="no object was ever tracked",
+        fewest=100,
     ),
     share("never_confirmed", "share of the due objects that are never tracked", "smaller"),
-    share("lost_time_share", "share of the time after its first track that an object has none", "smaller"),
-    share("track_purity", "share of a track's time that it spends on its main object", "larger"),
+    share("lost_time_share", "share of the time after its first track that an object has none", "smaller", fewest=100),
+    share("track_purity", "share of a track's time that it spends on its main object", "larger", fewest=400),
     share("siap_completeness", "share of the due instants with any track", "larger"),
     run_ratio("siap_ambiguity", "1", "tracks on an object that has any", "smaller", at_least=1.0),
     share("siap_spuriousness", "share of the tracks on no object", "smaller"),
-    run_ratio("siap_position", "m", "mean distance of tracks to the nearest object", "smaller"),
-    run_ratio("siap_velocity", "m/s", "mean difference of their velocities", "smaller"),
-    root_of("position_rmse", "m", "root mean square error of the position of matched tracks"),
-    root_of("velocity_rmse", "m/s", "root mean square error of the velocity of matched tracks"),
-    run_ratio("nees", "1", "normalised estimation error squared of matched tracks, 4 when consistent", None),
-    share("nees_inside", "share of them within the 95 % bound of chi-square, 0.95 when consistent", None),
+    run_ratio("siap_position", "m", "mean distance of tracks to the nearest object", "smaller", fewest=100),
+    run_ratio("siap_velocity", "m/s", "mean difference of their velocities", "smaller", fewest=100),
+    root_of("position_rmse", "m", "root mean square error of the position of matched tracks", fewest=400),
+    root_of("velocity_rmse", "m/s", "root mean square error of the velocity of matched tracks", fewest=math.inf),
+    run_ratio(
+        "nees", "1", "normalised estimation error squared of matched tracks, 4 when consistent", None, fewest=math.inf
+    ),
+    share("nees_inside", "share of them within the 95 % bound of chi-square, 0.95 when consistent", None, fewest=400),
     share("matched_share", "share of the due instants with a matched track", "larger"),
-    share("association_right", "share of associations with the track's own object", "larger", **NOT_SAID),
-    share("association_wrong_object", "share of associations with another object", "smaller", **NOT_SAID),
-    share("association_clutter", "share of associations with a false alarm", "smaller", **NOT_SAID),
+    share("association_right", "share of associations with the track's own object", "larger", **OF_ASSOCIATIONS),
+    share("association_wrong_object", "share of associations with another object", "smaller", **OF_ASSOCIATIONS),
+    share("association_clutter", "share of associations with a false alarm", "smaller", **OF_ASSOCIATIONS),
     share(
-        "association_missed", "share of associations left out although the object was detected", "smaller", **NOT_SAID
+        "association_missed",
+        "share of associations left out although the object was detected",
+        "smaller",
+        **OF_ASSOCIATIONS,
     ),
 )
 #: Those of runs without one.
