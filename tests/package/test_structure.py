@@ -16,7 +16,7 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 68_071
+MOST_LINES = 68_112
 MOST_FILES = 398
 
 
