@@ -131,7 +131,7 @@ def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> N
     [
         ("motion-models", "singer .*time_constant_s .seconds."),
         ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
-        ("truth-sources", "weave .*options .*amplitude_m .metres."),
+        ("truth", "weave .*options .*amplitude_m .metres."),
         ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
         ("trackers", "nearest_position .*options alpha, beta"),
         ("trackers", "broken .*failed: cannot import 'broken': no module named 'example_missing'"),

@@ -16,8 +16,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 68_112
-MOST_FILES = 398
+MOST_LINES = 69_597
+MOST_FILES = 409
 
 
 def lines_of(file: Path) -> int:

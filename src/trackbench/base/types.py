@@ -226,6 +226,14 @@ class Observer:
     """m; 0 for a fixed point."""
 
 
+class RecordedNoise(NamedTuple):
+    """How far recorded motion may be from the true one, which is not known: standard deviation per axis."""
+
+    position_m: float
+    velocity_mps: float
+
+
+EXACT = RecordedNoise(0.0, 0.0)
 #: The arrays of a truth that are ``(steps, objects, runs)``.
 KINEMATICS = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
 
@@ -277,6 +285,8 @@ class Truth:
     """With known identities: the objects that are no targets and hide them from sensors with ``occlusion``."""
     known: bool = True
     """False where a recording has measurements alone: no object is known then."""
+    recorded_noise: RecordedNoise = EXACT
+    """The noise of recorded motion; 0 where the motion is exact."""
 
     def __post_init__(self) -> None:
         if len(self.target) != len(self.ids):

@@ -76,10 +76,13 @@ def _sensor_effects() -> Iterator[Row]:
     return _plugins(EFFECTS, lambda effect: _options(effect, without=("type",)))
 
 
-def _truth_sources() -> Iterator[Row]:
+def _truth() -> Iterator[Row]:
     from trackbench.truth import TRUTH_SOURCES
+    from trackbench.truth.tracks import TRAFFIC_FORMATS
 
-    return _plugins(TRUTH_SOURCES, lambda source: _options(source, without=("source",)))
+    yield from _plugins(TRUTH_SOURCES, lambda source: _options(source, without=("source",)))
+    for name, words in _plugins(TRAFFIC_FORMATS, _options):
+        yield name, f"format of recorded-traffic: {words}"
 
 
 def _plugins(registry: Registry[Any], options_in_words: Callable[[Any], str]) -> Iterator[Row]:
@@ -131,7 +134,7 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "motion-models": _motion_models,
     "sensors": _sensors,
     "sensor-effects": _sensor_effects,
-    "truth-sources": _truth_sources,
+    "truth": _truth,
     "metrics": _metrics,
     "envs": _envs,
 }

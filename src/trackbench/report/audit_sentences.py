@@ -50,7 +50,7 @@ def _velocity(audits: Audits) -> Iterator[str]:
         return
     how = joined([f"from {source} for {joined(names)}" for source, names in sources.items() if names])
     yield (
-        f"The simulator's velocity contradicted the motion by up to {_two_digits(before.max_mps)} m/s "
+        f"The stated velocity contradicted the motion by up to {_two_digits(before.max_mps)} m/s "
         f"({_place(before.object, before.time_s, scene)}); it was computed {how}, which leaves {remaining} m/s."
     )
 

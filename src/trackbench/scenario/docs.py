@@ -34,6 +34,8 @@ HEADINGS = {
     "ScriptedTruth": "Scripted motion",
     "MovingObserver": "`observer` of scripted motion",
     "RecordingTruth": "Recorded motion",
+    "TrafficTruth": "Recorded traffic",
+    "VehicleObserver": "`observer` of recorded traffic as a vehicle",
     "ObserverColumns": "`columns.observer`",
     "Radar": "Radar",
     "SpeedRadar": "Speed radar",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config import IdTargets, NearestTargets, VehicleSizes
 
 
 @dataclass(frozen=True)
@@ -124,42 +124,40 @@ def with_sizes(frames: Frames, shares: VehicleSizes, seed: int) -> Frames:
     return replace(frames, length=length, width=width)
 
 
-def target_bodies(config: HighwayOptions, frames: Frames, observer: Observer) -> list[int]:
-    """The bodies that are tracked.
+def target_bodies(
+    targets: Literal["all"] | NearestTargets | IdTargets, frames: Frames, observer: Observer, carrier: int | None
+) -> list[int]:
+    """The bodies that are tracked; none where there are no others than ``carrier``, on which the observer rides.
 
     Raises:
-        InputError: one of them is not in the scene, or none is.
+        InputError: one of them is not in the scene.
     """
-    bodies = [i for i in range(len(frames.ids)) if i > 0 or config.observer != "ego"]
-    if isinstance(config.targets, IdTargets):
+    bodies = [i for i in range(len(frames.ids)) if i != carrier]
+    if isinstance(targets, IdTargets):
         by_name = {frames.ids[i]: i for i in bodies}
-        for name in config.targets.ids:
+        for name in targets.ids:
             if name not in by_name:
                 raise InputError(
                     f"there is no vehicle {name!r} in this scene; {nearest(name, by_name)}", key="truth.targets.ids"
                 )
-        bodies = sorted({by_name[name] for name in config.targets.ids})
-    elif isinstance(config.targets, NearestTargets):
+        bodies = sorted({by_name[name] for name in targets.ids})
+    elif isinstance(targets, NearestTargets):
         nearest_m = _least_distance(frames, observer)
         bodies.sort(key=lambda i: float(nearest_m[i]))
-        bodies = sorted(bodies[: config.targets.nearest])
-    if not bodies:
-        raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
+        bodies = sorted(bodies[: targets.nearest])
     return bodies
 
 
-def truth_bodies(config: HighwayOptions, frames: Frames, observer: Observer, targets: list[int]) -> list[int]:
-    """The bodies of the truth: the targets, or with hidden identities all that a sensor might reach.
+def bodies_near(
+    limit: float, frames: Frames, observer: Observer, named: Sequence[int], carrier: int | None
+) -> list[int]:
+    """With hidden identities the bodies of the truth: all that a sensor might reach, and those that are named.
 
     Raises:
         InputError: there is none.
     """
-    limit = config.others_within_m
-    if limit is None:
-        return targets
     near = _least_distance(frames, observer) <= limit
-    named = [] if config.targets == "all" else targets
-    bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and (i > 0 or config.observer != "ego"))]
+    bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and i != carrier)]
     if not bodies:
         raise InputError(f"no vehicle comes within {limit:g} m of the observer", key="truth.targets")
     return bodies

@@ -20,7 +20,7 @@ from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit, by_euler
 from trackbench.truth.config import FixedObserver, HighwayOptions
-from trackbench.truth.frames import Frames, held, lane_edges, target_bodies, truth_bodies, with_sizes
+from trackbench.truth.frames import Frames, bodies_near, held, lane_edges, target_bodies, with_sizes
 from trackbench.truth.jumps import summarised
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
@@ -118,9 +118,14 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
 
 
 def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
+    carrier = 0 if config.observer == "ego" else None
     observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
-    targets = target_bodies(config, frames, observer)
-    bodies = truth_bodies(config, frames, observer, targets)
+    bodies = targets = target_bodies(config.targets, frames, observer, carrier)
+    if not targets:
+        raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
+    if config.others_within_m is not None:
+        named = [] if config.targets == "all" else targets
+        bodies = bodies_near(config.others_within_m, frames, observer, named, carrier)
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
     unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base.types import Progress, no_progress
-from trackbench.truth import recorded, scripted, simulated
+from trackbench.truth import recorded, scripted, simulated, traffic
 from trackbench.truth.base import Draw, LoadedTruth
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
+from trackbench.truth.config.traffic import TrafficOptions
 
 
 class HighwayTruth(HighwayOptions):
@@ -59,3 +60,19 @@ class RecordingTruth(RecordingOptions):
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
         for log in self.scenes():
             recorded.load(log, sensors or {}, folder or Path())
+
+
+class TrafficTruth(TrafficOptions):
+    """Recorded traffic: every vehicle's motion, which sensors on one of them, or beside the road, see."""
+
+    def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
+        truth, note = traffic.load(self, folder)
+        return LoadedTruth(truth, notes=(f"recording: {note}",) if self.scene == 0 else ())
+
+    @property
+    def quick(self) -> bool:
+        return True
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        for scene in self.scenes():
+            traffic.load(scene, folder or Path())

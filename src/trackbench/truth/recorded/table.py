@@ -110,7 +110,7 @@ class Rows(NamedTuple):
         if _empty(value):
             raise self.error(row, f"{column} is empty, where a number is expected")
         if isinstance(value, str):
-            number = float(value) if NUMBER.fullmatch(value.strip()) else math.nan
+            number = float(value.strip()) if NUMBER.fullmatch(value.strip()) else math.nan
         else:
             number = float(value) if isinstance(value, int | float | Decimal) else math.nan
         if not math.isfinite(number):
@@ -118,20 +118,21 @@ class Rows(NamedTuple):
         return number
 
 
-def read(file: Path, form: str, wanted: Iterable[str]) -> Rows:
-    """The columns of a file of the format "csv" or "parquet" that are wanted.
+def read(file: Path, form: str, wanted: Iterable[str], optional: Iterable[str] = ()) -> Rows:
+    """The columns of a file of the format "csv" or "parquet" that are wanted, and of the optional ones those it has.
 
     Raises:
         InputError: the file cannot be read or has no such column, or no row.
     """
     names = list(dict.fromkeys(wanted))
-    rows = _csv(file, names) if form == "csv" else _parquet(file, names)
+    more = [name for name in dict.fromkeys(optional) if name not in names]
+    rows = _csv(file, names, more) if form == "csv" else _parquet(file, names, more)
     if not len(rows):
         raise InputError("the file has no row of data", file=file)
     return rows
 
 
-def _csv(file: Path, names: list[str]) -> Rows:
+def _csv(file: Path, names: list[str], optional: list[str]) -> Rows:
     reader = csv.reader(text_of(file).splitlines(keepends=True), strict=True)
     lines: list[int] = []
     rows: list[list[str]] = []
@@ -142,6 +143,7 @@ def _csv(file: Path, names: list[str]) -> Rows:
                 continue
             if not header:
                 header = [name.strip() for name in row]
+                names = names + [name for name in optional if name in header]
                 _require(names, header, file, reader.line_num)
                 continue
             if len(row) != len(header):
@@ -156,13 +158,15 @@ def _csv(file: Path, names: list[str]) -> Rows:
     return Rows(file, columns, lines)
 
 
-def _parquet(file: Path, names: list[str]) -> Rows:
+def _parquet(file: Path, names: list[str], optional: list[str]) -> Rows:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         metadata = pq.read_metadata(file)
-        _require(names, metadata.schema.to_arrow_schema().names, file, None)
+        header = metadata.schema.to_arrow_schema().names
+        names = names + [name for name in optional if name in header]
+        _require(names, header, file, None)
         _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)
         columns = {name: table[name].to_pylist() for name in names}

@@ -1,0 +1,169 @@
+"""The options of recorded traffic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, PrivateAttr, Tag
+
+from trackbench.base.config import LIST, MAPPING, PROBLEM, WORD, Config, NonNegative, Positive, Problem
+from trackbench.base.config.plugin import OptionsBeside, Plugin
+from trackbench.truth.base import MAX_SCENES, TruthSource
+from trackbench.truth.config.highway import Targets
+from trackbench.truth.config.recording import FixedObserver
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
+
+
+def _vehicle_shape(value: Any) -> str | None:
+    return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None
+
+
+Vehicle = Annotated[str, Field(min_length=1)]
+
+
+class VehicleObserver(Config):
+    """A vehicle that carries the sensors, or several, each in a scene of its own."""
+
+    vehicle: Annotated[
+        Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
+        Discriminator(
+            _vehicle_shape,
+            custom_error_type=PROBLEM,
+            custom_error_message='write the id of a vehicle as text, such as "12", or a list of ids, each of which '
+            "makes a scene",
+        ),
+    ] = Field(
+        description="Its id in the file, as text; or a list of ids, each of which makes a scene. The scenes may have "
+        "no vehicle in common: an interval over scenes takes them for independent."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if isinstance(self.vehicle, list):
+            for index, name in enumerate(self.vehicle):
+                if name in self.vehicle[:index]:
+                    yield Problem(("vehicle", index), f"{name} is there already; each vehicle makes another scene")
+
+
+def _observer_kind(value: Any) -> str | None:
+    if isinstance(value, VehicleObserver) or (isinstance(value, dict) and "vehicle" in value):
+        return "<vehicle>"
+    return MAPPING if isinstance(value, dict | FixedObserver) else None
+
+
+class Smoothing(Config):
+    """A polynomial through the positions around each instant, by least squares.
+
+    Its slope is the velocity, and the position is the integral of that, so that the two agree.
+    """
+
+    window_s: float = Field(2.1, gt=0, le=60, description="Length of the window, centred on the instant, s.")
+    order: int = Field(2, ge=1, le=5, description="Of the polynomial.")
+
+
+class TrafficOptions(TruthSource, OptionsBeside):
+    """Traffic recorded from above or by a simulator: every vehicle's motion, which sensors on one of them see."""
+
+    format: Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)] = Field(
+        description="The format of the file (`trackbench list truth` shows them), or one of your own as "
+        "`module:Class`. Its options stand beside it."
+    )
+    path: str | None = Field(
+        None,
+        min_length=1,
+        description="The file. A relative path starts in the scenario's folder, or in the working directory; "
+        "environment variables such as $TRACKBENCH_DATA are filled in. None with i80, which comes with the package.",
+    )
+    observer: Annotated[
+        Annotated[FixedObserver, Tag(MAPPING)] | Annotated[VehicleObserver, Tag("<vehicle>")],
+        Discriminator(
+            _observer_kind,
+            custom_error_type=PROBLEM,
+            custom_error_message='write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}',
+        ),
+    ] = Field(description="What carries the sensors: a vehicle by its id, or a fixed point {x, y, yaw_deg}.")
+    targets: Targets = Field(
+        "all",
+        description="Which vehicles are tracked: all, the {nearest: N} that come closest to the observer, or "
+        "{ids: [...]}.",
+    )
+    from_s: NonNegative = Field(0, description="Where the scene begins, s after the first row of the file.")
+    duration_s: Annotated[float, Field(gt=0, le=3600)] | None = Field(
+        None, description="Length of the scene, s; to the end of the file, or of the observer's track, unless given."
+    )
+    smoothing: Smoothing | None = Field(
+        None,
+        description="How positions are smoothed. As they are unless given: speed and heading are the file's, where it "
+        "has them.",
+    )
+    audit: Literal["refuse", "repair"] = Field(
+        "refuse",
+        description="What to do with motion that no vehicle makes: refuse the recording with the figure, or take it as "
+        "it is (repair: cut tracks where they jump; velocities that contradict the motion come from the displacement).",
+    )
+    simultaneous: bool | None = Field(
+        None,
+        description="Whether the vehicles drove at the same time. If not (i80), those that would overlap are kept "
+        "apart: a scene has vehicles that do not overlap, and each is in at most one scene. As the format says unless "
+        "given.",
+    )
+    divide: int | None = Field(
+        None,
+        ge=1,
+        le=MAX_SCENES,
+        description="Scenes of a fixed observer, where the vehicles did not drive at the same time; 1 unless given.",
+    )
+    others_within_m: Positive | None = Field(
+        None,
+        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
+        "targets names it, m. The reach of the sensors and 10 m unless given.",
+    )
+    length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
+    width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
+    _scene: int = PrivateAttr(0)
+
+    @property
+    def drove_together(self) -> bool:
+        """Whether the vehicles drove at the same time."""
+        return self.format.simultaneous if self.simultaneous is None else self.simultaneous
+
+    @property
+    def vehicles(self) -> list[str]:
+        """The vehicles that carry the sensors, one for each scene; empty where a fixed point does."""
+        if isinstance(self.observer, FixedObserver):
+            return []
+        return self.observer.vehicle if isinstance(self.observer.vehicle, list) else [self.observer.vehicle]
+
+    @property
+    def number_of_scenes(self) -> int:
+        return len(self.vehicles) or self.divide or 1
+
+    @property
+    def scene(self) -> int:
+        """Which of the scenes this is, from 0."""
+        return self._scene
+
+    @property
+    def scene_name(self) -> str:
+        return f"vehicle {self.vehicles[self._scene]}" if self.vehicles else f"part {self._scene + 1}"
+
+    def scenes(self) -> Sequence[Self]:
+        return tuple(self._numbered(number) for number in range(self.number_of_scenes))
+
+    def _numbered(self, number: int) -> Self:
+        scene = self.model_copy()
+        scene._scene = number
+        return scene
+
+    def with_all_objects(self, within_m: float) -> Self:
+        return self if self.others_within_m is not None else self.model_copy(update={"others_within_m": within_m})
+
+    def problems(self) -> Iterator[Problem]:
+        if self.format.endings and self.path is None:
+            yield Problem(("path",), f"missing: the file, such as recording{self.format.endings[0]}")
+        if not self.format.endings and self.path is not None:
+            yield Problem(("path",), "this recording comes with the package; remove the path")
+        if self.divide is not None and self.vehicles:
+            yield Problem(("divide",), "only used with a fixed observer; each vehicle of observer makes a scene")
+        elif self.divide is not None and self.drove_together:
+            yield Problem(("divide",), "the vehicles drove at the same time; only used with simultaneous: false")

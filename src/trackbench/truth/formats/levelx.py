@@ -1,0 +1,98 @@
+"""The drone recordings of levelX: highD, inD, rounD and exiD, each a table of tracks beside two of meta data.
+
+Sources: Krajewski et al. (2018), "The highD Dataset"; Bock et al. (2020), "The inD Dataset"; Krajewski et al. (2020),
+"The rounD Dataset"; Moers et al. (2022), "The exiD Dataset"; and the descriptions of the columns on levelxdata.com.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.truth.recorded import table
+from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
+
+TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
+
+
+class _LevelX(TrafficFormat):
+    """What the recordings have in common."""
+
+    endings: ClassVar[tuple[str, ...]] = (TRACKS,)
+    id_column: ClassVar[str] = "trackId"
+    x_column: ClassVar[str] = "xCenter"
+    y_column: ClassVar[str] = "yCenter"
+    #: Of length and width in the table of tracks.
+    size_columns: ClassVar[tuple[str, str]] = ("length", "width")
+    from_above: ClassVar[bool] = True
+    """Whether x and y are of the centre in a frame seen from above; highD's are of a corner in the picture."""
+
+    def read(self, file: Path) -> list[TrafficTrack]:
+        if not file.name.endswith(TRACKS):
+            raise InputError(f"the file of the tracks is needed, whose name ends in {TRACKS}", file=file)
+        rate = self._rate(file)
+        motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
+        heading = ("heading",) if self.from_above else ()
+        rows = table.read(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
+        ids = rows.names(self.id_column)
+        quantities = ("length", "length", "speed", "speed")
+        x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
+        length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
+        columns = {"time": rows.numbers("frame", 1.0 / rate, None), "speed": np.hypot(vx, vy)}
+        if self.from_above:
+            columns |= {"x": x, "y": y, "heading": rows.numbers("heading", np.pi / 180, "angle")}
+        else:
+            # The sides of highD's boxes lie along the picture's axes; its y points down.
+            columns |= {"x": x + length / 2, "y": -(y + width / 2)}
+        kinds = self._kinds(file)
+        bodies: dict[str, dict[str, Any]] = {}
+        for row, name in enumerate(ids):
+            if name not in bodies:
+                sizes = (float(size[row]) if size[row] > 0 else None for size in (length, width))
+                bodies[name] = {**dict(zip(("length", "width"), sizes, strict=True)), "kind": kinds.get(name, "")}
+        return tracks_of(file, ids, columns, bodies)
+
+    def _rate(self, file: Path) -> float:
+        """Frames per second, Hz."""
+        beside = _beside(file, RECORDING)
+        rate = float(table.read(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
+        if not 0.1 <= rate <= 1000:
+            raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
+        return rate
+
+    def _kinds(self, file: Path) -> dict[str, str]:
+        """The class of each body by its id."""
+        rows = table.read(_beside(file, BODIES), "csv", [self.id_column, "class"])
+        return dict(zip(rows.names(self.id_column), rows.names("class"), strict=True))
+
+
+def _beside(file: Path, ending: str) -> Path:
+    path = file.with_name(file.name.removesuffix(TRACKS) + ending)
+    if not path.is_file():
+        raise InputError(f"there is no file {path.name} beside it", file=file)
+    return path
+
+
+class HighD(_LevelX):
+    """highD of levelX: NN_tracks.csv, with NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""
+
+    id_column: ClassVar[str] = "id"
+    x_column: ClassVar[str] = "x"
+    y_column: ClassVar[str] = "y"
+    size_columns: ClassVar[tuple[str, str]] = ("width", "height")
+    from_above: ClassVar[bool] = False
+
+
+class InD(_LevelX):
+    """inD of levelX: NN_tracks.csv, with NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""
+
+
+class RounD(_LevelX):
+    """rounD of levelX: NN_tracks.csv, with NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""
+
+
+class ExiD(_LevelX):
+    """exiD of levelX: NN_tracks.csv, with NN_tracksMeta.csv and NN_recordingMeta.csv beside it."""

@@ -1,0 +1,183 @@
+"""Traces of the ASAM Open Simulation Interface, and messages of it in MCAP.
+
+A trace needs four messages with twenty fields. They are read from the wire, in 40 lines: ``betterosi`` and ``protobuf``
+bring generated code of all of OSI, and the latter pins the versions of others.
+
+Sources: ASAM OSI 3.7, ``osi_sensorview.proto``, ``osi_groundtruth.proto``, ``osi_object.proto``, ``osi_common.proto``;
+Protocol Buffers documentation, "Encoding".
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.errors import InputError, counted
+from trackbench.base.files import read_bytes
+from trackbench.base.plugins import one_line
+from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
+
+#: Numbers of fields.
+GROUND_TRUTH_OF_VIEW = 7
+TIMESTAMP, MOVING_OBJECT = 2, 5
+OBJECT_ID, OBJECT_BASE, OBJECT_TYPE, CLASSIFICATION = 1, 2, 3, 6
+DIMENSION, POSITION, ORIENTATION, VELOCITY = 1, 2, 3, 4
+#: Of ``osi3.MovingObject.Type`` and of ``VehicleClassification.Type``.
+OBJECTS = {3: "pedestrian", 4: "animal"}
+VEHICLES = {2: "car", 3: "car", 4: "car", 5: "car", 6: "van", 7: "truck", 8: "trailer", 9: "trailer"}
+VEHICLES |= {10: "motorcycle", 11: "bicycle", 12: "bus", 13: "tram", 14: "train"}
+
+Kind = Literal["SensorView", "GroundTruth"]
+
+
+class _Osi(TrafficFormat):
+    """What a trace and an MCAP file have in common."""
+
+    def _tracks(self, file: Path, messages: Iterable[tuple[Kind, memoryview]]) -> list[TrafficTrack]:
+        rows: list[tuple[float, ...]] = []
+        ids: list[str] = []
+        bodies: dict[str, dict[str, Any]] = {}
+        try:
+            for kind, message in messages:
+                for ground_truth in _parts(message, GROUND_TRUTH_OF_VIEW) if kind == "SensorView" else (message,):
+                    for name, row, body in _objects(ground_truth):
+                        ids.append(name)
+                        rows.append(row)
+                        bodies.setdefault(name, body)
+        except (ValueError, IndexError, struct.error, OverflowError) as error:
+            raise InputError(f"a message after {counted(len(rows), 'row')} is damaged: {error}", file=file) from None
+        if not rows:
+            raise InputError("there is no moving object in this file", file=file)
+        time, x, y, heading, vx, vy = np.array(rows).T
+        columns = {"time": time, "x": x, "y": y, "heading": heading}
+        if np.isfinite(vx).all():
+            columns["speed"] = np.hypot(vx, vy)
+        return tracks_of(file, ids, columns, bodies)
+
+
+class OsiTrace(_Osi):
+    """ASAM OSI trace, binary (.osi): the moving objects of SensorView or GroundTruth messages."""
+
+    endings: ClassVar[tuple[str, ...]] = (".osi",)
+    message: Literal["SensorView", "GroundTruth"] | None = Field(
+        None, description="The type of the messages; GroundTruth where the file's name has _gt_, else SensorView."
+    )
+
+    def read(self, file: Path) -> list[TrafficTrack]:
+        kind = self.message or ("GroundTruth" if "_gt_" in file.name else "SensorView")
+        content = memoryview(read_bytes(file))
+        return self._tracks(file, ((kind, message) for message in _delimited(content, file)))
+
+
+class OsiMcap(_Osi):
+    """ASAM OSI messages in MCAP: those of the types osi3.SensorView and osi3.GroundTruth. Needs `trackbench[mcap]`."""
+
+    endings: ClassVar[tuple[str, ...]] = (".mcap",)
+
+    def read(self, file: Path) -> list[TrafficTrack]:
+        try:
+            from mcap.reader import make_reader
+        except ImportError:
+            raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=file) from None
+        kinds: dict[str, Kind] = {"osi3.SensorView": "SensorView", "osi3.GroundTruth": "GroundTruth"}
+        read_bytes(file, most=2**32)
+        with file.open("rb") as stream:
+            try:
+                messages = [
+                    (kinds[schema.name], memoryview(message.data))
+                    for schema, _, message in make_reader(stream).iter_messages()
+                    if schema is not None and schema.name in kinds
+                ]
+            except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
+                raise InputError(f"not an MCAP file that can be read: {one_line(error)}", file=file) from None
+        return self._tracks(file, messages)
+
+
+def _delimited(content: memoryview, file: Path) -> Iterator[memoryview]:
+    """Messages, each after its length as four bytes, little-endian."""
+    at = 0
+    while at < len(content):
+        size = int.from_bytes(content[at : at + 4], "little")
+        if at + 4 + size > len(content):
+            raise InputError(f"the message at byte {at} is longer than the rest of the file", file=file)
+        yield content[at + 4 : at + 4 + size]
+        at += 4 + size
+
+
+def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...], dict[str, Any]]]:
+    """Name, row (time, x, y, heading, vx, vy) and size of each moving object; NaN where a velocity is missing."""
+    stamp = dict(_fields(_part(ground_truth, TIMESTAMP)))
+    time = int(stamp.get(1, 0)) + 1e-9 * int(stamp.get(2, 0))
+    for item in _parts(ground_truth, MOVING_OBJECT):
+        base = _part(item, OBJECT_BASE)
+        x, y = _vector(_part(base, POSITION), 1, 2)
+        (yaw,) = _vector(_part(base, ORIENTATION), 3)
+        velocity = _vector(_part(base, VELOCITY), 1, 2) if any(_parts(base, VELOCITY)) else (np.nan, np.nan)
+        length, width = (value or None for value in _vector(_part(base, DIMENSION), 1, 2))
+        of_object = int(dict(_fields(item)).get(OBJECT_TYPE, 0))
+        of_vehicle = int(dict(_fields(_part(item, CLASSIFICATION))).get(1, 0))
+        kind = OBJECTS.get(of_object) or VEHICLES.get(of_vehicle, "")
+        name = str(dict(_fields(_part(item, OBJECT_ID))).get(1, 0))
+        yield name, (time, x, y, yaw, *velocity), {"length": length, "width": width, "kind": kind}
+
+
+def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:
+    """Fields of type double, 0 where they are left out."""
+    fields = dict(_fields(message))
+    if not all(isinstance(fields.get(number, 0.0), float) for number in numbers):
+        raise ValueError("a field that is not of its type")
+    return tuple(fields.get(number, 0.0) for number in numbers)
+
+
+def _part(message: memoryview, number: int) -> memoryview:
+    """The last message in a field, as the format has it; empty where there is none."""
+    parts = [*_parts(message, number)]
+    return parts[-1] if parts else memoryview(b"")
+
+
+def _parts(message: memoryview, number: int) -> Iterator[memoryview]:
+    """The messages in a repeated field."""
+    for key, value in _fields(message):
+        if key == number:
+            if not isinstance(value, memoryview):
+                raise ValueError("a field that is not of its type")
+            yield value
+
+
+def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
+    """Number and value of each field: an int, a float, or the bytes of a text or message."""
+    at = 0
+    while at < len(message):
+        value: Any
+        key, at = _varint(message, at)
+        wire = key & 7
+        if wire == 0:
+            value, at = _varint(message, at)
+        elif wire in (1, 5):
+            size, code = (8, "<d") if wire == 1 else (4, "<f")
+            (value,), at = struct.unpack(code, message[at : at + size]), at + size
+        elif wire == 2:
+            size, at = _varint(message, at)
+            if at + size > len(message):
+                raise ValueError("a field is longer than its message")
+            value, at = message[at : at + size], at + size
+        else:
+            raise ValueError(f"wire type {wire} is not used")
+        yield key >> 3, value
+
+
+def _varint(message: memoryview, at: int) -> tuple[int, int]:
+    """An integer of seven bits a byte, and where it ends."""
+    value = 0
+    for shift in range(0, 70, 7):
+        byte = message[at]
+        at += 1
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value, at
+    raise ValueError("an integer of more than ten bytes")

@@ -1,0 +1,152 @@
+"""What a recording implies of its vehicles' motion, before and after it is smoothed, and what no vehicle does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError, counted
+from trackbench.base.types import Mask, RecordedNoise
+from trackbench.truth.frames import Frames
+from trackbench.truth.jumps import IMPOSSIBLE_MPS2
+from trackbench.truth.smoothing import GridTrack
+
+#: No tyre holds more, m/s^2: a coefficient of friction of 0.9 on dry asphalt (Wong, Theory of Ground Vehicles, section
+#: 1.3) is 8.8.
+POSSIBLE_MPS2 = 9.0
+#: Smoothing that moves a vehicle further hides a jump, m: it moves one that brakes as hard as it can by 1.
+LARGEST_SHIFT_M = 1.5
+#: Boxes that are this far inside each other are two vehicles in one place, m.
+OVERLAP_M = 0.5
+#: How often boxes are compared, s.
+OFTEN_S = 0.2
+
+
+class MotionFigures(NamedTuple):
+    """Of all vehicles of a recording."""
+
+    acceleration_p99_mps2: float
+    acceleration_max_mps2: float
+    vehicle: str
+    """Whose it is."""
+    time_s: float
+    """When."""
+    impossible: int
+    """Vehicles that ever accelerate by more than ``POSSIBLE_MPS2``."""
+    jerk_max_mps3: float
+    displacement_rms_mps: float
+    """Speed minus displacement over the step: root mean square."""
+    displacement_max_mps: float
+    jumps: int
+    """Steps in which the displacement changes by more than ``IMPOSSIBLE_MPS2`` would do."""
+
+
+def figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) -> MotionFigures:
+    """Of the motion as recorded, by the file's speeds, or as it is used, by the velocity vector.
+
+    Args:
+        tracks: all vehicles.
+        dt: time of a step, s.
+        start: of the scene, s: times count from there.
+        raw: which of the two.
+    """
+    accelerations, jerks, errors, jumps = [], [0.0], [], 0
+    for track in tracks:
+        x, y = (track.raw_x, track.raw_y) if raw else (track.x, track.y)
+        speed = track.raw_speed if raw else np.hypot(track.vx, track.vy)
+        steps = np.stack([np.diff(x), np.diff(y)]) / dt
+        velocity = np.hypot(np.diff(track.vx), np.diff(track.vy))
+        accelerations.append((np.abs(np.diff(speed)) if raw else velocity) / dt)
+        jerks.append(float(np.abs(np.diff(speed, 2)).max(initial=0.0)) / dt**2)
+        errors.append(np.hypot(*steps) - (speed[1:] + speed[:-1]) / 2)
+        jumps += int((np.hypot(*np.diff(steps, axis=1)) > 2 * IMPOSSIBLE_MPS2 * dt).sum())
+    peaks = np.array([values.max() for values in accelerations])
+    worst = int(np.argmax(peaks))
+    error, every = np.concatenate(errors), np.concatenate(accelerations)
+    return MotionFigures(
+        acceleration_p99_mps2=float(np.quantile(every, 0.99)),
+        acceleration_max_mps2=float(peaks[worst]),
+        vehicle=tracks[worst].track.id,
+        time_s=float((tracks[worst].first + int(np.argmax(accelerations[worst]))) * dt - start),
+        impossible=int((peaks > POSSIBLE_MPS2).sum()),
+        jerk_max_mps3=max(jerks),
+        displacement_rms_mps=float(np.sqrt(np.mean(error**2))),
+        displacement_max_mps=float(np.abs(error).max()),
+        jumps=jumps,
+    )
+
+
+def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
+    """What smoothing took away, root mean square: from the positions per axis, and from the speeds."""
+    shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
+    change = np.concatenate([t.raw_speed - np.hypot(t.vx, t.vy) for t in tracks])
+    return RecordedNoise(float(np.sqrt(np.mean(shift**2))), float(np.sqrt(np.mean(change**2))))
+
+
+def overlaps(frames: Frames, margin: float) -> Mask:
+    """``(bodies, bodies)``: whether the boxes of two bodies ever come nearer than ``margin``, m; if it is negative,
+    whether they are so far inside each other, along and across."""
+    bodies = len(frames.ids)
+    result = np.zeros((bodies, bodies), dtype=bool)
+    for step in range(0, len(frames.px), max(1, round(OFTEN_S / frames.dt))):
+        there = np.flatnonzero(frames.alive[step])
+        x, y, heading = frames.px[step, there], frames.py[step, there], frames.heading[step, there]
+        dx, dy = x - x[:, None], y - y[:, None]
+        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        half_length, half_width = frames.length[there] / 2, frames.width[there] / 2
+        # What the other body takes along and across this one.
+        even, turned = np.abs(c * c.T + s * s.T), np.abs(c * s.T - s * c.T)
+        along = half_length[:, None] + even * half_length + turned * half_width
+        across = half_width[:, None] + turned * half_length + even * half_width
+        near = (np.abs(c * dx + s * dy) < along + margin) & (np.abs(c * dy - s * dx) < across + margin)
+        result[np.ix_(there, there)] |= near & near.T
+    np.fill_diagonal(result, False)
+    return result
+
+
+def refuse_impossible(
+    used: MotionFigures, tracks: Sequence[GridTrack], frames: Frames | None, dt: float, start: float, smooths: bool
+) -> None:
+    """Refuse what no vehicle does.
+
+    Args:
+        used: figures of the motion as it is used.
+        tracks: all vehicles.
+        frames: the same, where they drove at the same time.
+        dt: time of a step, s.
+        start: of the scene, s.
+        smooths: whether positions were smoothed.
+
+    Raises:
+        InputError: with the figure, and how to override.
+    """
+    remedy = "audit: repair takes the recording as it is"
+    if used.impossible:
+        smoother = "smooth longer" if smooths else "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
+        raise InputError(
+            f"{used.vehicle} accelerates by {used.acceleration_max_mps2:.3g} m/s^2 at {used.time_s:.2f} s "
+            f"({used.impossible} of {counted(len(tracks), 'vehicle')} by more than {POSSIBLE_MPS2:g}), which no "
+            f"vehicle does: {smoother}; {remedy}",
+            key="truth.smoothing" if smooths else "truth.audit",
+        )
+    shifts = [np.hypot(track.raw_x - track.x, track.raw_y - track.y) for track in tracks]
+    far = int(np.argmax([shift.max() for shift in shifts]))
+    if shifts[far].max() > LARGEST_SHIFT_M:
+        when = (tracks[far].first + int(np.argmax(shifts[far]))) * dt - start
+        raise InputError(
+            f"{tracks[far].track.id} jumps: smoothing moves it by {shifts[far].max():.2g} m at {when:.2f} s, and at "
+            f"most {LARGEST_SHIFT_M:g} m is noise; smooth a shorter time; {remedy}",
+            key="truth.smoothing",
+        )
+    if frames is None:
+        return
+    pairs = np.argwhere(np.triu(overlaps(frames, -OVERLAP_M)))
+    if len(pairs):
+        first, second = (frames.ids[body] for body in pairs[0])
+        raise InputError(
+            f"{counted(len(pairs), 'pair')} of vehicles are in one place at one time, such as {first} and {second}: "
+            f"simultaneous: false keeps them apart; {remedy}",
+            key="truth.audit",
+        )

@@ -1,0 +1,160 @@
+"""Recorded traffic: the tracks of a file, and the formats that read them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from trackbench.base.config import Config
+from trackbench.base.errors import InputError
+from trackbench.base.plugins import Registry, lacks_class
+from trackbench.base.types import Array
+from trackbench.truth import jumps
+
+#: Rows of one file: each takes about 100 bytes of memory.
+MOST_ROWS = 10_000_000
+#: Longest and widest body that can be meant, m.
+LARGEST_BODY_M = 100.0
+
+
+class TrafficTrack(NamedTuple):
+    """One body of recorded traffic: what a file states of it, in SI units and radians."""
+
+    id: str
+    time: Array
+    """``(rows,)`` s, strictly increasing."""
+    x: Array
+    """``(rows,)`` m, of the body's centre."""
+    y: Array
+    """``(rows,)`` m; counter-clockwise angles are positive."""
+    heading: Array | None = None
+    """``(rows,)`` rad; None where the file has none: the course."""
+    speed: Array | None = None
+    """``(rows,)`` m/s; None where the file has none: from the displacement."""
+    length: float | None = None
+    """m; None where the file has none."""
+    width: float | None = None
+    """m; None where the file has none."""
+    kind: str = ""
+    """Its class, such as car, in the file's own words."""
+
+
+class TrafficFormat(Config, ABC):
+    """A file format of recorded traffic. The fields of a subclass are its options in a scenario."""
+
+    endings: ClassVar[tuple[str, ...]]
+    """Of its files, such as ``(".csv",)``; none where the recording comes with the package."""
+    simultaneous: ClassVar[bool] = True
+    """Whether the vehicles of a file drove at the same time."""
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.model_dump_json()))
+
+    @abstractmethod
+    def read(self, file: Path) -> Sequence[TrafficTrack]:
+        """The tracks of a file.
+
+        Raises:
+            InputError: it cannot be read or is damaged; with its name, and the line where there are lines.
+        """
+
+
+#: The formats of recorded traffic by the names that scenarios use.
+TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
+    "trackbench.traffic_formats", "format of recorded traffic", lacks_class(TrafficFormat)
+)
+
+#: The quantity in each array of a track, a key of ``jumps.LARGEST``.
+QUANTITIES = {"x": "length", "y": "length", "heading": "angle", "speed": "speed"}
+
+
+def tracks_of(
+    file: Path, ids: Sequence[str], columns: Mapping[str, Array], bodies: Mapping[str, Mapping[str, Any]]
+) -> list[TrafficTrack]:
+    """Tracks from rows in any order.
+
+    Args:
+        file: for error messages.
+        ids: of the body of each row.
+        columns: time, x and y, and where they are known heading and speed; each ``(rows,)``.
+        bodies: length, width and kind by id, where they are known.
+
+    Raises:
+        InputError: there is no row, or a body has two rows of one time.
+    """
+    if not len(ids):
+        raise InputError("there is no vehicle in this file", file=file)
+    names, first, owner = np.unique(np.asarray(ids), return_index=True, return_inverse=True)
+    rows = np.lexsort((columns["time"], owner))
+    starts = np.searchsorted(owner[rows], np.arange(len(names)))
+    members = np.split(rows, starts[1:])
+    tracks = []
+    for number in np.argsort(first).tolist():
+        own = members[number]
+        name = str(names[number])
+        time = columns["time"][own]
+        again = np.flatnonzero(np.diff(time) <= 0)
+        if len(again):
+            raise InputError(f"{name} has two rows at {time[again[0]]:g} s", file=file)
+        tracks.append(
+            TrafficTrack(name, **{key: values[own] for key, values in columns.items()}, **bodies.get(name, {}))
+        )
+    return tracks
+
+
+def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
+    """The tracks with at least two rows, from the time of the first row on.
+
+    Raises:
+        InputError: a name, a size, a number or a time cannot be meant, or no track has two rows.
+    """
+    if sum(len(track.time) for track in tracks) > MOST_ROWS:
+        raise InputError(f"more than {MOST_ROWS} rows; cut the recording", file=file)
+    seen: set[str] = set()
+    for track in tracks:
+        problem = _problem(track)
+        if problem is None and track.id in seen:
+            problem = "there is more than one vehicle of this name"
+        if problem is not None:
+            raise InputError(f"vehicle {track.id[:20]!r}: {problem}", file=file)
+        seen.add(track.id)
+    kept = [track for track in tracks if len(track.time) > 1]
+    if not kept:
+        raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
+    start = min(float(track.time[0]) for track in kept)
+    last = max(float(track.time[-1]) for track in kept)
+    if last - start > jumps.LONGEST:
+        raise InputError(f"its last row is {jumps.why_too_long(last - start)}", file=file)
+    return [track._replace(time=track.time - start) for track in kept]
+
+
+def _problem(track: TrafficTrack) -> str | None:
+    """What is wrong with a track; None if nothing is."""
+    name = jumps.why_no_name(track.id)
+    if name is not None or not track.id:
+        return name or "its name is empty"
+    if not np.isfinite(track.time).all() or np.abs(track.time).max(initial=0.0) > 1e15:
+        return "a time is not a finite number, or too large to be meant"
+    if (np.diff(track.time) <= 0).any():
+        return "its times do not increase"
+    for size in ("length", "width"):
+        value = getattr(track, size)
+        if value is not None and not 0 < value <= LARGEST_BODY_M:
+            return f"its {size} is {value:g} m; above 0 and at most {LARGEST_BODY_M:g} m is possible"
+    for key, quantity in QUANTITIES.items():
+        values = getattr(track, key)
+        if values is None:
+            continue
+        if len(values) != len(track.time):
+            return f"{key} has {len(values)} rows, and the time {len(track.time)}"
+        row = int(np.argmax(~(np.abs(values) <= jumps.LARGEST[quantity])))
+        if not np.isfinite(values[row]):
+            return f"{key} is not a finite number at {track.time[row]:g} s"
+        too_large = jumps.why_too_large(float(values[row]), quantity)
+        if too_large is not None:
+            return f"{key} at {track.time[row]:g} s: {too_large}"
+    return None

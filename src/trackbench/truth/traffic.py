@@ -1,0 +1,293 @@
+"""A truth from recorded traffic: the vehicles of a scene, seen from one of them or from beside the road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.types import RecordedNoise, Truth
+from trackbench.base.units import wrap_angle
+from trackbench.truth.audit import audit
+from trackbench.truth.config import FixedObserver
+from trackbench.truth.config.logs import find
+from trackbench.truth.config.traffic import Smoothing, TrafficOptions
+from trackbench.truth.frames import Frames, bodies_near, target_bodies
+from trackbench.truth.motion_audit import (
+    MotionFigures,
+    figures,
+    overlaps,
+    recorded_noise,
+    refuse_impossible,
+)
+from trackbench.truth.recorded.drive import fixed
+from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked
+
+#: Vehicles that did not drive at the same time are put this far apart in a scene, m.
+APART_M = 0.5
+#: Least time between two rows, s.
+SHORTEST_STEP_S = 1e-3
+#: Numbers of steps and vehicles of a scene whose product still fits the memory of a small machine.
+LARGEST = 20_000_000
+
+
+class Traffic(NamedTuple):
+    """A recording between two times."""
+
+    frames: Frames
+    raw: MotionFigures
+    used: MotionFigures
+    error: RecordedNoise
+    vehicles: int
+    """Of the whole file."""
+
+
+class Recording(NamedTuple):
+    """What determines a :class:`Traffic`, the same for all scenes of a scenario."""
+
+    format: TrafficFormat
+    file: Path
+    version: tuple[int, int]
+    """When the file was written, ns, and its bytes."""
+    from_s: float
+    duration_s: float | None
+    smoothing: Smoothing | None
+    refuses: bool
+    drove_together: bool
+    size: tuple[float, float]
+    """Of a vehicle of which the file does not say it, m."""
+
+
+class SceneBodies(NamedTuple):
+    """Numbers of the bodies in a scene."""
+
+    carrier: int | None
+    """On which the observer rides; None: on none."""
+    present: list[int]
+    """All that drive there, the carrier too."""
+
+
+def load(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
+    """The truth of one scene, and a line that says what the recording implies.
+
+    Raises:
+        InputError: the file cannot be read or is damaged; a vehicle is not in it; it moves as no vehicle does.
+    """
+    traffic = _traffic(_recording(config, folder))
+    every = _scene_bodies(config, traffic.frames)
+    truth = _truth(config, traffic, every[config.scene])
+    for number in range(config.scene if config.drove_together else 0):
+        _require_apart(config, number, truth, _truth(config, traffic, every[number]))
+    return truth, _note(traffic)
+
+
+def _recording(config: TrafficOptions, folder: Path) -> Recording:
+    file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
+    if config.path is not None:
+        file = find(config.path, folder, "truth.path")
+        version = file.stat().st_mtime_ns, file.stat().st_size
+    return Recording(
+        config.format,
+        file,
+        version,
+        config.from_s,
+        config.duration_s,
+        config.smoothing,
+        config.audit == "refuse",
+        config.drove_together,
+        (config.length_m, config.width_m),
+    )
+
+
+@lru_cache(maxsize=2)
+def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> list[TrafficTrack]:
+    return checked(form.read(file), file)
+
+
+@lru_cache(maxsize=2)
+def _traffic(recording: Recording) -> Traffic:
+    """The vehicles between ``from_s`` and its end, smoothed and audited.
+
+    Raises:
+        InputError: see `load`.
+    """
+    file, smoothing = recording.file, recording.smoothing
+    tracks = _tracks(recording.format, file, recording.version)
+    dt = grid_step(tracks)
+    if dt < SHORTEST_STEP_S:
+        raise InputError(f"rows are {dt:.2g} s apart: check the unit of time", file=file)
+    if smoothing is not None and smoothing.window_s < (smoothing.order + 1) * dt:
+        message = f"must be at least {(smoothing.order + 1) * dt:g}: {smoothing.order + 2} rows of the file"
+        raise InputError(message, key="truth.smoothing.window_s")
+    moving = grid_tracks(tracks, dt, smoothing)
+    if not moving:
+        raise InputError("no vehicle has two rows one step apart; there is no motion in this file", file=file)
+    first = round(recording.from_s / dt)
+    end = last = max(track.first + len(track.x) - 1 for track in moving)
+    if recording.duration_s is not None:
+        last = min(last, first + round(recording.duration_s / dt))
+    inside = [track for track in moving if track.first < last and track.first + len(track.x) - 1 > first]
+    if not inside:
+        raise InputError(f"no vehicle is there then: the file has {end * dt:g} s", key="truth.from_s")
+    if (last - first + 1) * len(inside) > LARGEST:
+        message = f"{counted(len(inside), 'vehicle')} in {(last - first) * dt:g} s are too many; take a shorter time"
+        raise InputError(message, key="truth.duration_s")
+    frames, start = _frames(inside, dt, first, last, recording.size), first * dt
+    used = figures(inside, dt, start, raw=False)
+    if recording.refuses:
+        together = frames if recording.drove_together else None
+        refuse_impossible(used, inside, together, dt, start, smoothing is not None)
+    return Traffic(frames, figures(inside, dt, start, raw=True), used, recorded_noise(inside), len(tracks))
+
+
+def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
+    """The motion on the grid's instants ``first`` to ``last``, NaN where a vehicle is absent."""
+    columns = {key: np.full((last - first + 1, len(tracks)), np.nan) for key in ("x", "y", "vx", "vy", "heading")}
+    for body, track in enumerate(tracks):
+        begin, end = max(track.first, first), min(track.first + len(track.x), last + 1)
+        for key, values in columns.items():
+            values[begin - first : end - first, body] = getattr(track, key)[begin - track.first : end - track.first]
+    vx, vy, heading = columns["vx"], columns["vy"], columns["heading"]
+    speed = np.hypot(vx, vy)
+    slip = np.where(speed > 0, wrap_angle(np.arctan2(vy, vx) - heading), 0.0)
+    return Frames(
+        dt=dt,
+        ids=tuple(track.track.id for track in tracks),
+        px=columns["x"],
+        py=columns["y"],
+        heading=heading,
+        slip=np.where(np.isnan(heading), np.nan, slip),
+        speed=speed,
+        reported_vx=vx,
+        reported_vy=vy,
+        collided=np.zeros(vx.shape, dtype=bool),
+        length=np.array([track.track.length or size[0] for track in tracks]),
+        width=np.array([track.track.width or size[1] for track in tracks]),
+        clock=np.full(len(vx), np.nan),
+    )
+
+
+def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
+    """The bodies of each scene: all, or where they did not drive at the same time, as many as do not overlap.
+
+    Raises:
+        InputError: a vehicle is not there, or there are too few for so many scenes.
+    """
+    number = {name: body for body, name in enumerate(frames.ids)}
+    for name in config.vehicles:
+        if name not in number:
+            message = f"there is no vehicle {name!r} in this recording; {nearest(name, number)}"
+            raise InputError(message, key="truth.observer.vehicle")
+    carriers: list[int | None] = [number[name] for name in config.vehicles]
+    carriers = carriers or [None] * config.number_of_scenes
+    if config.drove_together:
+        return [SceneBodies(carrier, list(range(len(frames.ids)))) for carrier in carriers]
+    apart = ~overlaps(frames, APART_M)
+    scenes: list[list[int]] = [[] if carrier is None else [carrier] for carrier in carriers]
+    for body in range(len(frames.ids)):
+        if body not in carriers:
+            place = next((scene for scene in scenes if apart[body, scene].all()), None)
+            if place is not None:
+                place.append(body)
+    empty = next((index for index, scene in enumerate(scenes) if not scene), None)
+    if empty is not None:
+        raise InputError(f"the vehicles make {counted(empty, 'scene')}; at most {empty}", key="truth.divide")
+    return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
+
+
+def _truth(config: TrafficOptions, traffic: Traffic, scene: SceneBodies) -> Truth:
+    """The audited truth of a scene, while its observer drives."""
+    frames, carrier = _only(traffic.frames, scene.present), None
+    if scene.carrier is None:
+        assert isinstance(config.observer, FixedObserver)
+        frames = _during(frames, 0, len(frames.px) - 1)
+        observer = fixed(config.observer, len(frames.px))
+    else:
+        there = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
+        frames = _during(frames, int(there[0]), int(there[-1]))
+        carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
+        observer = frames.carrier(carrier)
+    bodies = targets = target_bodies(config.targets, frames, observer, carrier)
+    if config.others_within_m is not None:
+        named = [] if config.targets == "all" else targets
+        bodies = bodies_near(config.others_within_m, frames, observer, named, carrier)
+    if not bodies:
+        raise InputError("there is no other vehicle while it drives", key="truth.observer")
+    truth = replace(
+        frames.truth(bodies, observer),
+        target=np.isin(bodies, targets),
+        source=_source(config, traffic),
+        recorded_noise=traffic.error,
+    )
+    return audit(truth, config.audit)
+
+
+def _only(frames: Frames, bodies: Sequence[int]) -> Frames:
+    chosen = list(bodies)
+    arrays = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
+    return replace(
+        frames,
+        ids=tuple(frames.ids[body] for body in chosen),
+        length=frames.length[chosen],
+        width=frames.width[chosen],
+        **{name: getattr(frames, name)[:, chosen] for name in arrays},
+    )
+
+
+def _during(frames: Frames, first: int, last: int) -> Frames:
+    """The steps from ``first`` to ``last``, and the bodies that are there for at least two of them."""
+    arrays = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided", "clock")
+    part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in arrays})
+    return _only(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
+
+
+def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Truth) -> None:
+    """Make sure that a scene has no vehicle in common with one before it, the scene of that ``number``.
+
+    Raises:
+        InputError: it has.
+    """
+    names = config.vehicles
+    shared = {*truth.ids, names[config.scene]} & {*other.ids, names[number]}
+    if shared:
+        raise InputError(
+            f"{names[config.scene]} and {names[number]} have {counted(len(shared), 'vehicle')} in common, such as "
+            f"{min(shared)}, so that their scenes are one; take observers further apart, or fewer targets",
+            key=f"truth.observer.vehicle.{config.scene}",
+        )
+
+
+def _source(config: TrafficOptions, traffic: Traffic) -> dict[str, Any]:
+    """What the result says of the recording."""
+    return {
+        "source": "recorded-traffic",
+        "format": TRAFFIC_FORMATS.name_of(type(config.format)),
+        **({} if config.path is None else {"file": Path(config.path).name}),
+        "observer": config.observer.model_dump(mode="json"),
+        "smoothing": config.smoothing and config.smoothing.model_dump(mode="json"),
+        "vehicles": traffic.vehicles,
+        "rate_hz": round(1 / traffic.frames.dt, 6),
+        "as_recorded": traffic.raw._asdict(),
+        "as_used": traffic.used._asdict(),
+        "recorded_noise": traffic.error._asdict(),
+    }
+
+
+def _note(traffic: Traffic) -> str:
+    """What the recording implies, as it is and as it is used."""
+    raw, used, error = traffic.raw, traffic.used, traffic.error
+    parts = [
+        f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
+        f"as recorded, acceleration to {raw.acceleration_max_mps2:.3g} m/s^2, jerk to {raw.jerk_max_mps3:.3g} m/s^3, "
+        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
+        f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2, jerk to {used.jerk_max_mps3:.3g} m/s^3",
+    ]
+    if error.position_m > 0:
+        parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")
+    return "; ".join(parts)

@@ -1,0 +1,198 @@
+"""Formats of recorded traffic: what each reads, and that no damaged file ends in more than a message."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.traffic_files import CARS, TIME, WRITERS, write_commonroad, write_csv, write_osi
+
+from trackbench.base.errors import InputError
+from trackbench.truth import traffic
+from trackbench.truth.formats.tables import I80_FILE
+from trackbench.truth.sources import TrafficTruth
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, checked
+
+
+def read(name: str, file: Path) -> list[TrafficTrack]:
+    return checked(TRAFFIC_FORMATS[name]().read(file), file)
+
+
+def written(name: str, folder: Path) -> Path:
+    if name == "osi-mcap":
+        pytest.importorskip("mcap", reason="needs trackbench[mcap]")
+    return WRITERS[name](folder)
+
+
+def test_every_format_has_a_file_here_but_the_one_that_is_shipped() -> None:
+    assert set(TRAFFIC_FORMATS.names()) == {*WRITERS, "i80"}
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS))
+def test_a_file_gives_its_tracks(name: str, tmp_path: Path) -> None:
+    tracks = {track.id: track for track in read(name, written(name, tmp_path))}
+    assert set(tracks) == set(CARS)
+    for car, (x, y, heading, speed, length, width) in CARS.items():
+        track = tracks[car]
+        if name == "highd":
+            x, y = x[0] + speed * TIME, y[0] + 0 * y
+        np.testing.assert_allclose(track.time, TIME, atol=1e-9)
+        np.testing.assert_allclose(track.x, x, atol=1e-9)
+        np.testing.assert_allclose(track.y, y, atol=1e-9)
+        assert track.speed is not None
+        np.testing.assert_allclose(track.speed, speed, atol=1e-9)
+        if name != "highd":
+            assert track.heading is not None
+            np.testing.assert_allclose(track.heading, heading, atol=1e-9)
+        assert (track.length, track.width) == (length, width)
+        assert track.kind in ("car", "truck")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(WRITERS))
+@pytest.mark.filterwarnings("error")
+def test_a_damaged_file_is_a_message(name: str, tmp_path: Path) -> None:
+    file = written(name, tmp_path)
+    whole = file.read_bytes()
+    chance = random.Random(name)
+    messages: list[str] = []
+    for number in range(300):
+        file.write_bytes(damaged(whole, number, chance))
+        messages += use(name, file)
+    assert len(messages) > 100
+    assert all(0 < len(message) < 600 for message in messages)
+
+
+def use(name: str, file: Path) -> Iterator[str]:
+    """Read a file and make scenes of it, smoothed or as it is; the message of each refusal."""
+    for options in ({"smoothing": {"window_s": 1}}, {"audit": "repair"}):
+        settings = {"format": name, "path": str(file), "observer": {"x": -5, "y": 2}, **options}
+        try:
+            traffic.load(TrafficTruth.model_validate(settings), file.parent)
+        except InputError as error:
+            yield str(error)
+
+
+#: What stands in the place of a number.
+WORDS = [b"nan", b"inf", b"1e999", b"-1", b"", b"x", b"1e17", b"0", b"\xff", b"99999999999999999999", b"1;2"]
+
+
+def damaged(whole: bytes, number: int, chance: random.Random) -> bytes:
+    """A file cut off, with other bytes, with a number replaced, with a part twice, or with parts in another order."""
+    kind, at = number % 5, chance.randrange(len(whole))
+    if kind == 0:
+        return whole[:at]
+    if kind == 1:
+        changed = bytearray(whole)
+        for _ in range(chance.choice([1, 1, 8, 100])):
+            changed[chance.randrange(len(whole))] = chance.randrange(256)
+        return bytes(changed)
+    if kind == 2:
+        digits = [i for i in range(at, min(at + 200, len(whole))) if whole[i : i + 1].isdigit()] or [at]
+        start = chance.choice(digits)
+        return whole[:start] + chance.choice(WORDS) + whole[start + chance.randrange(12) :]
+    length = chance.randrange(1, 400)
+    if kind == 3:
+        return whole[:at] + whole[max(0, at - length) : at] + whole[at:]
+    return (
+        whole[: max(0, at - length)] + whole[at : at + length] + whole[max(0, at - length) : at] + whole[at + length :]
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("id,class,time,x", "id,class,time,ex", "there is no column 'x'; did you mean 'ex'?"),
+        ("1,car,0.1,", "1,car,0.0,", "1 has two rows at 0 s"),
+        ("1,car,0.1,1.0", "1,car,0.1,nan", "x is not a finite number: 'nan'"),
+        ("1,car,0.1,1.0", "1,car,0.1,1e12", "check its unit"),
+        ("1,car,0.1,1.0", "1,car,1e6,1.0", "check the unit of time"),
+        (",4.5,1.8\n", ",450,1.8\n", "its length is 450 m; above 0 and at most 100 m is possible"),
+    ],
+)
+def test_what_is_wrong_with_a_table(old: str, new: str, message: str, tmp_path: Path) -> None:
+    file = write_csv(tmp_path)
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read("csv", file)
+    assert message in str(caught.value)
+
+
+def test_rows_may_stand_in_any_order(tmp_path: Path) -> None:
+    file = write_csv(tmp_path)
+    first = read("csv", file)
+    head, *lines = file.read_text(encoding="utf-8").splitlines()
+    file.write_text("\n".join([head, *reversed(lines)]), encoding="utf-8")
+    again = {track.id: track for track in read("csv", file)}
+    for track in first:
+        np.testing.assert_array_equal(again[track.id].x, track.x)
+
+
+def test_columns_may_have_other_names_and_units(tmp_path: Path) -> None:
+    file = write_csv(tmp_path)
+    text = file.read_text(encoding="utf-8").replace("id,class,time,x", "id,class,t,x", 1)
+    file.write_text(text, encoding="utf-8")
+    form = TRAFFIC_FORMATS["csv"].model_validate({"columns": {"time": "t"}, "units": {"length": "cm"}})
+    track = checked(form.read(file), file)[0]
+    np.testing.assert_allclose(track.x, CARS["1"][0] / 100)
+    assert track.length == pytest.approx(0.045)
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    [
+        '<!DOCTYPE c [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>',
+        '<!DOCTYPE c SYSTEM "file:///etc/hostname">',
+        "<!  doctype c>",
+    ],
+)
+def test_a_document_type_is_refused_before_it_is_read(bomb: str, tmp_path: Path) -> None:
+    file = write_commonroad(tmp_path)
+    file.write_text(bomb + file.read_text(encoding="utf-8"), encoding="utf-8")
+    with pytest.raises(InputError, match="document type or an entity"):
+        read("commonroad", file)
+
+
+def test_a_trace_that_is_cut_off_names_the_byte(tmp_path: Path) -> None:
+    file = write_osi(tmp_path)
+    file.write_bytes(file.read_bytes()[:-5])
+    with pytest.raises(InputError, match=r"the message at byte [0-9]+ is longer than the rest of the file"):
+        read("osi", file)
+
+
+def test_without_the_package_mcap_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = written("osi-mcap", tmp_path)
+    monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
+    with pytest.raises(InputError, match=r"pip install 'trackbench\[mcap\]'"):
+        read("osi-mcap", file)
+
+
+def test_the_shipped_recording_is_that_of_the_history() -> None:
+    """As the file of SMARTS has it, but for the rounding to mm, mm/s and 1e-4 rad."""
+    tracks = read("i80", I80_FILE)
+    assert len(tracks) == 200
+    assert {len(track.time) for track in tracks} == {101}
+    assert I80_FILE.stat().st_size <= 400_000
+    assert I80_FILE.with_name("i80.txt").is_file()
+
+
+def test_the_shipped_recording_is_made_of_the_history(recorded_traffic: Path) -> None:
+    shipped = {track.id: track for track in read("i80", I80_FILE)}
+    for track in read("smarts", recorded_traffic / "i80.shf"):
+        own = shipped[track.id]
+        for key, most in {"time": 1e-6, "x": 5.01e-4, "y": 5.01e-4, "speed": 5.01e-4, "heading": 5.01e-5}.items():
+            np.testing.assert_allclose(getattr(own, key), getattr(track, key), atol=most, rtol=0)
+        assert own.length == pytest.approx(track.length, abs=5.01e-4)
+
+
+def test_recorded_files_are_read(recorded_traffic: Path) -> None:
+    us101 = read("commonroad", recorded_traffic / "USA_US101-5_1_T-1.xml")
+    assert len(us101) == 25
+    trace = read("osi", recorded_traffic / "example_sv_trace.osi")
+    assert [len(track.time) for track in trace] == [547, 547]
+    assert all(track.length and track.width for track in trace)

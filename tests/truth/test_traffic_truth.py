@@ -1,0 +1,210 @@
+"""A truth from recorded traffic: observers, scenes, smoothing, and what is refused."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from tests.support.traffic_files import CARS, TIME, write_csv
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Truth
+from trackbench.truth import traffic
+from trackbench.truth.config.traffic import Smoothing
+from trackbench.truth.smoothing import smoothed
+from trackbench.truth.sources import TrafficTruth
+
+SMOOTHING = {"window_s": 2.1, "order": 2}
+ROADSIDE = {"x": -25, "y": 13, "yaw_deg": 0}
+
+
+def truths(folder: Path = Path(), **options: Any) -> list[Truth]:
+    config = TrafficTruth.model_validate(options)
+    return [traffic.load(scene, folder)[0] for scene in config.scenes()]
+
+
+def refusal(folder: Path = Path(), **options: Any) -> str:
+    with pytest.raises((InputError, ValidationError)) as caught:
+        truths(folder, **options)
+    return str(caught.value)
+
+
+def write_tracks(file: Path, tracks: dict[str, tuple[np.ndarray, np.ndarray]], dt: float = 0.1) -> Path:
+    rows = [
+        f"{name},{dt * k!r},{float(x[k])!r},{float(y[k])!r}" for name, (x, y) in tracks.items() for k in range(len(x))
+    ]
+    file.write_text("\n".join(["id,time,x,y", *rows]) + "\n", encoding="utf-8")
+    return file
+
+
+def test_any_vehicle_is_the_observer(tmp_path: Path) -> None:
+    file = write_csv(tmp_path)
+    (truth,) = truths(format="csv", path=str(file), observer={"vehicle": "2"})
+    assert truth.ids == ("1",)
+    x, y, heading, speed, length, width = CARS["2"]
+    observer = truth.observer
+    np.testing.assert_allclose(truth.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(observer.px, x, atol=1e-9)
+    np.testing.assert_allclose(observer.py, y, atol=1e-9)
+    np.testing.assert_allclose(observer.yaw, heading, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(observer.vx, observer.vy), speed, atol=1e-9)
+    assert (observer.length, observer.width) == (length, width)
+    assert (truth.length.tolist(), truth.width.tolist()) == ([4.5], [1.8])
+
+
+def test_a_scene_lasts_as_long_as_its_observer(tmp_path: Path) -> None:
+    there = np.arange(60) * 1.0
+    file = write_tracks(tmp_path / "a.csv", {"a": (there, 0 * there), "b": (there[:31] + 20, 4 + 0 * there[:31])})
+    for vehicle, last in (("a", 5.9), ("b", 3.0)):
+        (truth,) = truths(format="csv", path=str(file), observer={"vehicle": vehicle})
+        assert truth.time[-1] == pytest.approx(last)
+    (truth,) = truths(format="csv", path=str(file), observer={"vehicle": "a"}, from_s=1, duration_s=3)
+    assert truth.time[-1] == pytest.approx(3)
+    assert truth.px[0, 0, 0] == pytest.approx(30)
+    assert truth.alive[:, 0].sum() == 21
+
+
+def test_scenes_may_have_no_vehicle_in_common(tmp_path: Path) -> None:
+    steps = np.arange(40) * 1.0
+    cars = {f"{block}{i}": (steps + 1000 * block + 20 * i, 0 * steps) for block in range(6) for i in range(3)}
+    file = write_tracks(tmp_path / "a.csv", cars)
+    options = {"format": "csv", "path": str(file), "targets": {"nearest": 2}}
+    assert len(truths(observer={"vehicle": [f"{block}1" for block in range(6)]}, **options)) == 6
+    message = refusal(observer={"vehicle": ["01", "11", "12"]}, **options)
+    assert "12 and 11 have 3 vehicles in common, such as 10, so that their scenes are one" in message
+    assert "truth.observer.vehicle.2" in message
+
+
+def test_smoothing_keeps_a_parabola_to_its_ends() -> None:
+    at = np.arange(101) * 0.1
+    for order in (2, 3, 4):
+        position, velocity = smoothed(3.0 - 2.0 * at + 0.4 * at**2, 0.1, Smoothing(window_s=2.1, order=order))
+        np.testing.assert_allclose(velocity, -2.0 + 0.8 * at, atol=1e-9)
+        np.testing.assert_allclose(position, 3.0 - 2.0 * at + 0.4 * at**2, atol=1e-9)
+
+
+def test_the_smoothed_position_is_a_mean_weighted_by_a_parabola() -> None:
+    """A textbook kernel (Epanechnikov's) away from the ends, up to a constant of all steps."""
+    values = np.random.default_rng(1).standard_normal(200)
+    position, velocity = smoothed(values, 0.1, Smoothing(window_s=2.1, order=2))
+    k = np.arange(-10, 11)
+    slope = values[90:111] @ k / (k @ k) / 0.1
+    assert velocity[100] == pytest.approx(slope)
+    # The integral by the trapezoid of slopes: weights of half a sum of neighbours of the kernel.
+    kernel = np.convolve(np.cumsum(-k[::-1] / (k @ k)), [0.5, 0.5])
+    expected = np.convolve(values, kernel / kernel.sum(), mode="same")
+    inside = slice(30, 170)
+    offset = position[inside] - expected[inside]
+    np.testing.assert_allclose(offset, offset.mean(), atol=1e-9)
+
+
+def test_velocity_and_position_agree_after_smoothing(tmp_path: Path) -> None:
+    noise = np.random.default_rng(2).standard_normal((2, 120)) * 0.1
+    steps = np.arange(120) * 1.0
+    file = write_tracks(tmp_path / "a.csv", {"a": (steps + noise[0], noise[1])})
+    (truth,) = truths(format="csv", path=str(file), observer=ROADSIDE, smoothing=SMOOTHING)
+    vx = truth.vx[:, 0, 0]
+    np.testing.assert_allclose(np.diff(truth.px[:, 0, 0]), (vx[1:] + vx[:-1]) / 2 * 0.1, atol=1e-12)
+    assert truth.audit["velocity_error_after"]["max_mps"] < 1e-9
+
+
+def test_what_smoothing_takes_is_the_noise_of_the_reference(tmp_path: Path) -> None:
+    noise = np.random.default_rng(3).standard_normal((2, 2000)) * 0.2
+    steps = np.arange(2000) * 1.0
+    file = write_tracks(tmp_path / "a.csv", {"a": (steps + noise[0], noise[1])})
+    (truth,) = truths(format="csv", path=str(file), observer=ROADSIDE, smoothing=SMOOTHING)
+    assert truth.recorded_noise.position_m == pytest.approx(0.2, rel=0.1)
+    assert truth.source["recorded_noise"]["position_m"] == truth.recorded_noise.position_m
+
+
+def jerky(folder: Path, jump: float, acceleration: float) -> str:
+    """A car that jumps by some metres at 3 s and brakes hard from 6 to 7 s."""
+    at = np.arange(100) * 0.1
+    speed = 20 - acceleration * np.clip(at - 6, 0, 1)
+    x = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * 0.1)]) + np.where(at > 3, jump, 0)
+    return str(write_tracks(folder / "a.csv", {"a": (x, 0 * at)}))
+
+
+def test_what_no_vehicle_does_is_refused_with_the_figure(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE}
+    path = jerky(tmp_path, 0, 18)
+    message = refusal(path=path, **options)
+    assert "a accelerates by 18 m/s^2 at 6." in message
+    assert "(1 of 1 vehicle by more than 9)" in message
+    assert "smoothing: {window_s: 2.1, order: 2}" in message
+    assert "audit: repair takes the recording as it is" in message
+    # Smoothed over a short time it still is.
+    assert "a accelerates by" in refusal(path=path, smoothing={"window_s": 0.5}, **options)
+    assert truths(path=path, audit="repair", **options)[0].audit["velocity_jumps"]["peak_acceleration_mps2"] > 17
+    truths(path=jerky(tmp_path, 0, 3), **options)
+
+
+def test_smoothing_hides_no_jump(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE, "smoothing": SMOOTHING}
+    message = refusal(path=jerky(tmp_path, 4, 0), **options)
+    assert "a jumps: smoothing moves it by 1.9 m at 3.00 s" in message
+    truths(path=jerky(tmp_path, 0.5, 0), **options)
+
+
+def test_two_vehicles_in_one_place_are_refused(tmp_path: Path) -> None:
+    steps = np.arange(40) * 1.0
+    cars = {"a": (steps, 0 * steps), "b": (steps + 1, 0 * steps), "c": (steps, 4 + 0 * steps)}
+    path = str(write_tracks(tmp_path / "a.csv", cars))
+    message = refusal(format="csv", path=path, observer=ROADSIDE)
+    assert "1 pair of vehicles are in one place at one time, such as a and b" in message
+    apart = truths(format="csv", path=path, observer=ROADSIDE, simultaneous=False, divide=2)
+    assert [truth.ids for truth in apart] == [("a", "c"), ("b",)]
+    message = refusal(format="csv", path=path, observer=ROADSIDE, simultaneous=False, divide=3)
+    assert "the vehicles make 2 scenes; at most 2" in message
+    assert truths(format="csv", path=path, observer={"vehicle": "b"}, simultaneous=False)[0].ids == ("c",)
+
+
+def test_i80_comes_with_the_package() -> None:
+    begin = time.process_time()
+    scenes = truths(format="i80", observer=ROADSIDE, smoothing=SMOOTHING, divide=12)
+    assert time.process_time() - begin < 2
+    names = [name for truth in scenes for name in truth.ids]
+    assert len(names) == len(set(names)) > 70
+    figures = scenes[0].source
+    assert figures["as_recorded"]["acceleration_max_mps2"] == pytest.approx(20.2, abs=0.1)
+    assert figures["as_recorded"]["displacement_rms_mps"] == pytest.approx(0.052, abs=0.002)
+    assert figures["as_used"]["acceleration_max_mps2"] < 4
+    assert figures["as_used"]["acceleration_p99_mps2"] == pytest.approx(2.3, abs=0.15)
+
+
+def test_i80_as_recorded_is_refused() -> None:
+    message = refusal(format="i80", observer=ROADSIDE)
+    assert "accelerates by 20.2 m/s^2" in message
+    assert "(6 of 200 vehicles by more than 9)" in message
+
+
+def test_us101_is_smoothed_and_refused_without(recorded_traffic: Path) -> None:
+    options = {"format": "commonroad", "path": str(recorded_traffic / "USA_US101-5_1_T-1.xml"), "observer": ROADSIDE}
+    assert "m/s^2" in refusal(**options)
+    (truth,) = truths(smoothing=SMOOTHING, **options)
+    assert truth.recorded_noise.position_m == pytest.approx(0.099, abs=0.005)
+    assert truth.source["as_used"]["acceleration_max_mps2"] < 3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"format": "i80", "path": "a.csv"}, "this recording comes with the package; remove the path"),
+        ({"format": "csv"}, "missing: the file, such as recording.csv"),
+        ({"format": "i80", "observer": {"vehicle": 12}}, "write the id of a vehicle as text"),
+        ({"format": "i80", "observer": {"vehicle": ["1", "1"]}}, "1 is there already"),
+        ({"format": "i80", "observer": "ego"}, 'write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}'),
+        ({"format": "i80", "observer": {"vehicle": "999"}, "smoothing": SMOOTHING}, "there is no vehicle '999'"),
+        ({"format": "i80", "smoothing": {"window_s": 0.2}}, "must be at least 0.3: 4 rows of the file"),
+        ({"format": "i80", "smoothing": SMOOTHING, "from_s": 60}, "no vehicle is there then: the file has 10 s"),
+        ({"format": "i80", "observer": {"vehicle": "1"}, "divide": 2}, "only used with a fixed observer"),
+        ({"format": "i80", "divide": 2, "simultaneous": True}, "the vehicles drove at the same time"),
+        ({"format": "csv", "path": "a.csv", "columns": {"tme": "t"}}, "no column of traffic; did you mean 'time'?"),
+    ],
+)
+def test_mistakes(options: dict[str, Any], message: str) -> None:
+    assert message in refusal(**{"observer": ROADSIDE, **options})
