@@ -270,7 +270,7 @@ def _complaint(result: TruthAudit) -> str:
     parts = []
     if worst.max_mps is not None and worst.max_mps > TOLERANCE_MPS:
         parts.append(
-            f"the velocity contradicts the displacement, by up to {worst.max_mps:.2g} m/s "
+            f"the velocity contradicts the motion, by up to {worst.max_mps:.2g} m/s "
             f"({worst.object} at {worst.time_s:.2f} s)"
         )
     parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in result.jumps]
