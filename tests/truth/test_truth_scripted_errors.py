@@ -37,7 +37,12 @@ LAST = "{turn_rate_degps: 20}"
     ("old", "new", "line", "message"),
     [
         ("scripted", "script", 3, "truth.source: 'script' is not known; did you mean 'scripted'?"),
-        ("  source: scripted\n", "", 2, "truth.source: missing; choose from: highway-env, recorded-traffic, recording, scripted"),
+        (
+            "  source: scripted\n",
+            "",
+            2,
+            "truth.source: missing; choose from: highway-env, recorded-traffic, recording, scripted",
+        ),
         (
             "rate_hz: 20\n",
             "rate_hz: 20\n  env: a\n",

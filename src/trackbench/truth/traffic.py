@@ -37,7 +37,7 @@ SHORTEST_STEP_S = 1e-3
 LARGEST = 20_000_000
 
 
-class Traffic(NamedTuple):
+class RecordedVehicles(NamedTuple):
     """A recording between two times."""
 
     frames: Frames
@@ -48,8 +48,8 @@ class Traffic(NamedTuple):
     """Of the whole file."""
 
 
-class Recording(NamedTuple):
-    """What determines a :class:`Traffic`, the same for all scenes of a scenario."""
+class RecordingKey(NamedTuple):
+    """What determines a :class:`RecordedVehicles`, the same for all scenes of a scenario."""
 
     format: TrafficFormat
     file: Path
@@ -87,12 +87,12 @@ def load(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     return truth, _note(traffic)
 
 
-def _recording(config: TrafficOptions, folder: Path) -> Recording:
+def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
     file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
     if config.path is not None:
         file = find(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
-    return Recording(
+    return RecordingKey(
         config.format,
         file,
         version,
@@ -111,7 +111,7 @@ def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> list[
 
 
 @lru_cache(maxsize=2)
-def _traffic(recording: Recording) -> Traffic:
+def _traffic(recording: RecordingKey) -> RecordedVehicles:
     """The vehicles between ``from_s`` and its end, smoothed and audited.
 
     Raises:
@@ -143,7 +143,7 @@ def _traffic(recording: Recording) -> Traffic:
     if recording.refuses:
         together = frames if recording.drove_together else None
         refuse_impossible(used, inside, together, dt, start, smoothing is not None)
-    return Traffic(frames, figures(inside, dt, start, raw=True), used, recorded_noise(inside), len(tracks))
+    return RecordedVehicles(frames, figures(inside, dt, start, raw=True), used, recorded_noise(inside), len(tracks))
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
@@ -201,7 +201,7 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
     return [SceneBodies(carrier, sorted(scene)) for carrier, scene in zip(carriers, scenes, strict=True)]
 
 
-def _truth(config: TrafficOptions, traffic: Traffic, scene: SceneBodies) -> Truth:
+def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
     """The audited truth of a scene, while its observer drives."""
     frames, carrier = _only(traffic.frames, scene.present), None
     if scene.carrier is None:
@@ -263,7 +263,7 @@ def _require_apart(config: TrafficOptions, number: int, truth: Truth, other: Tru
         )
 
 
-def _source(config: TrafficOptions, traffic: Traffic) -> dict[str, Any]:
+def _source(config: TrafficOptions, traffic: RecordedVehicles) -> dict[str, Any]:
     """What the result says of the recording."""
     return {
         "source": "recorded-traffic",
@@ -279,7 +279,7 @@ def _source(config: TrafficOptions, traffic: Traffic) -> dict[str, Any]:
     }
 
 
-def _note(traffic: Traffic) -> str:
+def _note(traffic: RecordedVehicles) -> str:
     """What the recording implies, as it is and as it is used."""
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
