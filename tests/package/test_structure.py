@@ -6,7 +6,6 @@ import ast
 from collections import Counter, defaultdict
 from pathlib import Path
 
-import pytest
 from tests.support.places import ROOT
 
 PACKAGE = ROOT / "src" / "trackbench"
@@ -34,7 +33,6 @@ def test_no_two_types_share_a_name() -> None:
     assert not shared
 
 
-@pytest.mark.xfail(strict=True, reason="the room of the doctor holds a sixth of the code; it is to be halved")
 def test_no_folder_holds_too_much_of_the_code() -> None:
     lines = Counter[str]()
     for file in FILES:
