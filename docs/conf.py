@@ -21,9 +21,11 @@ MENU = {
     "Scenarios": [
         "scenario-file",
         "truth",
+        "drivers",
         "own-log",
         "sensors",
         "sensor-effects",
+        "worlds",
         "traffic-sensing",
         "sensor-presets",
     ],

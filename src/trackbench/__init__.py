@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from trackbench.api.compare import compare
     from trackbench.api.result import ReportableResult as Result
     from trackbench.api.run import run
-    from trackbench.api.scenario import load, sense, truth
+    from trackbench.api.scenario import load, sense, truth, worlds
     from trackbench.base.errors import InputError, TrackbenchError
     from trackbench.base.types import Estimate, Scan, Tracks, Truth
     from trackbench.scenario import Scenario
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         "sense",
         "truth",
         "tune",
+        "worlds",
     ]
 
 #: When the first of the package was read, seconds since 1970.
@@ -74,6 +75,7 @@ _CORE = {
     "run": "api.run:run",
     "sense": "api.scenario:sense",
     "truth": "api.scenario:truth",
+    "worlds": "api.scenario:worlds",
 }
 
 

@@ -51,7 +51,8 @@ BAD = [
         "env: highway-v0\n  speed_kmh: 90",
         [
             "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
-            "observer, targets, ego, steering_rate_degps, sizes, others_within_m, audit"
+            "observer, targets, ego, steering_rate_degps, drivers, sizes, "
+            "others_within_m, audit"
         ],
     ),
     ("{nearest: 4}", "{nearst: 4}", ["9: truth.targets: write all, {nearest: 4} or {ids: [v1, v2]}"]),
@@ -60,7 +61,7 @@ BAD = [
     (
         "name: example",
         "name: example\nduration_s: 9",
-        ["2: duration_s: unknown key here; it belongs to truth"],
+        ["2: duration_s: unknown key here; it belongs to truth or sensors.effects"],
     ),
     (
         "settle_s: 2",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.load import scenario_of, select_trackers
+from trackbench.scenario.load import in_worlds, scenario_of, select_trackers
 from trackbench.scenario.recorded_checks import same_every_run
 
 #: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
@@ -65,11 +65,13 @@ def load_several(
     seed: int | None = None,
     scenes: int | None = None,
     trackers: Iterable[str] | None = None,
+    worlds: Sequence[str] = (),
 ) -> tuple[list[Scenario], list[str]]:
     """As :func:`load` each; what always has one run or one scene keeps it, if another one takes ``runs`` or ``scenes``.
 
     Returns:
-        The scenarios, and a sentence on those that an option does not change.
+        The scenarios, each in every world that is named, or that it states; and a sentence on those that an option
+        does not change, and on each world in which one cannot be.
     """
     named, options = [*scenarios], {"runs": runs, "scenes": scenes}
     changes: list[dict[str, int]] = [{option: n for option, n in options.items() if n is not None} for _ in named]
@@ -88,7 +90,21 @@ def load_several(
     loaded = [
         load(item, set, seed=seed, trackers=trackers, **change) for item, change in zip(named, changes, strict=True)
     ]
-    return loaded, notes
+    several = [in_worlds(item, worlds) for item in loaded]
+    return [item for scenarios, _ in several for item in scenarios], [*notes, *(n for _, own in several for n in own)]
+
+
+def worlds(scenario: Scenario | Named, names: Iterable[str] = ()) -> list[Scenario]:
+    """A scenario in each of its worlds, for :func:`run` and :func:`compare`; those in which it cannot be are left out.
+
+    Args:
+        scenario: what :func:`load` gave or takes.
+        names: of worlds; those that the scenario states unless given.
+
+    Raises:
+        InputError: something is wrong in the scenario, or there is no world of a name.
+    """
+    return in_worlds(loaded_scenario(scenario), listed(names))[0]
 
 
 def loaded_scenario(scenario: Scenario | Named) -> Scenario:

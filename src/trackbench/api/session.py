@@ -37,7 +37,7 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
     scenarios = [_checked(scenario, plan) for scenario in scenarios]
     if plan.out is not None:
         for scenario in scenarios:
-            results.require_replaceable(plan.out / scenario.config.name)
+            results.require_replaceable(plan.out / scenario.config.full_name)
     pending = [PendingTruths(scenario, executor) for scenario in scenarios]
     return [
         _prepared(scenario, truths, listener, _place(i, scenarios))
@@ -85,7 +85,7 @@ def _checked(scenario: Scenario, plan: RunPlan) -> Scenario:
 
 
 def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, place: str) -> Prepared:
-    with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
+    with listener.progress(f"{place}truth of {scenario.config.full_name}", "steps") as advance:
         truths = pending.collect(advance)
     for note in dict.fromkeys(note for truth in truths for note in truth.notes):
         listener.note(note)
@@ -100,7 +100,7 @@ def _require_distinct(scenarios: Sequence[Scenario]) -> None:
     """Two scenarios of one name would overwrite each other."""
     by_name: dict[str, Path] = {}
     for scenario in scenarios:
-        name = scenario.config.name
+        name = scenario.config.full_name
         if name in by_name:
             problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
             raise InputError(problem, file=scenario.path, key="name")
@@ -231,7 +231,7 @@ class _Batch:
 
     def _computed(self, place: str, item: Prepared, pending: PendingRun | None) -> _Computed:
         scenario, observe = item.scenario, self._listener.begin(item)
-        with self._listener.progress(f"{place}{scenario.config.name}", "runs") as advance:
+        with self._listener.progress(f"{place}{scenario.config.full_name}", "runs") as advance:
             if pending is not None:
                 result = pending.collect(command_of(scenario, self._plan.engine), advance, observe)
             else:

@@ -121,6 +121,12 @@ def _metrics() -> Iterator[Row]:
     yield from rows(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
 
 
+def _worlds() -> Iterable[Row]:
+    from trackbench.scenario.worlds import MEANING
+
+    return MEANING.items()
+
+
 def _envs() -> Iterator[Row]:
     from trackbench.truth import list_envs
 
@@ -136,6 +142,7 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "sensor-effects": _sensor_effects,
     "truth": _truth,
     "metrics": _metrics,
+    "worlds": _worlds,
     "envs": _envs,
 }
 _OF_SUBJECTS = dict(offered("lists"))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, RunPlan
@@ -34,6 +35,7 @@ from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
+from trackbench.scenario.worlds import WORLDS
 from trackbench.truth import MAX_SCENES
 
 FAILED_TRACKER = 3
@@ -69,6 +71,12 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 @click.option(
     "--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Only these of the scenario's trackers."
 )
+@click.option(
+    "--worlds",
+    metavar="A,B",
+    shell_complete=lambda *_: [CompletionItem(name) for name in WORLDS],
+    help="In each of these worlds: ideal, human, typical, recorded.",
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",
@@ -96,6 +104,7 @@ def run_command(
     seed: int | None,
     scenes: int | None,
     trackers: str | None,
+    worlds: str | None,
     settings: tuple[str, ...],
     out: Path,
     workers: int,
@@ -114,12 +123,13 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    only = None if trackers is None else [name for item in trackers.split(",") if (name := item.strip())]
+    only = None if trackers is None else _listed(trackers)
     plan = RunPlan(out, workers, cluster, left_out, isolation, engine, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)
-    loaded, unchanged = load_several(files, settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
+    options: dict[str, Any] = {"runs": runs, "seed": seed, "scenes": scenes, "trackers": only}
+    loaded, unchanged = load_several(files, settings, worlds=_listed(worlds or ""), **options)
     check_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet)
     for note in unchanged:
@@ -136,6 +146,10 @@ def run_command(
                 summaries: Any = [result.json() for result in finished]
                 click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(finished))
+
+
+def _listed(text: str) -> list[str]:
+    return [name for item in text.split(",") if (name := item.strip())]
 
 
 def status(finished: Sequence[Result]) -> int:

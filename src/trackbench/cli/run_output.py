@@ -78,6 +78,11 @@ class RunOutput(Listener):
         from trackbench.report.comparison.document import without_truth
 
         if not self._as_json and not self._quiet:
+            from trackbench.report.comparison.worlds import sentences
+
+            for group in comparison.groups:
+                for text in sentences(group):
+                    self._say(text)
             scenarios = sum(len(group.scenarios) for group in comparison.groups)
             self._say("; ".join([f"Comparison of {scenarios} scenarios: {page}", *without_truth(comparison)]))
 

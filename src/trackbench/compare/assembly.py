@@ -21,6 +21,7 @@ from trackbench.compare.differences import Match, coverage_notes, differences, o
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
+from trackbench.compare.worlds import orders
 from trackbench.metrics import Metric
 from trackbench.results import Result
 
@@ -135,6 +136,7 @@ def _comparison(
         sets_of_scenes=scenes,
         ranking=order,
         rank_differences=rank_differences,
+        worlds=orders(cells, ranked_by, scored, pairings) if pairings else [],
         gates=held(limits, metrics, differing, missing),
         not_compared=missing,
         notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, differing, compared)],

@@ -204,6 +204,33 @@ class GateResult(ResultModel):
     """What was found, in one line."""
 
 
+class OrderInWorlds(ResultModel):
+    """Which of two trackers is ahead in each world of a scenario."""
+
+    scenario: str
+    """Without the world."""
+    a: str
+    """The better one of the two in the first world."""
+    b: str
+    ahead: dict[str, str | None]
+    """By world, the tracker that is shown to be better by more than the margin; None where neither is. Corrected for
+    the pairs of all worlds of the scenario."""
+
+    def where(self, name: str | None) -> list[str]:
+        """The worlds in which this tracker is ahead, or neither."""
+        return [world for world, ahead in self.ahead.items() if ahead == name]
+
+    @property
+    def order(self) -> Literal["holds", "turns", "holds in part", "not shown"]:
+        """turns: each is ahead in some world; holds: one is ahead in all of them."""
+        winners = {*self.ahead.values()}
+        if {self.a, self.b} <= winners:
+            return "turns"
+        if winners == {None}:
+            return "not shown"
+        return "holds in part" if None in winners else "holds"
+
+
 class Comparison(ResultModel):
     """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline.
 
@@ -231,6 +258,8 @@ class Comparison(ResultModel):
     not_compared: list[NotCompared]
     notes: list[str]
     """What a reader must know beside the numbers."""
+    worlds: list[OrderInWorlds] = Field(default_factory=list)
+    """Of one set, scenarios in several worlds: every pair of trackers."""
     without_truth: list[str] = Field(default_factory=list)
     """Scenarios that are not compared, for they have no truth."""
     other_groups: list[Comparison] = Field(default_factory=list)
@@ -263,6 +292,8 @@ class Comparison(ResultModel):
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
                 score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
+            if not group["worlds"]:
+                del group["worlds"]
         return {**values, "passed": self.passed}
 
 

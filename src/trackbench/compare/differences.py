@@ -40,6 +40,11 @@ class Match:
     selected: bool = False
     """Whether the others are held against the tracker that is the best of them in the same data."""
 
+    @property
+    def family(self) -> str:
+        """The scenario within which differences are corrected: its worlds together."""
+        return self.entry.result.summary.scenario.base
+
     def choices(self, metric: Metric) -> float:
         """As of :func:`trackbench.metrics.differences.corrected`."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
@@ -77,7 +82,8 @@ def differences(
 ) -> tuple[list[PairDifference], list[NotCompared]]:
     """Every pair of every match by every metric, and what has no value to compare.
 
-    The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one.
+    The p-values are corrected for their number, by all metrics together: in all scenarios, or within each one and its
+    worlds.
 
     Args:
         matches: what is compared.
@@ -93,7 +99,7 @@ def differences(
             if isinstance(outcome, NotCompared):
                 missing.append(outcome)
             else:
-                families.setdefault("" if over_scenarios else match.scenario, []).append(len(compared))
+                families.setdefault("" if over_scenarios else match.family, []).append(len(compared))
                 compared.append(outcome)
     p_values: dict[int, float] = {}
     for places in families.values():

@@ -18,10 +18,18 @@ class ScenarioSummary(ResultModel):
     """The scenario as it was run."""
 
     name: str
+    """With the world, where it has one: that of the folder."""
     description: str
     file: str
     text: str
     overrides: list[str]
+    world: str | None = None
+    """One of the worlds of a scenario."""
+
+    @property
+    def base(self) -> str:
+        """The name that its worlds share."""
+        return self.name if self.world is None else self.name.removesuffix(f"-{self.world}")
 
 
 class SceneSummary(ResultModel):

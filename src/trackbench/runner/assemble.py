@@ -90,7 +90,8 @@ def assemble(
     summary = Summary(
         identities=scenario.sensing.identities,
         scenario=ScenarioSummary(
-            name=scenario.name,
+            name=scenario.full_name,
+            world=scenario.world,
             description=scenario.description,
             file=loaded.path.name,
             text=loaded.text,

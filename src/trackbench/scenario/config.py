@@ -17,6 +17,7 @@ from trackbench.metrics import Metric
 from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
+from trackbench.scenario.worlds import MEANING, World
 from trackbench.trackers.config import AnyTracker
 from trackbench.truth import TRUTH_SOURCES, TruthSource
 
@@ -185,6 +186,14 @@ class Expectation(Config):
     better_than: str | None = Field(
         None, description="Name of another tracker, which this one must beat by more than chance explains."
     )
+    worlds: list[World] = Field(
+        default_factory=list,
+        description="The worlds in which it must hold; the ideal one, and outside of worlds, unless given.",
+    )
+
+    def holds_in(self, world: World | None) -> bool:
+        """Whether it is expected there; None outside of worlds."""
+        return world in self.worlds if self.worlds else world in (None, "ideal")
 
     def problems(self) -> Iterator[Problem]:
         operators = {
@@ -233,6 +242,18 @@ class ScenarioConfig(Config):
         default_factory=list, description="What must hold; otherwise the exit status is 1."
     )
     recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
+    worlds: list[World] = Field(
+        default_factory=list,
+        description="The worlds that a run goes through, each with a result of its own ("
+        + "; ".join(f"{name}: {meaning}" for name, meaning in MEANING.items())
+        + "). The scenario as it is written, unless given.",
+    )
+    world: World | None = Field(None, description="One of the worlds, as which the scenario is changed.")
+
+    @property
+    def full_name(self) -> str:
+        """Of the result's folder."""
+        return self.name if self.world is None else f"{self.name}-{self.world}"
 
     def problems(self) -> Iterator[Problem]:
         yield from cross_checks.problems(self)

@@ -17,6 +17,7 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse
+from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
 
 #: That are shown of one file.
 MOST_ERRORS = 50
@@ -86,7 +87,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
     if not {*document.value} & {*known}:
         # A file of another kind, which is not to be shown in messages.
         raise InputError(f"this is no scenario: it has none of the keys {', '.join(known)}", file=path)
-    document, sweeps = expand_sweeps(apply_overrides(document, overrides))
+    document, sweeps = expand_sweeps(_in_world(apply_overrides(document, overrides)))
     try:
         config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
@@ -95,7 +96,20 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
         raise _in_file_order(document, problems, len(errors) - MOST_ERRORS) from None
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
-    return Scenario(config, path, text, tuple(overrides), document, sweeps)
+    expected = [item for item in config.expect if item.holds_in(config.world)]
+    return Scenario(config.model_copy(update={"expect": expected}), path, text, tuple(overrides), document, sweeps)
+
+
+def _in_world(document: YamlDocument) -> YamlDocument:
+    """With the changes of the world that it names."""
+    world = document.value.get("world")
+    if world not in WORLDS:
+        return document
+    try:
+        return apply_overrides(document, changes(document.value, world))
+    except NoSuchWorld as error:
+        origin = document.origin(("world",))
+        raise NoSuchWorld(error.message, key="world", file=origin.file, line=origin.line) from None
 
 
 def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]], more: int) -> InputError:
@@ -146,6 +160,33 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
     expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
     chosen = config.model_copy(update={"trackers": kept, "expect": expect})
     return replace(loaded, config=chosen, selected=tuple(names))
+
+
+def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
+    """The scenario in each of some worlds, and of which of them it is not, a sentence each.
+
+    Args:
+        loaded: the scenario; one that is in a world already stays as it is.
+        worlds: their names; those that the scenario states unless given, and where it states none, as it is.
+
+    Raises:
+        InputError: there is no world of a name.
+    """
+    for world in worlds:
+        if world not in WORLDS:
+            raise InputError(f"no world {world!r}; {nearest(world, WORLDS)}", key="--worlds")
+    chosen = [*worlds] or loaded.config.worlds
+    if not chosen or loaded.config.world is not None:
+        return [loaded], []
+    scenarios, notes = [], []
+    for world in chosen:
+        try:
+            scenario = scenario_of(loaded.text, loaded.path, [*loaded.overrides, f"world={world}"])
+        except NoSuchWorld as error:
+            notes.append(f"{loaded.config.name} in the world {world}: {error.message}")
+        else:
+            scenarios.append(select_trackers(scenario, loaded.selected) if loaded.selected else scenario)
+    return scenarios, notes
 
 
 def own_modules(loaded: Scenario) -> list[Path]:

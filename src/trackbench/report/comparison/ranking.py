@@ -11,6 +11,7 @@ from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
 from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
+from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, joined, reach, short
 from trackbench.report.tables import TONE
@@ -45,7 +46,8 @@ _OF_TRACKS = {
 def lead(comparison: Comparison) -> str:
     """Which trackers are shown to differ, what was compared, who is ahead, and how certain that is."""
     ranking, sets = competitors(comparison), comparison.sets_of_scenes
-    compared = f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over "
+    compared = "".join(f"{text} " for text in worlds.sentences(comparison))
+    compared += f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over "
     compared += f"{counted(len(comparison.scenarios), 'scenario')}. "
     if shared := [joined(names) for names in sets if len(names) > 1]:
         count = counted(len(sets), "set")
@@ -90,6 +92,8 @@ def blocks(
     comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
 ) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
+    if comparison.worlds:
+        yield worlds.section(comparison)
     method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
     yield Section("Overall", (_overall(comparison), method, rank_figure(comparison, colours)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}

@@ -1,0 +1,57 @@
+"""In which worlds the order of two trackers holds: a table, and what it says in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from trackbench.compare import Comparison
+from trackbench.compare.comparison import OrderInWorlds
+from trackbench.document import Cell, Column, Paragraph, Section, Table, Tone
+from trackbench.report.numbers import joined
+
+_METHOD = (
+    "Each cell names the tracker that is shown to be better by more than the margin in that world (5 % for all pairs "
+    "and worlds of the scenario together, Holm). Turns: each of the two is ahead in some world."
+)
+_TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "warn", "not shown": ""}
+
+
+def section(comparison: Comparison) -> Section:
+    """Every pair of contenders whose order is shown in some world."""
+    tables = []
+    for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
+        orders = [order for order in comparison.worlds if order.scenario == scenario]
+        shown = [order for order in orders if order.order != "not shown"]
+        columns = [Column("trackers", left=True), *map(Column, orders[0].ahead), Column("order", left=True)]
+        rows = [
+            (
+                Cell(f"{order.a}, {order.b}"),
+                *(Cell(ahead or "not shown") for ahead in order.ahead.values()),
+                Cell(order.order, tone=_TONE[order.order]),
+            )
+            for order in shown
+        ]
+        tables.append(Table(f"worlds of {scenario}", tuple(columns), tuple(rows)))
+    return Section("In which worlds does it hold?", (Paragraph(_METHOD), *tables))
+
+
+def sentences(comparison: Comparison) -> Iterator[str]:
+    """Of each scenario in several worlds, where the best tracker of the first world is ahead of its strongest rival:
+    one that is ahead of it in some world, or else the second."""
+    for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
+        orders = [order for order in comparison.worlds if order.scenario == scenario]
+        best = [order for order in orders if order.a == orders[0].a]
+        yield _sentence(max(best, key=lambda order: len(order.where(order.b))))
+
+
+def _sentence(order: OrderInWorlds) -> str:
+    ahead, behind, neither = (order.where(name) for name in (order.a, order.b, None))
+    if not ahead and not behind:
+        return f"{order.scenario}: neither of {order.a} and {order.b} is shown to be better in {joined(neither)}."
+    where = f" ({joined(ahead)})" if ahead else ""
+    text = f"{order.scenario}: {order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
+    if behind:
+        text += f", behind in {joined(behind)}"
+    if neither:
+        text += f"; not shown in {joined(neither)}"
+    return f"{text}."
