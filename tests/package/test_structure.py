@@ -16,7 +16,7 @@ LARGEST_SHARE = 0.15
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
 MOST_LINES = 71_500
-MOST_FILES = 430
+MOST_FILES = 436
 
 
 def lines_of(file: Path) -> int:
