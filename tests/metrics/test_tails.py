@@ -22,6 +22,7 @@ from trackbench.metrics.verdicts import (
     together,
     what_is_off,
 )
+from trackbench.report.console import track_values
 from trackbench.report.sentences import verdict as sentence
 from trackbench.report.tables import values
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue, PartVerdict
@@ -110,6 +111,10 @@ def test_both_words_are_said_with_what_is_off():
     (cell,) = values([tracker], "nees")
     assert cell.details[0] == "pessimistic, heavy-tailed"
     assert cell.tone == "warn"
+    others = [each for each in result.summary.trackers if each.name != tracker.name]
+    result = result.updated(trackers=[tracker, *others])
+    (cells,) = (cells for heading, cells in track_values(result) if heading == "NEES")
+    assert [cell.plain for cell in cells if "+" in cell.plain] == [f" {nees.mean:.1f} pessimistic+tail"]
     ((word, heading, metrics),) = named({"kf": nees})
     assert (word, heading, list(metrics)) == ("heavy-tailed", NAMED["heavy-tailed"], ["kf"])
     assert what_is_off(nees, 1, word).startswith("2 % beyond the 99.9 % point (0.1 % expected)")

@@ -96,7 +96,7 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         width = max(map(len, means))
         styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
         # Both words fit 80 columns in this form; a note below has the whole one.
-        words = [m.words.replace(", heavy-tailed", ", heavy") for m in metrics]
+        words = [m.words.replace(", heavy-tailed", "+tail") for m in metrics]
         return [
             Text.assemble((f"{mean:>{width}}", ""), (f" {word}" if word else "", style))
             for mean, word, style in zip(means, words, styles, strict=True)
