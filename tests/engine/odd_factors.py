@@ -496,9 +496,9 @@ OF_THE_BATCH: dict[str, Factor] = {
     "if not any": lambda x, dt: 1.0 if not np.any(x[0] < LIMIT) else 1.2,
     "method all": lambda x, dt: 1.2 if (x[0] > LIMIT).all() else 1.0,
     "if the largest": lambda x, dt: 1.2 if np.max(x[0]) > LIMIT else 1.0,
-    "built-in all": lambda x, dt: 1.2 if all(x[0] > LIMIT) else 1.0,
+    "built-in all": lambda x, dt: 1.2 if all((x[0] > LIMIT).reshape(-1)) else 1.0,
     "all of both": lambda x, dt: 1.2 if np.all(x[0] > LIMIT) and np.all(x[1] > 0) else 1.0,
-    "all along members": lambda x, dt: np.where(np.all(x[0] > LIMIT, axis=-1), 1.2, 1.0),
+    "all along members": lambda x, dt: np.where(np.all(x[0] > LIMIT, axis=-1)[..., None], 1.2, 1.0),
 }
 
 

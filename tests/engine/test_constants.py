@@ -167,7 +167,7 @@ def test_a_model_that_is_odd_with_sigma_points_does_so_too(kernels: Kernels, nam
 def test_what_draws_or_asks_the_time_is_left_to_numpy(kernels: Kernels, name: str, of: str, filter: str) -> None:
     _, used = driven(by_factor(RANDOM[name]()), kernels, of, filter)
     # The rest of a filter with an odd sensor is compiled.
-    assert used.engine == ("numpy" if of == "motion" and filter != "imm" else "fused and numpy")
+    assert used.engine == ("numpy" if of == "motion" else "fused and numpy")
     assert used.of_user
     assert not used.invalid
 
