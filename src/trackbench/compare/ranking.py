@@ -91,13 +91,18 @@ def sets_of_scenes(scenes: Mapping[str, Sequence[str]]) -> list[list[str]]:
     """
     sets: list[list[str]] = []
     for name, own in scenes.items():
-        shared = [group for group in sets if any(not set(own).isdisjoint(scenes[other]) for other in group)]
+        shared = [group for group in sets if any(_share(own, scenes[other]) for other in group)]
         if not shared:
             sets.append([name])
             continue
         shared[0].extend([*(other for group in shared[1:] for other in group), name])
         sets = [group for group in sets if group not in shared[1:]]
     return sets
+
+
+def _share(first: Sequence[str], second: Sequence[str]) -> bool:
+    """Whether a scene of one is the beginning of one of the other, or the same."""
+    return any(a.startswith(b) or b.startswith(a) for a in first for b in second)
 
 
 def ranking(

@@ -66,7 +66,7 @@ class TruthSummary(ResultModel):
     scenes: list[SceneSummary] = Field(default_factory=list)
     """All of them, where there are several."""
     motion: list[str] = Field(default_factory=list)
-    """Fingerprint of what moved in each scene, also of a single one: equal ones are of the same scene."""
+    """Fingerprint of what moved in each scene, also of a single one: one that begins another is of the same scene."""
 
     @property
     def vehicles(self) -> str:

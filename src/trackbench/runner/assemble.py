@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
@@ -44,6 +44,7 @@ from trackbench.sensing.scans import scan_rate
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
+from trackbench.truth.base import Recorded
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
@@ -237,21 +238,29 @@ def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     return noise
 
 
-#: What a scene is recognised by: where its objects are at each whole second of so many.
-RECOGNISED_S = 5
-
-
-def scene_fingerprint(truth: Truth) -> str:
-    """A fingerprint of the paths of all objects, which a longer or finer record of the same traffic has too: where they
-    are at each whole second of the first ``RECOGNISED_S``, to a millimetre and in any order."""
+def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None = None) -> str:
+    """What a scene is recognised by: six letters of a hash for each whole second, of where all objects are then, to a
+    millimetre and in any order. That of a shorter record of the same traffic, at whatever rate, begins that of a longer
+    one. Without a truth a hash of all measurements."""
+    if not truth.known:
+        digest = hashlib.sha256()
+        for name, own in sorted((measurements or {}).items()):
+            digest.update(name.encode() + truth.time[own.steps].tobytes() + own.measurement.tobytes())
+        return digest.hexdigest()[:16]
     since = truth.time - truth.time[0]
-    seconds = np.round(since)
-    whole = (np.abs(since - seconds) < 1e-6) & (seconds <= RECOGNISED_S)
-    paths = np.stack([truth.px[whole], truth.py[whole]])
-    # Of a motion that is drawn anew in each run, the first; 0.0 makes -0.0 into 0.0.
-    paths = np.round(paths if paths.ndim == 3 else paths[..., 0], 3) + 0.0
-    there = paths[:, :, np.isfinite(paths).any(axis=(0, 1))]
-    return hashlib.sha256(b"".join(sorted(path.tobytes() for path in there.transpose(2, 0, 1)))).hexdigest()[:16]
+    whole = np.round(since)
+    since = np.where(np.abs(since - whole) < 1e-6, whole, since)
+    # Of a motion that is drawn anew in each run, the first.
+    x, y = (path if path.ndim == 2 else path[..., 0] for path in (truth.px, truth.py))
+    seconds = np.arange(math.floor(since[-1]) + 1)
+    at = [[np.interp(seconds, since, path) for path in paths.T] for paths in (x, y)]
+    # 0.0 makes -0.0 into 0.0.
+    places = np.round(np.array(at).reshape(2, x.shape[1], len(seconds)), 3) + 0.0
+    texts = []
+    for place in places.transpose(2, 1, 0):
+        there = sorted(each.tobytes() for each in place[np.isfinite(place).all(axis=1)])
+        texts.append(hashlib.sha256(b"".join(there)).hexdigest()[:6])
+    return "".join(texts)
 
 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
@@ -284,6 +293,6 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
         "scenes": scenes,
-        "motion": [scene_fingerprint(item.truth) for item in truths],
+        "motion": [scene_fingerprint(item.truth, item.measurements) for item in truths],
     }
     return TruthSummary.model_validate({**truth.source, **entries})
