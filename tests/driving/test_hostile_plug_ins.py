@@ -1,4 +1,4 @@
-"""Two hundred hostile plug-ins, each kind with each act: no status 0 without a result; the one at fault is named."""
+"""Hostile plug-ins, each kind with each act: no status 0 without a result; the one at fault is named."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def left(mark: str) -> Iterator[str]:
 
 
 def test_there_are_two_hundred() -> None:
-    assert len(CASES) == 200
+    assert len(CASES) >= 200
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,10 @@ ACTS = {
     "moves_away": "os.chdir('/')",
     "replaces_exits": "sys.exit = os._exit = lambda *_: None",
     "clears_modules": "sys.modules.clear()",
+    "takes_the_streams_away": "sys.stdout = sys.stderr = None",
+    "breaks_open": "builtins.open = None",
+    "breaks_json": "__import__('json').dumps = None",
+    "forbids_recursion": "sys.setrecursionlimit(50)",
     "removes_results": "shutil.rmtree('results', ignore_errors=True)",
 }
 

@@ -134,6 +134,11 @@ def is_supervised() -> bool:
     return _watch is not None
 
 
+def loaded_plugins() -> str:
+    """The plug-ins that were loaded in this process; empty where there are none."""
+    return ", ".join(_plugins)
+
+
 def tell_plugin(reference: str) -> None:
     """Let the supervisor know of a plug-in that was loaded."""
     _plugins[repr(reference)] = None
@@ -167,7 +172,7 @@ def plugins_among(*things: Any) -> str:
 
 @contextmanager
 def at_work(plugins: str) -> Iterator[None]:
-    """While plug-ins are called: the supervisor can name them, and afterwards this process is where it was before.
+    """While plug-ins are called: the supervisor can name them; afterwards the folder and the streams are as before.
 
     A copy of this process that a plug-in has made by ``os.fork`` ends here.
 
@@ -177,7 +182,7 @@ def at_work(plugins: str) -> Iterator[None]:
     if _watch is None or not plugins or os.getpid() != _watch.own:
         yield
         return
-    note, before = _watch.note, _watch.note[:]
+    note, before, streams = _watch.note, _watch.note[:], (sys.stdout, sys.stderr)
     note[:] = plugins.encode(errors="replace")[: len(note)].ljust(len(note), b"\0")
     try:
         yield
@@ -185,6 +190,7 @@ def at_work(plugins: str) -> Iterator[None]:
         if os.getpid() != _watch.own:
             os._exit(1)
         note[:] = before
+        sys.stdout, sys.stderr = streams
         return_to_folder()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import signal
 import sys
@@ -15,17 +16,20 @@ from difflib import get_close_matches
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import click
 
-from trackbench.base.errors import InputError, OutputError, TrackbenchError, shortened
+from trackbench.base.errors import InputError, OutputError, TrackbenchError, printable, shortened, text_of
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
-from trackbench.base.supervised import end, is_supervised, tell_signal
+from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal
 from trackbench.base.user_code import place_of
+
+log = logging.getLogger(__name__)
 
 
 def defer_pandas() -> None:
@@ -109,13 +113,12 @@ def _failed(text: str, status: int) -> int:
 
 def _abandon_streams() -> None:
     """Let what cannot be written go nowhere, so that the interpreter does not try it again as it ends."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except (OSError, ValueError, AttributeError):
             with suppress(OSError, ValueError, AttributeError):
-                os.dup2(nowhere, stream.fileno())
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 _WRITTEN = ["a result", "a report", *(kind_of(file) for file, _ in offered("artifacts"))]
@@ -200,7 +203,9 @@ def main() -> None:
         status = UNREAD
     except OSError as error:
         where = "standard output" if error.filename is None else shortened(str(error.filename))
-        if error.errno == errno.ENAMETOOLONG:
+        if error.errno == errno.EMFILE:
+            status = _failed("trackbench: too many open files; raise the limit (ulimit -n)", BAD_INPUT)
+        elif error.errno == errno.ENAMETOOLONG:
             status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
             status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
@@ -260,7 +265,7 @@ def _unexpected(error: BaseException) -> int:
     match error:
         case OSError():
             raise error
-        case SystemExit():
+        case SystemExit() if not loaded_plugins():
             # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
             return UNREAD if error.code else 0
         case UnicodeEncodeError():
@@ -270,6 +275,12 @@ def _unexpected(error: BaseException) -> int:
             return _failed(
                 "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT
             )
+    if plugins := loaded_plugins():
+        log.info("a command that failed", exc_info=error)
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
+        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), with {plugins}"
+        return _failed(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,17 +16,28 @@ ACTS = {
     "metric": ("ctypes.string_at(0)", "was killed by signal 11 (SIGSEGV)", True),
     "sensor": ("os.kill(os.getpid(), signal.SIGKILL)", "was killed by signal 9 (SIGKILL)", False),
 }
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def run(tmp_path: Path, trackbench: str) -> Run:
+    """Runs a scenario of several blocks, in which one kind of plug-in acts, in workers."""
+
+    def call(kind: str, act: str, where: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "plug.py").write_text(PLUG_INS.replace("{act}", act) + OF_THE_BENCH, encoding="utf-8")
+        (tmp_path / "plugged.yaml").write_text(scenario(kind), encoding="utf-8")
+        command = [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", "--runs", "4000", *where.split()]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
+
+    return call
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("where", WHERE)
 @pytest.mark.parametrize("kind", ACTS)
-def test_a_plug_in_that_ends_workers_is_named(tmp_path: Path, trackbench: str, where: str, kind: str) -> None:
+def test_a_plug_in_that_ends_workers_is_named(run: Run, tmp_path: Path, where: str, kind: str) -> None:
     act, cause, known = ACTS[kind]
-    (tmp_path / "plug.py").write_text(PLUG_INS.replace("{act}", act) + OF_THE_BENCH, encoding="utf-8")
-    (tmp_path / "plugged.yaml").write_text(scenario(kind), encoding="utf-8")
-    command = [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", "--runs", "4000", *where.split()]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
+    done = run(kind, act, where)
     place = " (plug.py:19, in misbehave)" if known else ""
     how = "a second worker has ended" if "workers" in where else "2 of 2 workers have ended"
     assert done.stderr == (
@@ -33,3 +45,13 @@ def test_a_plug_in_that_ends_workers_is_named(tmp_path: Path, trackbench: str, w
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert list((tmp_path / "results").iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", WHERE)
+@pytest.mark.parametrize("raised", ["SystemExit(0)", "KeyboardInterrupt"])
+def test_what_a_plug_in_raises_in_a_worker_is_no_status_of_the_command(run: Run, where: str, raised: str) -> None:
+    done = run("sensor", f"raise {raised}", where)
+    shown = raised.replace("(0)", ": 0")
+    assert done.stderr == f"trackbench: a plug-in failed: {shown} (plug.py:19, in misbehave)\n"
+    assert (done.returncode, done.stdout) == (2, "")

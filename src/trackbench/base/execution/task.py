@@ -17,6 +17,8 @@ from threading import Lock
 from typing import Any
 
 from trackbench.base.errors import TrackbenchError
+from trackbench.base.plugins import one_line
+from trackbench.base.user_code import place_of
 
 #: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
 _ONE_AT_A_TIME = Lock()
@@ -76,7 +78,17 @@ class _SentTask:
 
     def __call__(self, *args: Any) -> _Result:
         with _ONE_AT_A_TIME, redirect_stdout(sys.stderr), one_blas_thread(), _modules_of(self.places):
-            return _Result(pickle.dumps(self.function(pickle.loads(self.content), *args)))
+            try:
+                return _Result(pickle.dumps(self.function(pickle.loads(self.content), *args)))
+            except (TrackbenchError, ModuleNotFoundError):
+                raise
+            except BaseException as error:
+                place = place_of(error, installed=False)
+                if place is None and isinstance(error, Exception):
+                    raise
+                # Where it was raised is not sent, and a SystemExit would end whoever asks for the result.
+                where = "" if place is None else f" ({place})"
+                raise TrackbenchError(f"a plug-in failed: {one_line(error)}{where}") from None
 
 
 @dataclass(frozen=True)
