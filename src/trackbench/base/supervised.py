@@ -134,9 +134,9 @@ def is_supervised() -> bool:
     return _watch is not None
 
 
-def loaded_plugins() -> str:
-    """The plug-ins that were loaded in this process; empty where there are none."""
-    return ", ".join(_plugins)
+def loaded_plugins() -> list[str]:
+    """The plug-ins that were loaded in this process."""
+    return list(_plugins)
 
 
 def tell_plugin(reference: str) -> None:

@@ -279,7 +279,7 @@ def _unexpected(error: BaseException) -> int:
         log.info("a command that failed", exc_info=error)
         frame = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(frame.filename).name}:{frame.lineno}, in {frame.name}"
-        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), with {plugins}"
+        cause = f"{type(error).__name__}: {printable(text_of(error))} ({place}), with {', '.join(plugins)}"
         return _failed(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)

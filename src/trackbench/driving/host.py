@@ -120,7 +120,7 @@ def serve(connection: socket.socket, dump: int) -> NoReturn:
         except (EOFError, OSError):
             os._exit(0)
         except BaseException:
-            # What it takes to understand a request is broken, by the tracker.
+            # What it takes to understand a request, or to answer one, is broken by the tracker.
             os._exit(1)
         try:
             values, arrays = host.answer(request)
@@ -130,6 +130,8 @@ def serve(connection: socket.socket, dump: int) -> NoReturn:
             send_answer(connection, {**values, "exchange": request.get("exchange")}, arrays)
         except OSError:
             os._exit(0)
+        except BaseException:
+            os._exit(1)
 
 
 def _error_values(error: BaseException) -> dict[str, Any]:

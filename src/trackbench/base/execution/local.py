@@ -16,11 +16,11 @@ from typing import Any
 
 from loky import ProcessPoolExecutor, process_executor
 from loky.backend import resource_tracker
-from loky.process_executor import BrokenProcessPool
+from loky.process_executor import BrokenProcessPool, TerminatedWorkerError
 
 from trackbench.base.errors import TrackbenchError, printable, text_of
 from trackbench.base.process import allow_termination, collect_rarely, uninterrupted
-from trackbench.base.supervised import begin_worker, how_worker_ended, tell_scratch
+from trackbench.base.supervised import begin_worker, end_in_words, how_worker_ended, loaded_plugins, tell_scratch
 
 #: What is said of the second worker that has ended.
 DIED = "no result: a second worker has ended: "
@@ -112,7 +112,9 @@ class LocalProcesses(Executor):
         for process in list(broken._processes.values()):
             if process.exitcode is not None:
                 return how_worker_ended(self._notes, process.pid, process.exitcode)
-        return printable(text_of(error))
+        closed = isinstance(error, TerminatedWorkerError)
+        cause = "its process closed its files" if closed else printable(text_of(error))
+        return end_in_words(cause, b"", b"", loaded_plugins())
 
 
 def _kill(worker: Any) -> None:

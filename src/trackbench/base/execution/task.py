@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import pickle
 import socket
 import sys
@@ -18,6 +19,7 @@ from typing import Any
 
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.plugins import one_line
+from trackbench.base.process import FAULT
 from trackbench.base.user_code import place_of
 
 #: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
@@ -89,6 +91,10 @@ class _SentTask:
                 # Where it was raised is not sent, and a SystemExit would end whoever asks for the result.
                 where = "" if place is None else f" ({place})"
                 raise TrackbenchError(f"a plug-in failed: {one_line(error)}{where}") from None
+            finally:
+                if __name__ not in sys.modules:
+                    # Without its modules it would work no more, and not end.
+                    os._exit(FAULT)
 
 
 @dataclass(frozen=True)
