@@ -81,7 +81,7 @@ def result_document(result: Result, colours: Mapping[str, str] | None = None) ->
         Section("Verdict", tuple(_verdict(result))),
         *_sections(result, styles, shown),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
-        Section("Truth and sensors", tuple(_truth_and_sensors(result))),
+        Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
         Section("How to reproduce it", tuple(_reproduction(result))),
     ]
     name, description = summary.scenario.name, summary.scenario.description
@@ -147,7 +147,7 @@ def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequenc
     if not summary.truth.known:
         for title, (note, paths) in _WITHOUT_TRUTH.items():
             yield Section(title, (Paragraph(note), tables.table_without_truth(title, scored, paths)))
-        missing = ", ".join(path.replace("_", " ") for path in TRACK_METRICS)
+        missing = ", ".join(map(tables.in_words, TRACK_METRICS))
         yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))
         return
     labelled = summary.identities == "known"
@@ -374,7 +374,8 @@ def _figures(
 
 
 def _truth_and_sensors(result: Result) -> Iterator[Block]:
-    yield from map(Paragraph, audit_sentences(result.summary.truth))
+    if result.summary.truth.known:
+        yield from map(Paragraph, audit_sentences(result.summary.truth))
     if shares_of_jumps := after_jumps(result.scored):
         yield Paragraph(shares_of_jumps)
     yield tables.sensors(result)

@@ -112,16 +112,22 @@ TRACK_GROUPS: dict[str, tuple[str, ...]] = {
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
-    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES",
+    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES", "ospa": "OSPA", "ospa2": "OSPA(2)", "nis": "NIS",
 }  # fmt: skip
+
+
+def in_words(path: str) -> str:
+    """A metric of tracks: "T-GOSPA twice"."""
+    return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
 
 def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *first: TableColumn) -> Table:
     """Metrics of tracks with hidden identities, a column each, after some that come first."""
     columns = list(first)
     for path in paths:
-        metric, words = TRACK_METRICS[path], " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
-        columns.append((Column(words + unit_of(metric.unit), metric.meaning, details=INTERVAL), values(trackers, path)))
+        metric = TRACK_METRICS[path]
+        heading = in_words(path) + unit_of(metric.unit)
+        columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
     return tracker_table(title.lower().replace(" ", "-"), trackers, columns)
 
 
@@ -130,7 +136,7 @@ def table_without_truth(title: str, trackers: Sequence[TrackerResult], paths: Se
     columns: list[TableColumn] = []
     for path in paths:
         metric = DETECTION_METRICS[path]
-        columns.append((Column(path.replace("_", " ") + unit_of(metric.unit), metric.meaning), values(trackers, path)))
+        columns.append((Column(in_words(path) + unit_of(metric.unit), metric.meaning), values(trackers, path)))
     return tracker_table(title.lower().replace(" ", "_").replace("'", ""), trackers, columns)
 
 
@@ -362,8 +368,9 @@ def sensors(result: Result) -> Table:
         ),
         (Column("range", "beyond it nothing is detected"), [Cell(sensor_words.reach(sensor)) for sensor in sensors]),
         (Column("mount", pose, left=True), [Cell(sensor_words.mount(sensor)) for sensor in sensors]),
-        (Column("detections, %", rates), [Cell(_percents(sensor.detection_rate)) for sensor in sensors]),
     ]
+    if result.summary.truth.known:
+        columns.append((Column("detections, %", rates), [Cell(_percents(s.detection_rate)) for s in sensors]))
     if any(sensor.effects for sensor in sensors):
         differs = Column("effects", "how it differs from an ideal sensor with white noise", left=True)
         columns.insert(4, (differs, [Cell(sensor_words.effects(sensor)) for sensor in sensors]))
