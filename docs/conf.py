@@ -23,6 +23,7 @@ MENU = {
         "truth",
         "drivers",
         "own-log",
+        "recorded-traffic",
         "sensors",
         "sensor-effects",
         "worlds",

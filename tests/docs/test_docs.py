@@ -131,6 +131,11 @@ def test_the_entry_point_of_the_page_works(
 
 
 @pytest.mark.docs_pages
+def test_the_page_on_recorded_traffic_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "recorded-traffic.md", tmp_path) >= 5
+
+
+@pytest.mark.docs_pages
 def test_the_page_on_logs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(DOCS / "own-log.md", tmp_path) >= 5
     assert (tmp_path / "results" / "audit" / "own_log" / "scenario.yaml").exists()

@@ -11,8 +11,16 @@ import pytest
 from pydantic import ValidationError
 from tests.support.traffic_files import CARS, TIME, write_csv
 
+import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.base.types import Truth
+from trackbench.base.types import EXACT, Truth
+from trackbench.metrics.intervals import Interval, paired
+from trackbench.results import Result
+from trackbench.runner.run import run
+from trackbench.runner.work import Work
+from trackbench.scenario import load_scenario
+from trackbench.scenario.check import check
+from trackbench.scenario.truth import truths_of
 from trackbench.truth import traffic
 from trackbench.truth.config.traffic import Smoothing
 from trackbench.truth.smoothing import smoothed
@@ -165,8 +173,9 @@ def test_two_vehicles_in_one_place_are_refused(tmp_path: Path) -> None:
 
 def test_i80_comes_with_the_package() -> None:
     begin = time.process_time()
-    scenes = truths(format="i80", observer=ROADSIDE, smoothing=SMOOTHING, divide=12)
+    truths(format="i80", observer=ROADSIDE, smoothing={"window_s": 1.9})
     assert time.process_time() - begin < 2
+    scenes = truths(format="i80", observer=ROADSIDE, smoothing=SMOOTHING, divide=12)
     names = [name for truth in scenes for name in truth.ids]
     assert len(names) == len(set(names)) > 70
     figures = scenes[0].source
@@ -208,3 +217,97 @@ def test_us101_is_smoothed_and_refused_without(recorded_traffic: Path) -> None:
 )
 def test_mistakes(options: dict[str, Any], message: str) -> None:
     assert message in refusal(**{"observer": ROADSIDE, **options})
+
+
+def test_intervals_of_errors_carry_the_noise_of_the_reference() -> None:
+    """Its mean square is added to that of the upper end and taken from that of the lower one, and moves no value."""
+    spread = np.random.default_rng(4).standard_normal(50) * 0.1
+    exact = Interval(0.5, spread - spread.mean(), at_least=0.0)
+    carried = exact._replace(reference=0.3)
+    assert exact.ci95 is not None
+    assert carried.ci95 is not None
+    low, high = exact.ci95
+    assert carried.ci95 == pytest.approx((np.sqrt(low**2 - 0.09), np.sqrt(high**2 + 0.09)))
+    assert exact._replace(reference=1.0).ci95 == pytest.approx((0.0, np.sqrt(high**2 + 1.0)))
+    assert carried.value == exact.value
+    assert paired(carried, exact).value == 0
+
+
+SCENARIO = """
+name: carried
+truth:
+  source: recorded-traffic
+  format: csv
+  path: a.csv
+  observer: {{x: -20, y: 2}}
+  smoothing: {{window_s: 2.1}}
+sensors: {{lidar: {{type: lidar, rate_hz: 10, position_sigma_m: 0.2, max_range_m: 200}}}}
+sensing: {{identities: {identities}}}
+trackers: {{ekf: {{filter: ekf, motion: cv, acceleration_sigma_mps2: 2{association}}}}}
+monte_carlo: {{runs: {runs}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("identities", "association", "runs"), [("known", "", 20), ("hidden", ", associate: {method: gnn}", 400)]
+)
+def test_the_intervals_of_a_run_do(
+    identities: str, association: str, runs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(5).standard_normal((2, 60)) * 0.1
+    steps = np.arange(60) * 1.0
+    write_tracks(tmp_path / "a.csv", {"a": (steps + noise[0], noise[1])})
+    scenario = tmp_path / "scenario.yaml"
+    text = SCENARIO.format(identities=identities, association=association, runs=runs)
+    scenario.write_text(text, encoding="utf-8")
+    carried = tb.run(scenario)
+    monkeypatch.setattr(Work, "recorded_noise", EXACT)
+    exact = tb.run(scenario)
+    of_recording = carried.summary.truth.model_extra["recorded_noise"]  # type: ignore[index]
+    for path, sigma in (("position_rmse", "position_m"), ("velocity_rmse", "velocity_mps")):
+        value, before = carried["ekf"].metrics[path], exact["ekf"].metrics[path]
+        assert value.value == before.value
+        if path == "velocity_rmse" and identities == "hidden":
+            assert value.ci95 is None  # As without a recording.
+            continue
+        assert value.ci95[1] ** 2 - before.ci95[1] ** 2 == pytest.approx(2 * of_recording[sigma] ** 2)
+    assert 0.08 < of_recording["position_m"] < 0.12
+
+
+def test_other_truths_are_exact() -> None:
+    """Their intervals are as they were."""
+    assert tb.truth("scripted/figure_eight").recorded_noise == EXACT
+
+
+def run_scenario(name: str, *overrides: str) -> Result:
+    loaded = load_scenario(name, ["monte_carlo.runs=2", *overrides])
+    return run(loaded, truths_of(loaded))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["recorded/i80", "recorded/i80_hidden", "recorded/us101", "recorded/us101_hidden"])
+def test_the_shipped_scenarios_run(name: str, recorded_traffic: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the recording of the package, and from the files."""
+    monkeypatch.setenv("TRACKBENCH_DATA", str(recorded_traffic.parent))
+    result = run_scenario(name)
+    scenes = 10 if "i80" in name else 0
+    assert len(result.summary.truth.scenes) == scenes
+    assert not result.summary.truth.audit.repaired.any  # type: ignore[union-attr]
+    if scenes == 0:
+        return
+    history = recorded_traffic / "i80.shf"
+    from_file = run_scenario(name, "truth.format=smarts", f"truth.path={history}", "truth.simultaneous=false")
+    assert [scene.objects for scene in from_file.summary.truth.scenes] == [
+        scene.objects for scene in result.summary.truth.scenes
+    ]
+    # All numbers differ by the rounding to millimetres alone, and the noise is the same.
+    tracker = "ekf_cv" if name == "recorded/i80" else "gnn"
+    errors = [item[tracker].position_rmse.value for item in (from_file, result)]
+    assert errors[0] == pytest.approx(errors[1], rel=0.02)
+
+
+def test_the_scenarios_of_i80_need_no_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TRACKBENCH_DATA", raising=False)
+    monkeypatch.chdir(tmp_path)
+    for name in ("recorded/i80", "recorded/i80_hidden"):
+        check(load_scenario(name))

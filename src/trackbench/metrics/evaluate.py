@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from trackbench.base.plugins import one_line
 from trackbench.base.supervised import at_work, plugins_among
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import EXACT, Array, Indices, RecordedNoise
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
@@ -56,13 +56,20 @@ class Evaluation:
         return np.full(runs, np.nan) if interval is None else interval.value + interval.influence
 
 
-def evaluate(sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
+#: Root mean square errors, by how many axes they are of: what the noise of a recorded truth is part of.
+AXES = {"position_rmse": 2, "velocity_rmse": 2, **dict.fromkeys(("rmse.px", "rmse.py", "rmse.vx", "rmse.vy"), 1)}
+
+
+def evaluate(
+    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, noise: RecordedNoise = EXACT
+) -> Evaluation:
     """The metrics of estimates or of tracks from the sums of all runs.
 
     Args:
         sums: what :func:`merge_sums` gives.
         scene: ``(runs,)`` number of the scene of each run.
         metrics: those to compute.
+        noise: of the truth, where it is recorded.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
@@ -86,6 +93,10 @@ def evaluate(sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT
             if interval is not None:
                 if not by_part:
                     interval = clustered(interval, scene)
+                if noise != EXACT and path in AXES:
+                    sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
+                    interval = interval._replace(reference=sigma * math.sqrt(AXES[path]))
+                if not by_part or interval.reference:
                     value = interval.as_value(metric.unit)
                 evaluation.intervals[path] = interval
             if charged is not None:

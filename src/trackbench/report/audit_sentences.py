@@ -20,7 +20,14 @@ def audit_sentences(truth: TruthSummary) -> list[str]:
     audits = {name: audit for name, audit in of_scenes.items() if audit is not None}
     if not audits:
         return ["The truth was not audited."]
-    return [_conclusion(audits), *_velocity(audits), *_velocity_jumps(audits), *_cuts(audits), *_clock(audits)]
+    return [
+        _conclusion(audits),
+        *_recording(truth),
+        *_velocity(audits),
+        *_velocity_jumps(audits),
+        *_cuts(audits),
+        *_clock(audits),
+    ]
 
 
 def _conclusion(audits: Audits) -> str:
@@ -31,6 +38,28 @@ def _conclusion(audits: Audits) -> str:
     if all(audit.verdict == "exact" for audit in audits.values()):
         return "The truth is exact: its velocities come from the same formulas as its positions."
     return "The truth is consistent: velocity agrees with displacement, no position jumps."
+
+
+def _recording(truth: TruthSummary) -> Iterator[str]:
+    """What recorded traffic implies, before and after it is smoothed."""
+    options = truth.model_extra or {}
+    if truth.source != "recorded-traffic":
+        return
+    raw, used, noise = options["as_recorded"], options["as_used"], options["recorded_noise"]
+    yield (
+        f"As recorded, at {options['rate_hz']:g} Hz, vehicles accelerate by up to "
+        f"{_two_digits(raw['acceleration_max_mps2'])} m/s² ({raw['vehicle']}; 99 %: "
+        f"{_two_digits(raw['acceleration_p99_mps2'])}) with a jerk of up to {_two_digits(raw['jerk_max_mps3'])} "
+        f"m/s³; speed and displacement differ by {_two_digits(raw['displacement_rms_mps'])} m/s (RMS), "
+        f"at most {_two_digits(raw['displacement_max_mps'])}; {counted(raw['jumps'], 'position jump')}."
+    )
+    if options["smoothing"]:
+        yield (
+            f"Smoothed over {options['smoothing']['window_s']:g} s, they accelerate by up to "
+            f"{_two_digits(used['acceleration_max_mps2'])} m/s². Smoothing took "
+            f"{_two_digits(noise['position_m'])} m per axis and {_two_digits(noise['velocity_mps'])} m/s (RMS): the "
+            f"recording's own noise, which the intervals of position and velocity errors carry."
+        )
 
 
 def _velocity(audits: Audits) -> Iterator[str]:

@@ -23,6 +23,12 @@ def runs_in_words(result: Result) -> str:
 
 def basis_of_intervals(result: Result) -> str:
     """What the intervals rest on, and so what they speak of."""
+    noise = (result.summary.truth.model_extra or {}).get("recorded_noise", {})
+    carried = ", with the recording's own noise in those of errors" if any(noise.values()) else ""
+    return _independent_parts(result) + carried
+
+
+def _independent_parts(result: Result) -> str:
     summary = result.summary
     if summary.truth.scenes and len(result.tables.if_there("stretches")):
         return f"over stretches of the time of {len(summary.truth.scenes)} logs"

@@ -40,7 +40,9 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         return _evaluated_tracks(work, failures, outcomes)
     sums = {name: merge_sums([item.sums for item in items], work.metrics) for name, items in outcomes.items()}
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
-    evaluations = {name: evaluate(item, work.scene_of_run, work.metrics) for name, item in sums.items()}
+    evaluations = {
+        name: evaluate(item, work.scene_of_run, work.metrics, work.recorded_noise) for name, item in sums.items()
+    }
     enough = [name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage]
     errors = {name: evaluations[name].intervals.get(work.headline) for name in enough}
     values = {name: error.value for name, error in errors.items() if error is not None}
@@ -64,7 +66,7 @@ def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evalua
     if work.has_truth and not run_sums(evaluation.sums[TRACKS.name], "matched_share")[1].any():
         evaluation.values = no_metrics(NOTHING_DUE, work.metrics)
     else:
-        evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics)
+        evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics, work.recorded_noise)
         if not work.has_truth:
             evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)

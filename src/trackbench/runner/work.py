@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.streams import stream
-from trackbench.base.types import Array, Indices, Truth
+from trackbench.base.types import Array, Indices, RecordedNoise, Truth
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
@@ -167,6 +167,12 @@ class Work:
     def has_truth(self) -> bool:
         """Whether every scene has a truth, which a recording with hidden identities may lack."""
         return all(scene.truth.known for scene in self.scenes)
+
+    @property
+    def recorded_noise(self) -> RecordedNoise:
+        """That of the truth, root mean square over the scenes."""
+        every = np.array([scene.truth.recorded_noise for scene in self.scenes])
+        return RecordedNoise(*np.sqrt(np.mean(every**2, axis=0)).tolist())
 
     @property
     def over_stretches(self) -> bool:
