@@ -14,8 +14,8 @@ from tests.support.traffic_files import CARS, TIME, write_csv
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import EXACT, Truth
-from trackbench.metrics.intervals import Interval, paired
-from trackbench.results import Result
+from trackbench.metrics.evaluate import carrying
+from trackbench.results import MetricValue, Result
 from trackbench.runner.run import run
 from trackbench.runner.work import Work
 from trackbench.scenario import load_scenario
@@ -221,16 +221,13 @@ def test_mistakes(options: dict[str, Any], message: str) -> None:
 
 def test_intervals_of_errors_carry_the_noise_of_the_reference() -> None:
     """Its mean square is added to that of the upper end and taken from that of the lower one, and moves no value."""
-    spread = np.random.default_rng(4).standard_normal(50) * 0.1
-    exact = Interval(0.5, spread - spread.mean(), at_least=0.0)
-    carried = exact._replace(reference=0.3)
-    assert exact.ci95 is not None
-    assert carried.ci95 is not None
-    low, high = exact.ci95
-    assert carried.ci95 == pytest.approx((np.sqrt(low**2 - 0.09), np.sqrt(high**2 + 0.09)))
-    assert exact._replace(reference=1.0).ci95 == pytest.approx((0.0, np.sqrt(high**2 + 1.0)))
+    exact = MetricValue(value=0.5, unit="m", ci95=(0.4, 0.6))
+    carried = carrying(exact, 0.09)
+    assert carried.ci95 == pytest.approx((np.sqrt(0.16 - 0.09), np.sqrt(0.36 + 0.09)))
+    assert carrying(exact, 1.0).ci95 == pytest.approx((0.0, np.sqrt(1.36)))
     assert carried.value == exact.value
-    assert paired(carried, exact).value == 0
+    none = MetricValue(value=0.5, unit="m", reason="too short")
+    assert carrying(none, 0.09) == none
 
 
 SCENARIO = """

@@ -93,16 +93,28 @@ def evaluate(
             if interval is not None:
                 if not by_part:
                     interval = clustered(interval, scene)
+                    value = interval.as_value(metric.unit)
                 if noise != EXACT and path in AXES:
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
-                    interval = interval._replace(reference=sigma * math.sqrt(AXES[path]))
-                if not by_part or interval.reference:
-                    value = interval.as_value(metric.unit)
+                    value = carrying(value, AXES[path] * sigma**2)
                 evaluation.intervals[path] = interval
             if charged is not None:
                 value = value.model_copy(update={"charged_share": charged[0], "without_charged": charged[1]})
             evaluation.values[path] = value
     return evaluation
+
+
+def carrying(error: MetricValue, variance: float) -> MetricValue:
+    """A root mean square error whose interval allows for the errors of the reference, of this mean square.
+
+    They are independent of the tracker's: their mean square is added to that of the upper end and taken from that of
+    the lower one. They are the same for all trackers, and widen no difference.
+    """
+    if error.ci95 is None:
+        return error
+    low, high = error.ci95
+    ends = math.sqrt(max(low**2 - variance, 0.0)), math.sqrt(high**2 + variance)
+    return error.model_copy(update={"ci95": ends})
 
 
 def scores_of(merged: BlockScores, scene: Indices) -> Scores:

@@ -93,8 +93,6 @@ class Interval(NamedTuple):
     """Whether each part is a scene, and not a run."""
     skewed: bool = False
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
-    reference: float = 0.0
-    """Of a root mean square error, that of the reference that it is measured against."""
     fewest: float = 2
     """Runs from which on the interval is calibrated."""
 
@@ -151,20 +149,8 @@ class Interval(NamedTuple):
         interval of the value itself lies too near to it. The interval of a root mean square is so the root of that of
         the mean square, whatever unit it is in. That with a single limit is stretched, see ``stretch``.
 
-        The errors of the reference itself are independent of the tracker's: their mean square is added to that of the
-        upper end and taken from that of the lower one. They are the same for all trackers, and widen no difference.
-
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
-        ends = self._ends
-        if ends is None or self.reference == 0.0:
-            return ends
-        low, high = (end**2 + sign * self.reference**2 for sign, end in zip((-1, 1), ends, strict=True))
-        return float(np.sqrt(max(low, 0.0))), float(np.sqrt(high))
-
-    @property
-    def _ends(self) -> tuple[float, float] | None:
-        """Those of the interval against an exact reference."""
         error, stretch = self.error, self.stretch
         if error is None or self.parts.uncalibrated or self.constant:
             return None
