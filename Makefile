@@ -3,7 +3,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
+<<<<<<< HEAD
 .PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
+=======
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
+>>>>>>> a90b0a6e (Drivers fitted to recorded traffic: make drivers, results/drivers, docs/drivers.md; human drivers cost 5 to 11 % more)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -117,6 +121,11 @@ calibration: $(VENV)/.installed-dev
 # Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about an hour on two cores.
 tuned: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.tuned
+
+# Simulated drivers fitted to recorded traffic, and trackers with them: results/drivers; needs TRACKBENCH_DATA; ten minutes.
+drivers: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.drivers fit
+	$(BIN)/python -m benchmarks.drivers reversal
 
 # How often the doctor is right; about 40 minutes on two cores.
 doctor-rates: $(VENV)/.installed-dev

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.drivers import page, recorded, statistics
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
+from tests.support.places import ROOT
 
 import trackbench as tb
 from trackbench.base.errors import InputError
@@ -165,8 +167,16 @@ def test_tyres_hold_in_the_roundabout_where_those_of_steady_drivers_do_not(seed:
     assert "drivers" not in steady.source
 
 
+@pytest.mark.parametrize(("speed", "target"), [(0.0, 0.0), (12.0, 20.0), (30.0, 20.0), (20.0, 60.0)])
+def test_the_free_road_is_that_of_the_model(speed: float, target: float) -> None:
+    scene = Scene(Drivers(), 0.0)
+    car = scene.cars[0]
+    car.speed, car.target_speed = speed, target
+    assert car.free_road_acceleration() == pytest.approx(car.acceleration(car, None), rel=1e-12)
+
+
 def test_no_acceleration_jumps() -> None:
-    scene = Scene(Drivers(acceleration_rms_mps2=1.5, jerk_mps3=4), 0.0, 30.0)
+    scene = Scene(Drivers(jerk_mps3=4), 0.0, 30.0)
     scene.cars[1].target_speed = 5.0
     accelerations = [scene.drive(1) or [car.action["acceleration"] for car in scene.cars] for _ in range(400)]
     jerk = np.abs(np.diff(accelerations, axis=0, prepend=0.0)) / DT
@@ -218,3 +228,18 @@ def test_mistakes_are_named(truth: dict[str, Any], message: str) -> None:
     }
     with pytest.raises(InputError, match=message):
         tb.truth(content)
+
+
+def test_the_values_of_human_are_those_of_the_fit() -> None:
+    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
+    assert HUMAN.model_dump(mode="json") == fit["drivers"]
+
+
+def test_what_the_page_says_of_the_recorded_traffic_comes_from_the_files() -> None:
+    if not recorded.FOLDER.is_dir():
+        pytest.skip("needs TRACKBENCH_DATA")
+    fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
+    for column, windows in (("I-80, fitted", recorded.i80(0)), ("I-80, held back", recorded.i80(1))):
+        assert page.rounded(statistics.of(windows)) == fit["statistics"][column]
+    assert page.rounded(statistics.of(recorded.us101())) == fit["statistics"]["US-101"]
+    assert recorded.overlaps() == fit["overlaps"]

@@ -101,7 +101,7 @@ def test_a_kind_of_vehicle_keeps_its_behaviour_and_attributes() -> None:
     assert isinstance(car, SteeredVehicle)
     assert isinstance(car, IDMVehicle)
     assert type(car).__mro__[1:3] == (SteeredVehicle, IDMVehicle)
-    assert set(vars(car)) == {*before, "steering", "lane", "lane_index"}
+    assert set(vars(car)) == {*before, "steering", "along", "lane", "lane_index"}
     assert not isinstance(IDMVehicle.make_on_lane(road, ("a", "b", 0), 0), SteeredVehicle)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from highway_env.utils import not_zero
 from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.base.streams import stream
@@ -18,6 +20,9 @@ from trackbench.truth.environment import Kinds, SteeredVehicle, steered
 FADES_BELOW_MPS = 2.0
 #: With which a driver brakes for a bend ahead, m/s^2.
 COMFORTABLE_BRAKING_MPS2 = 2.0
+#: How far a driver looks for bends from the start of its lane, m: beyond where it would brake at 40 m/s.
+SEEN_AHEAD_M = 500.0
+DRAWN_AT_ONCE = 128
 #: Between the headings of which a lane's curvature is taken, m.
 SPACING_M = 2.0
 
@@ -34,11 +39,17 @@ class GaussMarkov:
         self._keep = math.exp(-dt / time_s)
         self._drive = sigma * math.sqrt(1.0 - self._keep**2)
         self._random = random
+        self._normal: Iterator[float] = iter(())
         self.value = sigma * random.standard_normal()
 
     def advance(self) -> float:
         """The value one step later."""
-        self.value = self._keep * self.value + self._drive * self._random.standard_normal()
+        normal = next(self._normal, None)
+        if normal is None:
+            # Many at once take a tenth of the time of as many draws; the numbers are the same.
+            self._normal = iter(self._random.standard_normal(DRAWN_AT_ONCE).tolist())
+            normal = next(self._normal)
+        self.value = self._keep * self.value + self._drive * normal
         return self.value
 
 
@@ -96,7 +107,12 @@ class HumanVehicle(SteeredVehicle):
     driver: Driver
     #: Largest speed in the bends of each lane that has some, by index, m/s.
     BENDS: dict[Any, float]
-    last_acceleration = 0.0
+    #: Acceleration of the model, before what the driver adds, m/s^2.
+    intended = 0.0
+    #: The course minus the heading, rad.
+    slip = 0.0
+    #: The target lane that ``bends_ahead`` is of.
+    bends_from: Any = None
 
     @property
     def target_speed(self) -> float:
@@ -111,50 +127,60 @@ class HumanVehicle(SteeredVehicle):
         """Steering angle, rad, and acceleration, m/s^2."""
         driver, options = self.driver, self.driver.options
         self.lane_offset_wanted = driver.wander.advance()
-        slip_before = self._slip()
+        slip_before = self.slip
         controls = super().controls(dt)
+        self.slip = math.atan(0.5 * math.tan(self.steering))
 
-        alone = max(-self.ACC_MAX, self.acceleration(self, None))
+        alone = max(-self.ACC_MAX, self.free_road_acceleration())
         # With a desired speed of zero the model would creep.
         alone = min(alone, self.KP_A * max(0.0, self.target_speed - self.speed))
         seen = driver.reacts_to(min(0.0, self.action["acceleration"] - alone))
         if self.BENDS:
             alone = min(alone, self.KP_A * (self.speed_for_bends() - self.speed))
-        wanted = alone + seen + driver.acceleration.advance() * min(1.0, abs(self.speed) / FADES_BELOW_MPS)
+        wanted = alone + seen
         if options.jerk_mps3 is not None:
             most = options.jerk_mps3 * dt
-            wanted = max(self.last_acceleration - most, min(self.last_acceleration + most, wanted))
-        turning = (self._slip() - slip_before) / dt + self.speed * math.sin(slip_before) / (self.LENGTH / 2)
+            wanted = max(self.intended - most, min(self.intended + most, wanted))
+        self.intended = wanted
+        wanted += driver.acceleration.advance() * min(1.0, abs(self.speed) / FADES_BELOW_MPS)
+        turning = (self.slip - slip_before) / dt + self.speed * math.sin(slip_before) / (self.LENGTH / 2)
         across = self.speed * turning
         most = min(self.ACC_MAX, math.sqrt(max(0.0, self.GRIP**2 - across**2)))
         wanted = max(-most, min(most, wanted))
         if self.speed >= 0.0:
             # Brakes do not push backwards.
             wanted = max(wanted, -self.speed / dt)
-        self.last_acceleration = wanted
         return {**controls, "acceleration": wanted}
 
-    def _slip(self) -> float:
-        """The course minus the heading, rad."""
-        return math.atan(0.5 * math.tan(getattr(self, "steering", 0.0)))
+    def free_road_acceleration(self) -> float:
+        """``self.acceleration(self, None)``, m/s^2; of IDM in plain floats, which take a fifth of the time."""
+        if type(self).acceleration is not IDMVehicle.acceleration:
+            return float(self.acceleration(self, None))
+        wanted, limit = self.target_speed, self.lane.speed_limit
+        if limit is not None:
+            wanted = min(max(wanted, 0.0), limit)
+        ratio = max(self.speed, 0.0) / abs(not_zero(wanted))
+        return float(self.COMFORT_ACC_MAX * (1.0 - ratio**self.DELTA))
 
     def speed_for_bends(self) -> float:
         """The largest speed from which the driver can brake for each bend in comfort, m/s."""
-        lanes = self.lanes_ahead()
-        index, lane = next(lanes)
-        distance = -lane.local_coordinates(self.position)[0]
+        if self.target_lane_index != self.bends_from:
+            self.bends_from, self.bends_ahead = self.target_lane_index, self._bends_ahead()
         slowest = math.inf
-        reach = self.speed**2 / (2.0 * COMFORTABLE_BRAKING_MPS2)
-        while True:
+        for start, speed in self.bends_ahead:
+            slowest = min(slowest, speed**2 + 2.0 * COMFORTABLE_BRAKING_MPS2 * max(0.0, start - self.along))
+        return math.sqrt(slowest)
+
+    def _bends_ahead(self) -> list[tuple[float, float]]:
+        """Where each lane that bends starts, from the start of the target lane, m, and its speed, m/s."""
+        start, bends = 0.0, []
+        for index, lane in self.lanes_ahead():
             if index in self.BENDS:
-                ahead = 2.0 * COMFORTABLE_BRAKING_MPS2 * max(0.0, distance)
-                slowest = min(slowest, math.sqrt(self.BENDS[index] ** 2 + ahead))
-            distance += lane.length
-            if distance > reach:
-                return slowest
-            index, lane = next(lanes, (None, None))
-            if index is None:
-                return slowest
+                bends.append((start, self.BENDS[index]))
+            start += lane.length
+            if start > SEEN_AHEAD_M:
+                break
+        return bends
 
 
 class Traffic:
@@ -184,6 +210,9 @@ class Traffic:
         self._kinds.change(vehicle)
         if self._env.steps == 0 and vehicle.BENDS:
             # Of those that are there at the start some are in a bend, faster than tyres allow.
+            vehicle.along = vehicle.road.network.get_lane(vehicle.target_lane_index).local_coordinates(
+                vehicle.position
+            )[0]
             vehicle.speed = min(vehicle.speed, vehicle.speed_for_bends())
 
 

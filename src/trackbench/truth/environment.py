@@ -119,6 +119,8 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
     GRIP = math.inf
     TAU_HEADING = 0.5
     TAU_LATERAL = 1.5
+    #: Distance from the start of its target lane, m.
+    along = 0.0
     #: Where it wants to be, to the side of the lane's centre, m.
     lane_offset_wanted = 0.0
 
@@ -142,6 +144,7 @@ class SteeredVehicle(ControlledVehicle):  # type: ignore[misc]
         """The steering angle with which the course turns as the target lane asks for, rad."""
         lane = self.road.network.get_lane(self.target_lane_index)
         along, offset = lane.local_coordinates(self.position)
+        self.along = along
         ahead = self._lane_heading(along + self.speed * self.TAU_HEADING)
         offset -= self.lane_offset_wanted
         back = math.asin(float(np.clip(-offset / self.TAU_LATERAL / not_zero(self.speed), -1.0, 1.0)))

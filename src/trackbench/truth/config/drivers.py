@@ -58,13 +58,13 @@ class Drivers(Config):
 
 #: Acceleration and wander are fitted to recorded traffic; the other values have their sources in docs/drivers.md.
 HUMAN = Drivers(
-    acceleration_rms_mps2=0.8,
-    acceleration_time_s=0.5,
-    wander_m=0.2,
-    wander_time_s=5,
+    acceleration_rms_mps2=0.3,
+    acceleration_time_s=0.8,
+    wander_m=0.18,
+    wander_time_s=0.4,
     reaction_s=0.7,
     speed_spread=0.08,
-    headway_s=[0.9, 2.1],
+    headway_s=[1.0, 2.7],
     cornering_mps2=3.0,
     grip_mps2=7.8,
     jerk_mps3=15,

@@ -1,0 +1,1 @@
+"""The drivers of simulated traffic, fitted to recorded ones and compared with them."""

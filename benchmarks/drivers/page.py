@@ -1,0 +1,123 @@
+"""The table and the figure, and the page that has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+
+from trackbench.document import Figure, LegendEntry
+
+from .recorded import DT, Window
+from .statistics import NAMES, acceleration, autocorrelation
+
+COLOURS = ("#1f1f1f", "#2a6fbb", "#d0702a")
+
+
+def rounded(value: Any) -> Any:
+    """All numbers to four digits, which do not depend on the machine."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, Mapping):
+        return {key: rounded(item) for key, item in value.items()}
+    return [rounded(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def page(kept: Mapping[str, Any]) -> str:
+    """All that is kept, in Markdown."""
+    parts = [["# Drivers beside recorded ones", ""]]
+    if "fit" in kept:
+        parts.append([*_fit(kept["fit"])])
+    if "reversal" in kept:
+        parts.append([*_reversal(kept["reversal"])])
+    return "\n".join(line for part in parts for line in part)
+
+
+def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
+    drivers = fit["drivers"]
+    yield "Made by `make drivers`; [the page](../../docs/drivers.md) says what it means. Accelerations are slopes of a"
+    yield "polynomial of second order over 2.1 s, of recorded and of simulated speeds."
+    yield ""
+    columns = fit["statistics"]
+    yield from _table(
+        ["", *columns], [[name, *(_short(of[key]) for of in columns.values())] for key, name in NAMES.items()]
+    )
+    yield "![Distribution and autocorrelation of the acceleration](acceleration.svg)"
+    yield ""
+    yield "What was tried: the size that meets the RMS at each correlation time. The misfit is the RMS of the"
+    yield "logarithms of simulated over recorded statistics."
+    yield ""
+    for name, size, trials in zip(
+        ("acceleration, m/s²", "lateral deviation, m"),
+        ("acceleration_rms_mps2", "wander_m"),
+        fit["trials"],
+        strict=True,
+    ):
+        yield f"{name}; taken: `{size}: {drivers[size]:g}`"
+        yield ""
+        yield from _table(["correlation time, s", "size", "misfit"], [[_short(v) for v in trial] for trial in trials])
+
+
+def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
+    yield "## Does the order of trackers hold?"
+    yield ""
+    yield "Nine scenes of `highway`, 8 runs each: RMSE of position, m, and velocity, m/s, and mean NEES (4 is right)."
+    yield ""
+    trackers = [*next(iter(worlds.values()))["errors"]]
+    rows = [
+        [world, *(" / ".join(_short(v) for v in of["errors"][name].values()) for name in trackers)]
+        for world, of in worlds.items()
+    ]
+    yield from _table(["drivers", *trackers], rows)
+    yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes: below zero `ekf_cv` is ahead."
+    yield ""
+    rows = [
+        [world, pair["metric"], pair["b"], f"{pair['value']:+.4f} ({pair['ci95'][0]:+.4f} to {pair['ci95'][1]:+.4f})"]
+        for world, of in worlds.items()
+        for pair in of["differences"]
+    ]
+    yield from _table(["drivers", "metric", "other", "difference"], rows)
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    yield f"| {' | '.join(headings)} |"
+    yield f"| :-- |{' --: |' * (len(headings) - 1)}"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
+    yield ""
+
+
+def _short(value: float | None) -> str:
+    return "n/a" if value is None or value != value else f"{value:.3g}"
+
+
+def figure(columns: Mapping[str, Sequence[Window]]) -> Figure:
+    """The distribution and the autocorrelation of the acceleration."""
+
+    def paint(canvas: Canvas) -> None:
+        left, right = canvas.subplots(1, 2)
+        for colour, windows in zip(COLOURS, columns.values(), strict=True):
+            series = [acceleration(window) for window in windows]
+            size = np.sort(np.abs(np.concatenate(series)))
+            share = np.linspace(0, 100, 200)
+            left.plot(np.percentile(size, share), share, color=colour)
+            lags = range(0, 41, 2)
+            right.plot([lag * DT for lag in lags], [autocorrelation(series, lag) for lag in lags], color=colour)
+        left.set_xlim(0, 3)
+        left.set_xlabel("|acceleration| below, m/s²")
+        left.set_ylabel("share of the instants, %")
+        right.set_xlabel("lag, s")
+        right.set_ylabel("autocorrelation")
+
+    return Figure(
+        name="drivers",
+        title="Acceleration of recorded and simulated drivers",
+        caption="",
+        alternative="Cumulative distribution and autocorrelation of the acceleration, recorded, human and steady",
+        paint=paint,
+        height=300,
+        width=720,
+        legend=tuple(LegendEntry(name, colour) for name, colour in zip(columns, COLOURS, strict=True)),
+    )

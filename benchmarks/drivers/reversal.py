@@ -1,0 +1,71 @@
+"""Whether the order of trackers holds with other drivers: nine scenes of ``highway``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+from benchmarks.tuned.protocol import SCENARIOS
+from benchmarks.tuned.protocol import read as read_protocol
+
+import trackbench as tb
+
+TRACKERS = ("ekf_cv", "imm_cv_ca", "imm_three")
+#: By name, of how the drivers vary: as they did where the reversal was seen first, and as fitted.
+WORLDS: dict[str, Any] = {
+    "steady": "steady",
+    "slow": {"acceleration_rms_mps2": 0.25, "acceleration_time_s": 2, "wander_m": 0.15, "wander_time_s": 1},
+    "human": "human",
+}
+SCENES, RUNS = 9, 8
+#: Scenes and runs that trackers are tuned on, with other seeds, and sets of values that are tried.
+TUNED_FROM, TUNED_SCENES, TUNED_RUNS, TRIALS = 101, 6, 1, 40
+
+
+def measured() -> dict[str, Any]:
+    """By world: the errors of each tracker, and the differences between them; last with the trackers tuned again."""
+    worlds = {name: _scores(_scenario(drivers)) for name, drivers in WORLDS.items()}
+    values = _tuned("human")
+    worlds["human, tuned again"] = {**_scores(_scenario("human"), values), "values": values}
+    return worlds
+
+
+def _scenario(drivers: Any, first: int = 1, scenes: int = SCENES) -> dict[str, Any]:
+    content = yaml.safe_load((SCENARIOS / "highway.yaml").read_text(encoding="utf-8"))
+    content["truth"] |= {"drivers": drivers, "seed": first, "seeds": scenes}
+    trackers = {name: content["trackers"][name] for name in TRACKERS}
+    return {**content, "trackers": trackers, "expect": []}
+
+
+def _tuned(drivers: Any) -> dict[str, Any]:
+    """The values of each tracker, by the ranges of the protocol of ``make tuned`` and fewer trials."""
+    protocol = read_protocol()
+    return {
+        name: tb.tune(
+            _scenario(drivers, TUNED_FROM, TUNED_SCENES),
+            [name],
+            ranges=protocol.trackers[name]["ranges"],
+            objective=protocol.objective,
+            trials=TRIALS,
+            train_scenes=TUNED_SCENES,
+            train_runs=TUNED_RUNS,
+            test_scenes=1,
+            test_runs=1,
+        ).values[name]
+        for name in TRACKERS
+    }
+
+
+def _scores(scenario: dict[str, Any], values: dict[str, Any] | None = None) -> dict[str, Any]:
+    changes = {f"trackers.{name}.{key}": value for name, of in (values or {}).items() for key, value in of.items()}
+    result = tb.run(tb.load(scenario, changes, runs=RUNS))
+    errors = {
+        name: {metric: getattr(result[name], metric).value for metric in ("position_rmse", "velocity_rmse", "nees")}
+        for name in TRACKERS
+    }
+    differences = [
+        {"metric": pair.metric, "a": pair.a, "b": pair.b, "value": pair.value, "ci95": list(pair.ci95)}
+        for pair in result.differences
+        if pair.metric in ("position_rmse", "velocity_rmse") and pair.a == "ekf_cv"
+    ]
+    return {"errors": errors, "differences": differences}
