@@ -26,7 +26,9 @@ from . import cost, page, recorded, reversal, statistics
 from .fit import fit
 from .simulated import congested
 
-OUT = Path(__file__).parents[2] / "results" / "drivers"
+ROOT = Path(__file__).parents[2]
+OUT = ROOT / "results" / "drivers"
+FIGURE = ROOT / "docs" / "images" / "drivers.svg"
 #: Simulated with other draws than those of the fit.
 OTHER_SEED = 1000
 
@@ -59,7 +61,7 @@ def fitted() -> None:
     }
     write("fit", table)
     shown = {name: columns[name] for name in ("I-80, held back", "human", "steady")}
-    (OUT / "acceleration.svg").write_text(svg_file(page.figure(shown)), encoding="utf-8")
+    FIGURE.write_text(svg_file(page.figure(shown)), encoding="utf-8")
 
 
 def highway(drivers: str) -> list[recorded.Window]:

@@ -44,7 +44,7 @@ def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
     yield from _table(
         ["", *columns], [[name, *(_short(of[key]) for of in columns.values())] for key, name in NAMES.items()]
     )
-    yield "![Distribution and autocorrelation of the acceleration](acceleration.svg)"
+    yield "![Distribution and autocorrelation of the acceleration](../../docs/images/drivers.svg)"
     yield ""
     yield "What was tried: the size that meets the RMS at each correlation time. The misfit is the RMS of the"
     yield "logarithms of simulated over recorded statistics."
