@@ -144,7 +144,9 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict], pa
         parts: those over all estimates.
     """
     under = {part.verdict for condition in conditions for part in condition.parts} - {"undecided"}
-    verdicts = {whole, *(part.verdict for part in parts), *(condition.verdict for condition in conditions), *under}
+    # A mean that is off is said first, whichever way its directions are: along a straight line all may lag.
+    of_mean = {whole} if whole in ("optimistic", "pessimistic") else {whole, *(part.verdict for part in parts)}
+    verdicts = {*of_mean, *(condition.verdict for condition in conditions), *under}
     off = verdicts & {"optimistic", "pessimistic"}
     if not off and "heavy-tailed" in verdicts:
         return "heavy-tailed"
