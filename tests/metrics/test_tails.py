@@ -209,6 +209,8 @@ def part(verdict):
         ("consistent", "consistent", "heavy-tailed", "heavy-tailed"),
         ("optimistic", "heavy-tailed", "heavy-tailed", "optimistic"),
         ("pessimistic", "heavy-tailed", "consistent", "pessimistic"),
+        ("optimistic", "pessimistic", "consistent", "optimistic"),
+        ("pessimistic", "optimistic", "consistent", "pessimistic"),
         ("consistent", "pessimistic", "consistent", "mixed"),
         ("consistent", "heavy-tailed", "optimistic", "mixed"),
     ],

@@ -265,7 +265,7 @@ def _unexpected(error: BaseException) -> int:
     match error:
         case OSError():
             raise error
-        case SystemExit() if not loaded_plugins():
+        case SystemExit() if not loaded_plugins() or _raised_in(error) in ("rich", "click"):
             # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
             return UNREAD if error.code else 0
         case UnicodeEncodeError():
@@ -283,6 +283,12 @@ def _unexpected(error: BaseException) -> int:
         return _failed(f"trackbench: no result: {cause}; if it fails without, it is a fault of trackbench", BAD_INPUT)
     # Not 1, which says that an expectation failed.
     return _failed(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
+
+
+def _raised_in(error: BaseException) -> str:
+    """The package whose code raised it."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return str(frames[-1].f_globals.get("__name__", "")).partition(".")[0] if frames else ""
 
 
 def _plugin_failed(error: BaseException) -> int:
