@@ -42,6 +42,13 @@ def test_every_file_of_the_scenarios_is_in_it_once(wheel: Path) -> None:
     assert sorted(held) == sorted(f"trackbench/scenarios/{file.relative_to(FOLDER).as_posix()}" for file in there)
 
 
+def test_the_recording_that_is_shipped_is_in_it_with_its_licence(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        held = {item.filename: item.file_size for item in archive.infolist()}
+    assert 0 < held["trackbench/truth/formats/i80.parquet"] <= 400_000
+    assert held["trackbench/truth/formats/i80.txt"] > 1000
+
+
 @pytest.mark.slow
 def test_it_runs_a_shipped_scenario_from_an_empty_directory(wheel: Path, tmp_path: Path) -> None:
     """Installed by itself, with the dependencies of this environment but not its trackbench."""

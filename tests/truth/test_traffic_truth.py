@@ -308,3 +308,14 @@ def test_the_scenarios_of_i80_need_no_data(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     for name in ("recorded/i80", "recorded/i80_hidden"):
         check(load_scenario(name))
+
+
+def test_a_sensor_is_no_faster_than_the_recording() -> None:
+    with pytest.raises(InputError, match=r"20 Hz is more than the truth has, which is recorded at 10 Hz; use 10"):
+        truths_of(load_scenario("recorded/i80", ["sensors.front_radar.rate_hz=20"]))
+
+
+def test_old_scenarios_have_the_measurements_that_they_had() -> None:
+    """The fingerprint of the commit before recorded traffic."""
+    loaded = load_scenario("scripted/own_model", ["monte_carlo.runs=4"])
+    assert run(loaded, truths_of(loaded)).summary.fingerprints[0].startswith("406d78829776")

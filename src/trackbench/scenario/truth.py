@@ -115,18 +115,27 @@ class _Load:
     folder: Path
     kinds: dict[str, str]
     hides: bool
+    rates: dict[str, float]
+    """Of the sensors that state one, Hz."""
 
     @classmethod
     def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
         config = loaded.config
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
         kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded))
+        rates = {name: sensor.rate_hz for name, sensor in config.sensors.items() if sensor.rate_hz is not None}
+        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded), rates)
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
         with at_work(plugins_among(self.source)):
             loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
+        # Of recorded traffic nobody knows its rate before.
+        most = loaded.truth.source.get("rate_hz", float("inf"))
+        for name, rate in self.rates.items():
+            if rate > most * (1 + 1e-6):
+                message = f"{rate:g} Hz is more than the truth has, which is recorded at {most:g} Hz; use {most:g}"
+                raise InputError(message, key=f"sensors.{name}.rate_hz")
         return _as_sensed(loaded, self.hides)
 
 
