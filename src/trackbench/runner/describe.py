@@ -23,6 +23,8 @@ def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str
         parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]
         for sensor, sigmas in tracker.measurement_noise.items():
             parts += [f"{sensor} with {in_words(key, value)}" for key, value in sigmas.items()]
+        for sensor, effects in tracker.assume.items():
+            parts.append(f"{sensor} with {' and '.join(effects.names)} assumed")
         parts += [_initial(tracker), _late(tracker, late)]
     parts.append("all sensors" if tracker.sensors is None else " + ".join(tracker.sensors))
     return ", ".join(part for part in parts if part)

@@ -121,7 +121,10 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 
 def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
-    """Sensor models and noise that a tracker assumes."""
+    """Sensor models, noise and effects that a tracker assumes."""
+    for sensor in tracker.assume:
+        if unread := _not_read(scenario, tracker, sensor):
+            yield Problem(("trackers", name, "assume", sensor), unread)
     for sensor, kind in tracker.sensor_models.items():
         at = ("trackers", name, "sensor_models", sensor)
         if unread := _not_read(scenario, tracker, sensor):

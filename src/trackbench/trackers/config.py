@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
@@ -11,11 +10,11 @@ from pydantic import Discriminator, Field, Tag
 from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem, Sigma
 from trackbench.base.config.key_units import in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
-from trackbench.base.types import Scan
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.assume import AssumedEffects, AssumedSensors
 from trackbench.trackers.initial import InitialConfig
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
@@ -104,24 +103,6 @@ STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class AssumedSensors:
-    """The equations and the noise that a tracker takes in place of a sensor's own, by the sensor's name."""
-
-    models: Mapping[str, str] = field(default_factory=dict)
-    """The kind of sensor that it is taken for."""
-    noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Standard deviations by the option that states them."""
-
-    def read(self, scan: Scan) -> Scan:
-        """The scan as the tracker takes it."""
-        kind = self.models.get(scan.sensor, scan.kind)
-        sigmas = self.noise.get(scan.sensor)
-        if sigmas is None:
-            return scan if kind == scan.kind else scan._replace(kind=kind)
-        return scan._replace(kind=kind, noise_covariance=SENSOR_MODELS[kind].other_noise(scan.noise_covariance, sigmas))
-
-
 class FilterConfig(OptionsBeside):
     """A built-in filter with a motion model."""
 
@@ -186,6 +167,11 @@ class FilterConfig(OptionsBeside):
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
     )
+    assume: dict[str, AssumedEffects] = Field(
+        default_factory=dict,
+        description="For a sensor's name, effects of the sensor that the tracker knows of: "
+        "{front_radar: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}.",
+    )
     smoother: Literal["rts"] | None = Field(
         None,
         description="rts: what was to be had offline. Each estimate is made of all measurements of the run, later ones "
@@ -206,7 +192,7 @@ class FilterConfig(OptionsBeside):
     @property
     def scan_options(self) -> dict[str, Any]:
         """What a tracker of one object or of several takes of the options on scans."""
-        assumed = AssumedSensors(self.sensor_models, self.measurement_noise)
+        assumed = AssumedSensors(self.sensor_models, self.measurement_noise, self.assume)
         return {"assumed": assumed, **{key: getattr(self, key) for key in ("sensors", "advance_at", "late", "lag_s")}}
 
     @property
@@ -284,6 +270,8 @@ class FilterConfig(OptionsBeside):
             yield Problem(("initial", "from"), message)
         if self.smoother is not None:
             yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")
+        if self.assume:
+            yield Problem(("assume",), "known to trackers of one object alone; remove it, or associate")
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:
                 yield Problem(("initial", key), "not used with associate, which has confirm; remove it")

@@ -11,7 +11,8 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 from trackbench.base.types import Indices, Scan
 from trackbench.engine.choice import Engine
 from trackbench.filters import Filter
-from trackbench.trackers.config import AdvanceAt, AssumedSensors, LateMethod
+from trackbench.trackers.assume import AssumedSensors
+from trackbench.trackers.config import AdvanceAt, LateMethod
 from trackbench.trackers.initial import InitialConfig
 
 
