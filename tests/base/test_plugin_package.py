@@ -25,8 +25,8 @@ sensors:
   sonar: {type: sonar, rate_hz: 10, range_sigma_m: 0.3, bearing_sigma_deg: 0.5}
   radar: {type: radar, rate_hz: 5, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
 trackers:
-  ekf_singer: {filter: ekf, motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4}
-  ukf_singer: {filter: ukf, motion: {model: singer, acceleration_sigma_mps2: 2}, initial: truth}
+  ekf_singer: {filter: ekf, motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4}
+  ukf_singer: {filter: ukf, motion: {model: correlated, acceleration_sigma_mps2: 2}, initial: truth}
   gains: {use: nearest_position, options: {alpha: 0.5}}
 monte_carlo: {runs: 12, seed: 3}
 score: {settle_s: 0.5, metrics: [{use: largest_error, options: {after_s: 1}}]}
@@ -129,7 +129,7 @@ def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("what", "line"),
     [
-        ("motion-models", "singer .*time_constant_s .seconds."),
+        ("motion-models", "correlated .*time_constant_s .seconds."),
         ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
         ("truth", "weave .*options .*amplitude_m .metres."),
         ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
@@ -161,7 +161,7 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
     for text in (
         "`type sonar`",
         "`source weave`",
-        "| `singer` |",
+        "| `correlated` |",
         "| `nearest_position` | `alpha`, `beta` |",
         "| `largest_error` | m |",
     ):
@@ -178,8 +178,8 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
             "4: sensors.sonar.bearing_sigma_rad: unknown key; use bearing_sigma_deg (degrees): 0.573",
         ),
         (
-            "motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4",
-            "motion: singer, acceleration_sigma_mps2: 2, time_constant: 4",
+            "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
+            "motion: correlated, acceleration_sigma_mps2: 2, time_constant: 4",
             "7: trackers.ekf_singer.time_constant: unknown key; use time_constant_s (seconds)",
         ),
         (
@@ -188,14 +188,15 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
             "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'; write 4",
         ),
         (
-            "motion: {model: singer, acceleration_sigma_mps2: 2}",
-            "motion: {model: singer, acceleration_sigma_mps2: -2}",
+            "motion: {model: correlated, acceleration_sigma_mps2: 2}",
+            "motion: {model: correlated, acceleration_sigma_mps2: -2}",
             "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0; write 2",
         ),
         (
-            "motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4",
+            "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
             "motion: cv, acceleration_sigma_mps2: 2, time_constant_s: 4",
-            "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses acceleration_sigma_mps2",
+            "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses noise and "
+            "acceleration_sigma_mps2 and acceleration_density_mps1p5",
         ),
         ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
         ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),

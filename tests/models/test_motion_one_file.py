@@ -49,9 +49,10 @@ def scenario(
             info = place / "stranger-1.0.dist-info"
             info.mkdir()
             (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n", encoding="utf-8")
-            (info / "entry_points.txt").write_text(f"[trackbench.motion_models]\nsinger = {name}\n", encoding="utf-8")
+            published = f"[trackbench.motion_models]\ncorrelated = {name}\n"
+            (info / "entry_points.txt").write_text(published, encoding="utf-8")
             patch.syspath_prepend(place)
-            name = "singer"
+            name = "correlated"
         (place / "one_file.yaml").write_text(SCENARIO.format(motion=name), encoding="utf-8")
         yield place / "one_file.yaml"
 
@@ -80,5 +81,5 @@ def test_its_options_can_be_tuned(scenario: Path, tmp_path: Path, cli: Callable[
 
 
 def test_the_list_has_the_published_one_with_its_options(scenario: Path, cli: Callable[..., Any]) -> None:
-    published = 'motion: "singer"' in scenario.read_text(encoding="utf-8")
-    assert ("time_constant_s" in cli("list", "motion-models").out) is published
+    published = 'motion: "correlated"' in scenario.read_text(encoding="utf-8")
+    assert ("correlated" in cli("list", "motion-models").out) is published

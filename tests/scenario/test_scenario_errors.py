@@ -231,14 +231,17 @@ BAD = [
         "motion: cv, acceleration_sigma_mps2: 3",
         "motion: ca, acceleration_sigma_mps2: 3",
         [
-            "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses jerk_sigma_mps3",
-            "21: trackers.ekf.jerk_sigma_mps3: missing: motion ca needs jerk_sigma_mps3",
+            "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses noise and jerk_sigma_mps3 "
+            "and jerk_density_mps2p5",
         ],
     ),
     (
         "filter: ukf",
         "filter: kf",
-        ["22: trackers.ukf.motion: kf needs a linear motion model: use ca or cv, or filter: ekf with ctrv"],
+        [
+            "22: trackers.ukf.motion: kf needs a linear motion model: use ca or ct_known or cv or singer, or "
+            "filter: ekf with ctrv"
+        ],
     ),
     (
         "filter: ekf",
@@ -262,7 +265,7 @@ BAD = [
         "motion: cv,",
         "motion: cv, initial: {yaw_rate_sigma_radps: 1},",
         [
-            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ctra and ctrv have",
+            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ct and ctra and ctrv have",
         ],
     ),
     (

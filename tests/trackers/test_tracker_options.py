@@ -13,7 +13,7 @@ from trackbench.trackers.config import FilterConfig
 
 Q = [20.0, 20.0, 4.0, 4.0]
 P0 = [100.0, 100.0, 250.0, 250.0]
-SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6}
+SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6, "singer": 6, "ct": 5, "bicycle": 5}
 MEASUREMENT = np.array([[500.0], [0.4], [7.0]])
 
 
@@ -157,6 +157,26 @@ def test_radial_velocity_starts_a_track():
             "initial.velocity: not used with from: truth; remove it, or use from: first_measurement",
         ),
         ({"motion": "cv"}, "acceleration_sigma_mps2: missing: motion cv needs acceleration_sigma_mps2"),
+        (
+            {"motion": "cv", "noise": "continuous"},
+            "acceleration_density_mps1p5: missing: motion cv with noise: continuous needs acceleration_density_mps1p5",
+        ),
+        (
+            {"motion": "ca", "noise": "continuous", "jerk_density_mps2p5": 1.0, "jerk_sigma_mps3": 1.0},
+            "jerk_sigma_mps3: not used with noise: continuous, which needs jerk_density_mps2p5",
+        ),
+        (
+            {"motion": {"model": "ca", "jerk_density_mps2p5": 1.0, "jerk_sigma_mps3": 1.0}},
+            "motion.jerk_density_mps2p5: not used with noise: piecewise, which needs jerk_sigma_mps3",
+        ),
+        (
+            {"motion": "cv", "noise": "contiuous", "acceleration_sigma_mps2": 1.0},
+            "noise: 'contiuous' is not known; did you mean 'continuous'?",
+        ),
+        (
+            {"motion": "cv", "noise": "continuous", "process_noise_diag": Q, "acceleration_density_mps1p5": 1.0},
+            "acceleration_density_mps1p5: not used with process_noise_diag, which says it all; remove one of them",
+        ),
         (
             {"motion": "cv", "process_noise_diag": Q, "sweep": {"motion": ["cv"]}},
             "sweep: only an entry of a scenario's trackers has this key",

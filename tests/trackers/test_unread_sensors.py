@@ -123,7 +123,10 @@ def test_the_process_noise_belongs_to_the_interval() -> None:
     lidar = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
     silent = {**RADAR, "dropouts": [{"from_s": 0, "to_s": 60}]}
     kf = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "sensors": ["lidar"]}
-    trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}}
+    # White in continuous time, with the variance per second that the truth has.
+    white = {**kf, "noise": "continuous", "acceleration_density_mps1p5": 2 * 0.05**0.5}
+    white.pop("acceleration_sigma_mps2")
+    trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}, "white": white}
 
     def nees(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, float]:
         loaded = scenario(sensors, trackers, duration_s=20, runs=400)
@@ -131,9 +134,10 @@ def test_the_process_noise_belongs_to_the_interval() -> None:
             item["name"]: item["metrics"]["nees"]["mean"] for item in run(loaded, truths_of(loaded)).json()["trackers"]
         }
 
-    often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf})
+    often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf, "white": white})
     alone = nees({"lidar": lidar}, trackers)
     beside = nees({"lidar": lidar, "radar": silent}, {"kf": kf})
     every = nees({"lidar": lidar, "radar": silent}, {"kf": {**kf, "advance_at": "all_scans"}})
     found = [often["kf"], alone["kf"], alone["scaled"], beside["kf"], every["kf"]]
     assert found == pytest.approx([4.04, 3.08, 4.03, 3.13, 4.02], abs=0.01)
+    assert [often["white"], alone["white"]] == pytest.approx([4.03, 4.01], abs=0.01)

@@ -104,7 +104,8 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
         if model is FilterConfig:
             stated.append({"required": ["process_noise_diag"]})
         rule = {"properties": {key: {"const": name}}, "required": [key], "not": {"anyOf": stated}}
-        part["allOf"].append({"if": rule, "then": {"required": own.get("required", [])}})
+        conditional = {key: own[key] for key in ("if", "then", "else") if key in own}
+        part["allOf"].append({"if": rule, "then": {"required": own.get("required", []), **conditional}})
     part["properties"] = dict(sorted(part["properties"].items(), key=lambda item: item[0] not in model.model_fields))
     for option, names in used.items():
         if option not in model.model_fields:

@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
-from trackbench.base import linalg
 from trackbench.base.config import Sigma
 from trackbench.base.types import Array
-from trackbench.models.motion.base import MotionModel
+from trackbench.models.motion.axes import NoiseForm, Rows, WhiteAxes, stated_by_form
 
 
-class ConstantVelocity(MotionModel):
-    """State px, py, vx, vy; discrete white-noise acceleration on each axis.
+class ConstantVelocity(WhiteAxes):
+    """State px, py, vx, vy; white-noise acceleration on each axis.
 
-    Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
+    Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2 (piecewise constant) and 6.2.2 (continuous).
     """
 
-    acceleration_sigma_mps2: Sigma = Field(
-        description="Standard deviation of the acceleration that drives the motion, m/s^2."
+    acceleration_sigma_mps2: Sigma | None = Field(
+        None, description="Standard deviation of the acceleration that drives the motion, m/s^2."
+    )
+    acceleration_density_mps1p5: Sigma | None = Field(
+        None,
+        description="Root of the power spectral density of the acceleration that drives the motion, m/s^1.5: the "
+        "standard deviation of what it adds to a velocity in 1 s. With noise: continuous.",
     )
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
-    linear: ClassVar[bool] = True
     driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
+    noise_options: ClassVar[Mapping[NoiseForm, str]] = {
+        "piecewise": "acceleration_sigma_mps2",
+        "continuous": "acceleration_density_mps1p5",
+    }
+    model_config = ConfigDict(json_schema_extra=stated_by_form(noise_options))
 
     def transition(self, x: Array, dt: float) -> Array:
         return np.concatenate([x[:2] + dt * x[2:], x[2:]])
 
-    def jacobian(self, x: Array, dt: float) -> Array:
-        return linalg.matrix([[1, 0, dt, 0], [0, 1, 0, dt], [0, 0, 1, 0], [0, 0, 0, 1]])
+    def axis_jacobian(self, dt: float) -> Rows:
+        return [[1, dt], [0, 1]]
 
-    def noise_gain(self, x: Array, dt: float) -> Array:
-        return linalg.matrix([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+    def axis_gain(self, dt: float) -> Rows:
+        if self.noise == "piecewise":
+            return [[dt**2 / 2], [dt]]
+        root = np.sqrt(dt)
+        return [[root * dt / 2, root * dt / np.sqrt(12)], [root, 0]]

@@ -105,8 +105,8 @@ class Piece(Config):
         """Standard deviation of its white acceleration, m/s^2: 0 of steady motion; None where that is not all of it, or
         differs by axis."""
         if self.white is not None:
-            cv = type(self.white.motion) is ConstantVelocity
-            return self.white.motion.noise_sigma[0] if cv else None
+            motion = self.white.motion
+            return motion.acceleration_sigma_mps2 if isinstance(motion, ConstantVelocity) else None
         if self.white_acceleration is not None:
             x, y = self.white_acceleration.x_sigma_mps2, self.white_acceleration.y_sigma_mps2
             return x if x == y else None
