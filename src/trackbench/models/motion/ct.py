@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -39,11 +39,11 @@ class TurnKnown(MotionModel):
     driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
 
     def transition(self, x: Array, dt: float) -> Array:
-        half = self.turn_rate_radps * (0.5 * dt)
+        half: Any = self.turn_rate_radps * (0.5 * dt)
         return np.concatenate([x[:2] + dt * bessel0(half) * turned(x[2:], half), turned(x[2:], 2 * half)])
 
     def jacobian(self, x: Array, dt: float) -> Array:
-        half = self.turn_rate_radps * (0.5 * dt)
+        half: Any = self.turn_rate_radps * (0.5 * dt)
         way = dt * bessel0(half)
         (c, s), (cv, sv) = cos_sin(half), cos_sin(2 * half)
         return linalg.matrix([[1, 0, way * c, -way * s], [0, 1, way * s, way * c], [0, 0, cv, -sv], [0, 0, sv, cv]])

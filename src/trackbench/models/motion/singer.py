@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
 from math import factorial
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -45,14 +44,17 @@ class _UnitStep(NamedTuple):
     position: Array
 
 
-def _unit_step(b: Array) -> _UnitStep:
+def _unit_step(b: Any) -> _UnitStep:
     """Closed forms, and their series where these are differences of near-equal terms."""
     near = b < 1.0
     small, far = np.where(near, b, 0.0), np.where(near, 1.0, b)
     e = np.exp(-far)
 
     def chosen(coefficients: Sequence[float], closed: Array) -> Array:
-        return np.where(near, reduce(lambda total, c: total * small + c, reversed(coefficients)), closed)
+        series: Any = coefficients[-1]
+        for coefficient in coefficients[-2::-1]:
+            series = series * small + coefficient
+        return np.where(near, series, closed)
 
     to_p = chosen(TO_P, (far - 1 + e) / far**2)
     return _UnitStep(
