@@ -166,7 +166,8 @@ def test_a_trace_that_is_cut_off_names_the_byte(tmp_path: Path) -> None:
 
 
 def test_without_the_package_mcap_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = written("osi-mcap", tmp_path)
+    file = tmp_path / "cars.mcap"
+    file.write_bytes(b"\x89MCAP0\r\n")
     monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
     with pytest.raises(InputError, match=r"pip install 'trackbench\[mcap\]'"):
         read("osi-mcap", file)

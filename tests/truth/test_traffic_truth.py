@@ -319,3 +319,16 @@ def test_old_scenarios_have_the_measurements_that_they_had() -> None:
     """The fingerprint of the commit before recorded traffic."""
     loaded = load_scenario("scripted/own_model", ["monte_carlo.runs=4"])
     assert run(loaded, truths_of(loaded)).summary.fingerprints[0].startswith("406d78829776")
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "interval"), [(("13", "36", "51"), False), (("13", "36", "51", "60", "66"), True)]
+)
+def test_fewer_than_five_scenes_give_no_interval(vehicles: tuple[str, ...], interval: bool) -> None:
+    named = "[" + ", ".join(f'"{name}"' for name in vehicles) + "]"
+    loaded = load_scenario(
+        "recorded/i80", ["monte_carlo.runs=2", f"truth.observer.vehicle={named}", "truth.targets={nearest: 2}"]
+    )
+    error = run(loaded, truths_of(loaded))["ekf_cv"].position_rmse
+    assert (error.ci95 is not None) == interval
+    assert interval or "fewer than 5 scenes" in (error.reason or "")
