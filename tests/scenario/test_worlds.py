@@ -45,6 +45,15 @@ def test_each_world_changes_drivers_and_sensors_and_nothing_else() -> None:
     assert ideal.model_copy(update={"world": None}) == written
 
 
+def test_the_recorded_world_has_the_motion_of_the_package_and_the_scenarios_targets() -> None:
+    scenario = tb.load("highway", set={"world": "recorded"}, scenes=3)
+    assert scenario.config.truth.source == "recorded-traffic"
+    assert scenario.config.truth.targets == tb.load("highway").config.truth.targets
+    assert all(effects(scenario).values())
+    with pytest.raises(InputError, match="none, for no recording of its kind of road"):
+        tb.load("roundabout", set={"world": "recorded"})
+
+
 def test_the_ideal_world_has_no_effects_that_are_written() -> None:
     assert effects(tb.load(SCRIPTED))["lidar"] == ["faces"]
     assert effects(tb.load(SCRIPTED, set={"world": "ideal"}))["lidar"] == []

@@ -21,7 +21,13 @@ MEANING: dict[World, str] = {
 }
 #: The environments of highway-env whose road is like that of a recording that comes with the package.
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
-I80: dict[str, Any] = {}
+#: NGSIM I-80, smoothed, from ten of its cars: each a scene, and no car in two.
+I80: dict[str, Any] = {
+    "source": "recorded-traffic",
+    "format": "i80",
+    "observer": {"vehicle": ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]},
+    "smoothing": {"window_s": 2.1, "order": 2},
+}
 
 
 class NoSuchWorld(InputError):
@@ -49,7 +55,9 @@ def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
     if world == "recorded":
         if not simulated or truth.get("env") not in MOTORWAYS:
             raise NoSuchWorld("none, for no recording of its kind of road comes with trackbench", key="world")
-        yield f"truth={json.dumps(I80)}"
+        targets = truth.get("targets")
+        named = isinstance(targets, dict) and "ids" in targets
+        yield f"truth={json.dumps(I80 | ({} if targets is None or named else {'targets': targets}))}"
     elif simulated:
         yield f"truth.drivers={'steady' if world == 'ideal' else 'human'}"
     elif world == "human":
