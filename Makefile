@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
 <<<<<<< HEAD
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
 =======
 .PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
 >>>>>>> a90b0a6e (Drivers fitted to recorded traffic: make drivers, results/drivers, docs/drivers.md; human drivers cost 5 to 11 % more)
@@ -113,6 +113,12 @@ same-numbers: $(VENV)/.installed-dev
 # A radar with typical effects beside the real one of comma2k19, which TRACKBENCH_DATA has: results/radar.
 radar: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.radar
+
+# The trackers of highway in each world: compared, and tuned in one and scored in another; results/worlds.
+worlds: $(VENV)/.installed-dev
+	$(BIN)/trackbench run highway --worlds ideal,human,typical,recorded --scenes 20 --runs 20 --no-recording \
+	  --out results/worlds
+	$(BIN)/python -m benchmarks.worlds
 
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev

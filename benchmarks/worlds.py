@@ -1,0 +1,122 @@
+"""Trackers tuned in each world, by one protocol, and scored in every world on other scenes: results/worlds/tuned.md.
+
+Run as ``python -m benchmarks.worlds``. The scenario is the shipped ``highway``, the ranges are those of ``make tuned``.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+from benchmarks.tuned.protocol import SCENARIOS
+from benchmarks.tuned.protocol import read as read_protocol
+
+import trackbench as tb
+from trackbench.scenario.worlds import WORLDS
+
+OUT = Path(__file__).parents[1] / "results" / "worlds"
+TRACKERS = ("kf_cv", "ekf_cv", "ekf_ca", "ukf_ctrv", "imm_cv_ca", "imm_three")
+#: Seeds from which scenes are drawn, and their numbers; every second car of I-80 is one to tune on.
+TUNED_FROM, TUNED_SCENES, SCORED_FROM, SCORED_SCENES = 101, 6, 1, 10
+RUNS, TRIALS = 20, 40
+METRICS = ("position_rmse", "velocity_rmse")
+
+Scenario = dict[str, Any]
+
+
+def in_world(world: str, tuning: bool) -> Scenario:
+    """The scenario in a world, with the scenes to tune on or those to score on."""
+    written = yaml.safe_load((SCENARIOS / "highway.yaml").read_text(encoding="utf-8"))
+    content: Scenario = copy.deepcopy(tb.load({**written, "expect": []}, {"world": world}).document.value)
+    del content["world"]
+    truth = content["truth"]
+    if world == "recorded":
+        truth["observer"] = {"vehicle": truth["observer"]["vehicle"][0 if tuning else 1 :: 2]}
+    else:
+        truth["seed"], truth["seeds"] = (TUNED_FROM, TUNED_SCENES) if tuning else (SCORED_FROM, SCORED_SCENES)
+    return {**content, "trackers": {name: content["trackers"][name] for name in TRACKERS}}
+
+
+def tuned(world: str) -> dict[str, dict[str, Any]]:
+    """The values of each tracker."""
+    protocol = read_protocol()
+    scenario = in_world(world, tuning=True)
+    values = {}
+    for name in TRACKERS:
+        study = tb.tune(
+            scenario,
+            [name],
+            ranges=protocol.trackers[name]["ranges"],
+            objective=protocol.objective,
+            trials=TRIALS,
+            train_scenes=5 if world == "recorded" else TUNED_SCENES,
+            train_runs=1,
+            test_scenes=1,
+            test_runs=1,
+        )
+        values[name] = study.values[name]
+        print(f"{world}, {name}: {values[name]}", flush=True)
+    return values
+
+
+def scored(world: str, values: dict[str, dict[str, dict[str, Any]]]) -> dict[str, dict[str, dict[str, float]]]:
+    """By tracker and the world it was tuned in, its errors in this world."""
+    scenario = in_world(world, tuning=False)
+    plain, trackers = scenario["trackers"], {}
+    for home, of in values.items():
+        for name, own in of.items():
+            changes = {f"trackers.{name}.{key}": value for key, value in own.items()}
+            changed = tb.load({**scenario, "trackers": {name: plain[name]}}, changes)
+            trackers[f"{name}-{home}"] = changed.document.value["trackers"][name]
+    result = tb.run(tb.load({**scenario, "trackers": trackers}, runs=RUNS), recording=False)
+    return {
+        name: {home: {metric: getattr(result[f"{name}-{home}"], metric).value for metric in METRICS} for home in values}
+        for name in TRACKERS
+    }
+
+
+def page(errors: dict[str, dict[str, dict[str, dict[str, float]]]]) -> str:
+    """By metric a table: tracker and the world it was tuned in, against the world it is scored in."""
+    text = INTRODUCTION
+    for metric, unit in zip(METRICS, ("m", "m/s"), strict=True):
+        text += f"## {metric.replace('_', ' ').replace('rmse', 'RMSE').capitalize()}, {unit}\n\n"
+        text += "| tracker | tuned in | " + " | ".join(errors) + " |\n| --- | --- |" + " --: |" * len(errors) + "\n"
+        for name in TRACKERS:
+            for home in errors:
+                cells = []
+                for world, of in errors.items():
+                    own, value = of[name][world][metric], of[name][home][metric]
+                    cells.append(
+                        f"**{value:.3f}**" if home == world else f"{value:.3f} ({100 * (value / own - 1):+.0f} %)"
+                    )
+                text += f"| {name} | {home} | {' | '.join(cells)} |\n"
+        best = [
+            min(TRACKERS, key=lambda name, of=of, world=world: of[name][world][metric]) for world, of in errors.items()
+        ]
+        text += "| best, tuned in its world | | " + " | ".join(best) + " |\n\n"
+    return text.rstrip() + "\n"
+
+
+INTRODUCTION = f"""\
+# Tuned in one world, scored in another
+
+Made by `make worlds`. Each tracker of the shipped `highway` is tuned in each [world](../../docs/worlds.md) by
+{TRIALS} trials on {TUNED_SCENES} scenes, and scored in every world on {SCORED_SCENES} others of {RUNS} runs; in the
+recorded world on five cars of I-80 each. In bold: tuned where it is scored; in brackets what tuning elsewhere costs.
+
+"""
+
+
+def main() -> None:
+    values = {world: tuned(world) for world in WORLDS}
+    errors = {world: scored(world, values) for world in WORLDS}
+    OUT.mkdir(parents=True, exist_ok=True)
+    (OUT / "tuned.json").write_text(json.dumps({"values": values, "errors": errors}, indent=1) + "\n", encoding="utf-8")
+    (OUT / "tuned.md").write_text(page(errors), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
