@@ -50,6 +50,7 @@ def test_the_recorded_world_has_the_motion_of_the_package_and_the_scenarios_targ
     assert scenario.config.truth.source == "recorded-traffic"
     assert scenario.config.truth.targets == tb.load("highway").config.truth.targets
     assert all(effects(scenario).values())
+    assert {sensor.rate_hz for sensor in scenario.config.sensors.values()} == {10}
     with pytest.raises(InputError, match="none, for no recording of its kind of road"):
         tb.load("roundabout", set={"world": "recorded"})
 

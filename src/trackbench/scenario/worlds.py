@@ -21,6 +21,8 @@ MEANING: dict[World, str] = {
 }
 #: The environments of highway-env whose road is like that of a recording that comes with the package.
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
+#: Rows of each car of the recording per second: no sensor can be faster there.
+RECORDED_HZ = 10
 #: NGSIM I-80, smoothed, from ten of its cars: each a scene, and no car in two.
 I80: dict[str, Any] = {
     "source": "recorded-traffic",
@@ -46,8 +48,11 @@ def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
 
 def _sensors(sensors: Mapping[str, Any], world: World) -> Iterator[str]:
     effects = "typical" if world in ("typical", "recorded") else "ideal"
-    for name in sensors:
+    for name, sensor in sensors.items():
         yield f"sensors.{name}.effects={effects}"
+        rate = sensor.get("rate_hz") if isinstance(sensor, dict) else None
+        if world == "recorded" and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
+            yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
 
 
 def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
