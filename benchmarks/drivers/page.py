@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.document import Figure, LegendEntry
 
 from .recorded import DT, Window
+from .reversal import RUNS, SCENES
 from .statistics import NAMES, acceleration, autocorrelation
 
 COLOURS = ("#1f1f1f", "#2a6fbb", "#d0702a")
@@ -63,7 +64,10 @@ def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
 def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
     yield "## Does the order of trackers hold?"
     yield ""
-    yield "Nine scenes of `highway`, 8 runs each: RMSE of position, m, and velocity, m/s, and mean NEES (4 is right)."
+    yield (
+        f"{SCENES} scenes of `highway`, {RUNS} runs each: RMSE of position, m, and velocity, m/s, and mean NEES (4 is "
+        "right)."
+    )
     yield ""
     trackers = [*next(iter(worlds.values()))["errors"]]
     rows = [
