@@ -16,6 +16,7 @@ from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_o
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     below_the_bound,
+    contradicted_starts,
     drawing_random,
     duration,
     expectations_met,
@@ -259,6 +260,7 @@ def _notes(result: Result) -> list[str]:
         *_coverage(trackers),
         *missing_estimates(result),
         *below_the_bound(result),
+        *contradicted_starts(result),
     ]
     notes += _note_on_groups(result)
     if any(tracker.is_reference for tracker in trackers):

@@ -53,6 +53,7 @@ from trackbench.report.sentences import (
     SWITCH_COSTS,
     below_the_bound,
     censored,
+    contradicted_starts,
     drawing_random,
     expectations_met,
     facts,
@@ -231,7 +232,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         + (f" {_SMOOTHERS}" if references else "")
     )
     title = f"Errors along each axis, and the {summary.held_against.label}"
-    sentences = missing_estimates(result) + below_the_bound(result)
+    sentences = missing_estimates(result) + below_the_bound(result) + contradicted_starts(result)
     remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]

@@ -58,6 +58,17 @@ class Health(ResultModel):
     """Identities that were used again after their track had ended; None where identities are known."""
 
 
+class FirstVelocity(ResultModel):
+    """A standard deviation of the first velocity that the first two positions of most tracks contradict."""
+
+    sigma_mps: float
+    """As the scenario states it, m/s."""
+    share: float
+    """Of the tracks that were looked at, those whose velocity is more than four of it from the first one."""
+    typical_mps: float
+    """How far, the median, m/s."""
+
+
 class ConditionScores(ResultModel):
     """Scores of the estimates under one condition."""
 
@@ -117,6 +128,8 @@ class TrackerResult(ResultModel):
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
     """Whether it says that it draws random numbers: it was not driven a second time."""
+    first_velocity: FirstVelocity | None = None
+    """Where what it assumes of a track's first velocity is contradicted by what it measures; else None."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""

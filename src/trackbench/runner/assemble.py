@@ -8,6 +8,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from trackbench.runner.describe import describe
 from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
+from trackbench.runner.first_velocity import contradiction
 from trackbench.runner.tables import labelled_tables
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
@@ -65,7 +67,15 @@ def assemble(
     every_engine = joined(engines.values())
     log_broken(evaluation.broken for evaluation in scores.evaluations.values())
     random = frozenset[str]().union(*(block.random for block in blocks))
-    trackers = [_tracker(work, name, scores, engines.get(name), name in random) for name in work.trackers]
+    in_blocks = [block.first_velocities for block in blocks]
+    first = {
+        name: contradiction(config, [velocities[name] for velocities in in_blocks if name in velocities])
+        for name, config in work.trackers.items()
+    }
+    trackers = [
+        _tracker(work, name, scores, engines.get(name), random=name in random, first_velocity=first[name])
+        for name in work.trackers
+    ]
     reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
     too_good = {tracker.name for tracker in trackers if tracker.is_too_good(reference)}
     scores = replace(scores, ranked=[name for name in scores.ranked if name not in too_good])
@@ -134,8 +144,8 @@ def assemble(
     return Result(summary, Tables({**tables, "differences": difference_table(pairs)}))
 
 
-def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, random: bool) -> TrackerResult:
-    """The entry of one tracker."""
+def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None, **stated: Any) -> TrackerResult:
+    """The entry of one tracker, with what else is ``stated`` of it."""
     config, failure = work.trackers[name], scores.failures.get(name)
     associate = getattr(config, "associate", None)
     entry = {
@@ -147,7 +157,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
         "engine": None if engine is None else engine.engine,
-        "random": random,
+        **stated,
         "failed": failure,
     }
     if failure is not None:

@@ -15,11 +15,12 @@ import numpy as np
 
 from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.streams import stream
-from trackbench.base.types import Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
+from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, of_runs, scan_of_run
 from trackbench.driving.processes import take_unshown
 from trackbench.engine.choice import draw_comparisons
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Failure
+from trackbench.runner.first_velocity import first_velocities
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
@@ -58,6 +59,8 @@ class Block:
     """Those of the recorded run, if it is in this block."""
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
+    first_velocities: Mapping[str, Array] = field(default_factory=dict)
+    """As ``first_velocity`` has them, in the first block of each scene with known identities."""
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
 
@@ -124,6 +127,9 @@ def run_block(
     outcomes: dict[str, Outcome] = {}
     engines: dict[str, EngineUsed] = {}
     random: set[str] = set()
+    first: Mapping[str, Array] = {}
+    if runs.start == 0 and isinstance(measurements, Measurements):
+        first = first_velocities(work.trackers, measurements.scans, len(scene.truth.ids))
     # One tracker after the other where nobody looks on: the memory of one is that of the next.
     for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
         trackers = {name: start(name) for name in names}
@@ -132,7 +138,7 @@ def run_block(
         engines |= {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
         random |= {name for name, tracker in trackers.items() if tracker.random}
     return Block(
-        piece, outcomes, detections, measurements.digests, engines, recorded, frozenset(random), take_unshown()
+        piece, outcomes, detections, measurements.digests, engines, recorded, frozenset(random), first, take_unshown()
     )
 
 

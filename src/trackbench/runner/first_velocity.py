@@ -1,0 +1,102 @@
+"""Whether the first scans of tracks contradict the velocity that the tracks are said to start with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Indices, Scan
+from trackbench.models.motion import ConstantVelocity
+from trackbench.results.tracker_result import FirstVelocity
+from trackbench.trackers.assume import AssumedSensors
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.initial import TentativeTrack, first_measurement, start, two_measurements
+
+#: Standard deviations within which a velocity is expected, and the share of tracks of which more are a contradiction.
+MOST_SIGMAS, MOST_TRACKS = 4.0, 2 / 3
+#: Of how many scans and runs it is asked, and the least time between two positions, s.
+SCANS, RUNS, LEAST_TIME = 40, 20, 0.19
+#: Any noise will do: nothing is predicted.
+CARTESIAN = ConstantVelocity(acceleration_sigma_mps2=1.0)
+
+
+def first_velocities(
+    trackers: Mapping[str, FilterConfig | PluginConfig], scans: Sequence[Scan], objects: int
+) -> dict[str, Array]:
+    """For each tracker that starts from one measurement, what the first few of each object say of the velocity.
+
+    Args:
+        trackers: by name.
+        scans: of a block of runs, in their order, objects slowest in the batch.
+        objects: how many there are.
+
+    Returns:
+        ``(2, tracks)``: how many of its standard deviations the velocity between two positions is from the one that a
+        track starts with, and how far, m/s.
+    """
+    members = np.arange(scans[0].valid.size).reshape(objects, -1)[:, :RUNS].ravel() if scans else None
+    computed: dict[object, Array] = {}
+    result = {}
+    for name, config in trackers.items():
+        if not isinstance(config, FilterConfig) or config.associate is not None or members is None:
+            continue
+        if config.initial.source != "first_measurement" or config.initial.covariance_diag is not None:
+            continue
+        key = repr((config.initial, config.sensors, config.sensor_models, config.measurement_noise))
+        if key not in computed:
+            computed[key] = _distances(config, _first(config, scans), members)
+        result[name] = computed[key]
+    return result
+
+
+def _first(config: FilterConfig, scans: Sequence[Scan]) -> Iterator[Scan]:
+    """The first scans of the sensors from which tracks start, as the tracker takes them."""
+    starting = config.initial.sensors or config.sensors
+    assumed = AssumedSensors(config.sensor_models, config.measurement_noise)
+    left = SCANS
+    for scan in scans:
+        if left and (starting is None or scan.sensor in starting):
+            left -= 1
+            yield assumed.read(scan)
+
+
+def _distances(config: FilterConfig, scans: Iterable[Scan], members: Indices) -> Array:
+    """For each track the first velocity between two positions that is as certain as the one it is held against."""
+    # What is certain of the range rate is no matter of the stated standard deviation.
+    velocity = "zero" if config.initial.velocity == "zero" else "radial"
+    one = config.initial.model_copy(update={"velocity": velocity})
+    waiting: TentativeTrack | None = None
+    prior: Gaussian | None = None
+    apart, done = np.full((2, members.size), np.nan), np.zeros(members.size, dtype=bool)
+    for scan in scans:
+        part = scan._replace(measurement=scan.measurement[:, members], valid=scan.valid[members])
+        belief = first_measurement(CARTESIAN, one, part)
+        prior = belief if prior is None or waiting is None else belief.where(np.isnan(waiting.time), prior)
+        waiting = start(one, part, waiting).waiting
+        elapsed = scan.time - waiting.time
+        later = part.valid & (elapsed > LEAST_TIME) & ~done
+        if not np.any(later):
+            continue
+        second = two_measurements(waiting.position, waiting.latest, np.where(later, elapsed, 1.0))
+        spread = second.covariance[2:, 2:]
+        fresh = later & (spread[0, 0] + spread[1, 1] <= 2 * config.initial.velocity_sigma_mps**2)
+        away = second.mean[2:] - prior.mean[2:]
+        sigmas = np.sqrt((linalg.cholesky(spread + prior.covariance[2:, 2:]).whiten(away) ** 2).sum(axis=0))
+        apart = np.where(fresh, np.stack([sigmas, np.hypot(*away)]), apart)
+        done |= fresh
+        if np.all(done):
+            break
+    return apart[:, done]
+
+
+def contradiction(config: FilterConfig | PluginConfig, velocities: Sequence[Array]) -> FirstVelocity | None:
+    """What to say of a tracker's first velocity; None where most of its tracks do not contradict it."""
+    sigmas, speed = np.concatenate(velocities, axis=1) if velocities else np.empty((2, 0))
+    if not len(sigmas) or not isinstance(config, FilterConfig):
+        return None
+    share = float(np.mean(sigmas > MOST_SIGMAS))
+    if share <= MOST_TRACKS:
+        return None
+    return FirstVelocity(sigma_mps=config.initial.velocity_sigma_mps, share=share, typical_mps=float(np.median(speed)))
