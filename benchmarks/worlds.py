@@ -52,9 +52,8 @@ def tuned(world: str) -> dict[str, dict[str, Any]]:
             ranges=protocol.trackers[name]["ranges"],
             objective=protocol.objective,
             trials=TRIALS,
-            train_scenes=5 if world == "recorded" else TUNED_SCENES,
+            **({} if world == "recorded" else {"train_scenes": TUNED_SCENES, "test_scenes": 1}),
             train_runs=1,
-            test_scenes=1,
             test_runs=1,
         )
         values[name] = study.values[name]

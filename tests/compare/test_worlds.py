@@ -45,9 +45,10 @@ def test_the_differences_of_all_worlds_are_corrected_together(results: list[tb.R
 def test_the_sentence_names_the_worlds(results: list[tb.Result]) -> None:
     comparison = tb.compare(results)
     assert {name for order in comparison.worlds for name in (order.a, order.b)} == {"slow", "mid", "fast"}
-    (text,) = sentences(comparison)
-    assert text.startswith("small: slow is ahead of ")
-    assert "ideal" in text
+    smallest, order = sentences(comparison)
+    assert smallest == "small: the smallest error has slow in ideal and typical."
+    assert order.startswith("slow is ahead of ")
+    assert "ideal" in order
 
 
 def test_results_outside_of_worlds_have_no_such_table(results: list[tb.Result]) -> None:

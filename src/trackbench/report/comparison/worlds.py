@@ -36,20 +36,37 @@ def section(comparison: Comparison) -> Section:
 
 
 def sentences(comparison: Comparison) -> Iterator[str]:
-    """Of each scenario in several worlds, where the best tracker of the first world is ahead of its strongest rival:
-    one that is ahead of it in some world, or else the second."""
+    """Of each scenario in several worlds: which tracker has the smallest error where, and where the best of the first
+    world is ahead of its strongest rival: one that is ahead of it in some world, or else the first that is behind."""
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
+        yield _smallest(comparison, scenario, list(orders[0].ahead))
         best = [order for order in orders if order.a == orders[0].a]
-        yield _sentence(max(best, key=lambda order: len(order.where(order.b))))
+        shown = [order for order in best if order.order != "not shown"]
+        yield _sentence(max(shown or best, key=lambda order: len(order.where(order.b))))
+
+
+def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
+    names = {name for order in comparison.worlds if order.scenario == scenario for name in (order.a, order.b)}
+    where: dict[str, list[str]] = {}
+    for world in worlds:
+        scores = [score for score in comparison.scores if score.scenario == f"{scenario}-{world}"]
+        values = {
+            score.entrant.tracker: value
+            for score in scores
+            if score.entrant.tracker in names and (value := score.value(comparison.ranked_by)) is not None
+        }
+        where.setdefault(min(values, key=values.__getitem__), []).append(world)
+    parts = [f"{name} in {joined(worlds)}" for name, worlds in where.items()]
+    return f"{scenario}: the smallest error has {'; '.join(parts)}."
 
 
 def _sentence(order: OrderInWorlds) -> str:
     ahead, behind, neither = (order.where(name) for name in (order.a, order.b, None))
     if not ahead and not behind:
-        return f"{order.scenario}: neither of {order.a} and {order.b} is shown to be better in {joined(neither)}."
+        return f"Neither of {order.a} and {order.b} is shown to be better in {joined(neither)}."
     where = f" ({joined(ahead)})" if ahead else ""
-    text = f"{order.scenario}: {order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
+    text = f"{order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
     if behind:
         text += f", behind in {joined(behind)}"
     if neither:
