@@ -42,6 +42,8 @@ from trackbench.runner.tables import labelled_tables
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
+from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.worlds import MEANING
 from trackbench.sensing.scans import scan_rate
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.raw import BASELINE
@@ -103,7 +105,7 @@ def assemble(
         scenario=ScenarioSummary(
             name=scenario.full_name,
             world=scenario.world,
-            description=scenario.description,
+            description=_description(scenario),
             file=loaded.path.name,
             text=loaded.text,
             overrides=list(loaded.overrides),
@@ -181,6 +183,11 @@ def _headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:
         return total, count
     sums = evaluation.scores.per_run
     return sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]]
+
+
+def _description(scenario: ScenarioConfig) -> str:
+    parts = [scenario.description, MEANING[scenario.world] if scenario.world is not None else ""]
+    return "; ".join(part for part in parts if part)
 
 
 def _scene_share(work: Work, evaluation: Evaluation) -> float | None:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import OrderInWorlds
-from trackbench.document import Cell, Column, Paragraph, Section, Table, Tone
+from trackbench.document import Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.report.numbers import joined
+from trackbench.scenario.worlds import MEANING
 
 _METHOD = (
     "Each cell names the tracker that is shown to be better by more than the margin in that world (5 % for all pairs "
@@ -17,11 +18,11 @@ _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "war
 
 
 def section(comparison: Comparison) -> Section:
-    """Every pair of contenders whose order is shown in some world."""
+    """Every pair of contenders, those whose order is shown in some world first."""
     tables = []
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
-        shown = [order for order in orders if order.order != "not shown"]
+        shown = sorted(orders, key=lambda order: order.order == "not shown")
         columns = [Column("trackers", left=True), *map(Column, orders[0].ahead), Column("order", left=True)]
         rows = [
             (
@@ -32,7 +33,9 @@ def section(comparison: Comparison) -> Section:
             for order in shown
         ]
         tables.append(Table(f"worlds of {scenario}", tuple(columns), tuple(rows)))
-    return Section("In which worlds does it hold?", (Paragraph(_METHOD), *tables))
+    names = dict.fromkeys(world for order in comparison.worlds for world in order.ahead)
+    items = tuple(Item(meaning, label=world) for world, meaning in MEANING.items() if world in names)
+    return Section("In which worlds does it hold?", (Items(items), Paragraph(_METHOD), *tables))
 
 
 def sentences(comparison: Comparison) -> Iterator[str]:
@@ -64,7 +67,7 @@ def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
 def _sentence(order: OrderInWorlds) -> str:
     ahead, behind, neither = (order.where(name) for name in (order.a, order.b, None))
     if not ahead and not behind:
-        return f"Neither of {order.a} and {order.b} is shown to be better in {joined(neither)}."
+        return f"Neither of {order.a} and {order.b} is shown to be better in any of these worlds."
     where = f" ({joined(ahead)})" if ahead else ""
     text = f"{order.a} is ahead of {order.b} in {len(ahead)} of {len(order.ahead)} worlds{where}"
     if behind:
