@@ -104,8 +104,8 @@ INTRODUCTION = f"""\
 
 Made by `make worlds`. Each tracker of the shipped `highway` is tuned in each [world](../../docs/worlds.md) for the
 position error, by {TRIALS} trials on {TUNED_SCENES} scenes of {TUNED_RUNS} runs, and scored in every world on
-{SCORED_SCENES} others of {RUNS} runs; in the recorded world on five cars of I-80 each. In bold: tuned where it is scored; in
-brackets what tuning elsewhere costs, below zero where these scenes are kinder to other values than those of tuning.
+{SCORED_SCENES} others of {RUNS} runs; in the recorded world on five cars of I-80 each. In bold: tuned where it is
+scored; in brackets what tuning elsewhere costs, below zero where these scenes are kinder to other values.
 
 """
 
