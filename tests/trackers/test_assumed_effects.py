@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,18 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import integrate
+from pydantic import ValidationError
+from scipy import integrate, stats
 from tests.support.scenes import fixed_observer, scan, tracker, truth
 
 from trackbench.base.errors import InputErrors, TrackbenchError
-from trackbench.engine.choice import Engine
+from trackbench.filters.kalman import observe
 from trackbench.models.motion import Kinematics
-from trackbench.models.sensors import Radar
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.results import Result
 from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import ideal_sensors, measured
+from trackbench.trackers.builtin import filter_of
+from trackbench.trackers.config import FilterConfig
 
 SIGNAL = {"half_range_m": 140, "stated_at_m": 60, "constant_share": 0.5}
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
@@ -49,10 +53,10 @@ def simulated(sensor: Any, start: tuple[float, ...], steps: int, runs: int, acce
     return x, [scan(kind, t, values[:, k], there[k], noise) for k, t in enumerate(time)]
 
 
-def estimates(x: Any, scans: list[Any], engine: Engine = "numpy", **keys: Any) -> list[Any]:
+def estimates(x: Any, scans: list[Any], **keys: Any) -> list[Any]:
     """Of a tracker that starts from a state drawn around the truth."""
     initial = {"from": "truth", "position_sigma_m": 1.0, "velocity_sigma_mps": 1.0}
-    own = replace(tracker(**{**CV, **keys, "initial": initial}), engine=engine)
+    own = tracker(**{**CV, **keys, "initial": initial})
     runs, speed = x.shape[-1], np.hypot(*x[0, 2:])
     motion = Kinematics(*x[0, :2], speed, np.arctan2(x[0, 3], x[0, 2]), 0 * speed, 0 * speed)
     own = own.with_prior(np.zeros(runs), motion, np.random.default_rng(5).standard_normal((12, runs)))
@@ -99,26 +103,26 @@ def test_the_nis_is_right_at_all_ranges_where_the_noise_by_range_is_assumed() ->
     assert stated[100].mean() > 9.0
 
 
-@pytest.mark.parametrize("filter", ["kf", "ekf", "iekf", "ukf", "ckf"])
-def test_the_fused_engine_computes_the_same(filter: str) -> None:
-    x, scans = simulated(Radar(**RADAR), (20.0, 5.0, 8.0, 0.5), steps=20, runs=30)
-    keys = {"filter": filter, "assume": {"radar": {"signal_to_noise": SIGNAL}}}
-    pairs = zip(*(estimates(x, scans, engine=engine, **keys) for engine in ("numpy", "fused")), strict=True)
-    for numpy, fused in pairs:
-        np.testing.assert_allclose(fused.mean, numpy.mean, rtol=1e-10)
-        np.testing.assert_allclose(fused.covariance, numpy.covariance, rtol=1e-9, atol=1e-12)
-
-
 def test_the_description_of_a_tracker_names_what_it_assumes(run_tiny: Callable[..., Result]) -> None:
     result = run_tiny("trackers.ekf.assume.radar.signal_to_noise={half_range_m: 140, stated_at_m: 60}")
     assert "radar with signal to noise assumed" in result["ekf"].describe
+
+
+def assuming(tiny: Path, filter: str, entry: str) -> None:
+    """Write what a tracker of the tiny scenario assumes into it."""
+    text = re.sub("initial: {[^}]*}", "initial: first_measurement", tiny.read_text())
+    tiny.write_text(text.replace("ekf: {filter: ekf,", f"ekf: {{filter: {filter}, assume: {entry},"))
 
 
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
         ("{rader: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}", "the scenario has no sensor 'rader'"),
-        ("{radar: {}}", "says nothing; add signal_to_noise"),
+        ("{radar: {}}", "says nothing; add signal_to_noise or correlated_errors or bias"),
+        ("{radar: {bias: {sigmas: {azimut_deg: 1}}}}", "is no component of a radar with its unit; did you mean"),
+        ("{radar: {correlated_errors: {components: [rang], share: 0.5, time_s: 1}}}", "did you mean 'range'"),
+        ("{lidar: {correlated_errors: {components: [x, x], share: 0.5, time_s: 1}}}", "x is named twice; remove one"),
+        ("{lidar: {correlated_errors: {components: [x], share: 1, time_s: 1}}}", "share"),
         ("{radar: {signal_to_nois: {half_range_m: 140}}}", "did you mean 'signal_to_noise'"),
         (
             "{radar: {signal_to_noise: {half_range_m: 50, stated_at_m: 60}}}",
@@ -127,9 +131,212 @@ def test_the_description_of_a_tracker_names_what_it_assumes(run_tiny: Callable[.
     ],
 )
 def test_what_does_not_fit_is_one_message(tiny: Path, entry: str, message: str) -> None:
-    tiny.write_text(tiny.read_text().replace("ekf: {filter: ekf,", f"ekf: {{filter: ekf, assume: {entry},"))
+    assuming(tiny, "ekf", entry)
     with pytest.raises(TrackbenchError) as caught:
         load_scenario(tiny)
     assert not isinstance(caught.value, InputErrors)
     assert message in str(caught.value)
     assert "assume" in str(caught.value)
+
+
+LIDAR = {"rate_hz": 10, "position_sigma_m": 0.3}
+SLOW = {"components": ["x", "y"], "share": 0.8, "time_s": 1.0}
+SLOW_RADAR = {"components": ["range", "azimuth", "range_rate"], "share": 0.8, "time_s": 1.0}
+
+
+def augmented_filter(measurements: Any, times: Any, sigma: float, share: float, time_s: float, q: float) -> Any:
+    """One axis of a constant velocity model with a slow error: position, velocity, error in m."""
+    h, r = np.array([1.0, 0.0, 1.0]), (1 - share) * sigma**2
+    slow = share * sigma**2
+    # The first measurement says the position, with an error of which the slow one is a part.
+    x, p = np.array([measurements[0], 0.0, 0.0]), np.diag([sigma**2, 2.0**2, slow])
+    p[0, 2] = p[2, 0] = -slow
+    result = [(x, p)]
+    for z, dt in zip(measurements[1:], np.diff(times), strict=True):
+        a = np.exp(-dt / time_s)
+        f, g = np.array([[1, dt, 0], [0, 1, 0], [0, 0, a]]), np.array([dt**2 / 2, dt, 0])
+        x, p = f @ x, f @ p @ f.T + q**2 * np.outer(g, g) + np.diag([0, 0, (1 - a**2) * slow])
+        k = p @ h / (h @ p @ h + r)
+        x, p = x + k * (z - h @ x), (np.eye(3) - np.outer(k, h)) @ p
+        result.append((x, p))
+    return result
+
+
+@pytest.mark.parametrize("filter", ["kf", "ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_a_lidar_with_slow_errors_is_the_augmented_filter_of_textbooks(filter: str, yaw: float) -> None:
+    random, times = np.random.default_rng(2), np.cumsum(np.r_[0.0, np.random.default_rng(4).uniform(0.05, 0.3, 40)])
+    z = np.stack([5 + 3 * times, 2 - times]) + 0.3 * random.standard_normal((2, len(times)))
+    own = tracker(
+        filter=filter,
+        motion="cv",
+        acceleration_sigma_mps2=1.5,
+        initial={"velocity_sigma_mps": 2},
+        assume={"lidar": {"correlated_errors": SLOW}},
+    )
+    c, s = np.cos(yaw), np.sin(yaw)
+    expected = [augmented_filter(axis, times, 0.3, 0.8, 1.0, 1.5) for axis in z]
+    state = None
+    for k, time in enumerate(times):
+        seen = np.array([[c, s], [-s, c]]) @ z[:, k]
+        state, estimate = own.step(state, scan("lidar", time, seen[:, None], noise=0.09 * np.eye(2), pose=(0, 0, yaw)))
+        for axis in (0, 1):
+            x, p = expected[axis][k]
+            own_axis = [axis, axis + 2]
+            np.testing.assert_allclose(estimate.mean[own_axis, 0], x[:2], rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(
+                estimate.covariance[np.ix_(own_axis, own_axis)][..., 0], p[:2, :2], rtol=1e-12, atol=1e-12
+            )
+    assert estimate.mean.shape == (4, 1)
+
+
+BIASED = {"bias": {"sigmas": {"azimuth_deg": 0.5}}}
+KNOWN = {"correlated_errors": SLOW_RADAR, **BIASED}
+
+
+def nees(estimate: Any, state: Any) -> Any:
+    error = estimate.mean - state
+    inverse = np.moveaxis(np.linalg.inv(np.moveaxis(estimate.covariance, -1, 0)), 0, -1)
+    return np.einsum("ir,ijr,jr->r", error, inverse, error)
+
+
+def rmse(estimates: list[Any], x: Any, components: slice) -> float:
+    errors = [(estimate.mean - state)[components] for estimate, state in zip(estimates, x, strict=True)]
+    return float(np.sqrt(np.mean(np.sum(np.square(errors[20:]), axis=1))))
+
+
+def followed(scans: list[Any], **keys: Any) -> list[Any]:
+    """The estimates of a tracker that starts from its first measurement."""
+    own, state, result = tracker(**{**CV, **keys}), None, []
+    for seen in scans:
+        state, estimate = own.step(state, seen)
+        result.append(estimate)
+    return result
+
+
+@pytest.mark.parametrize("filter", ["ekf", "iekf", "ukf", "ckf"])
+def test_who_assumes_slow_errors_and_a_bias_is_consistent_and_who_does_not_is_optimistic(filter: str) -> None:
+    effects = [
+        {"type": "correlated_errors", "share": 0.8, "time_s": 1.0},
+        {"type": "bias", "sigmas": {"azimuth_deg": 0.5}},
+    ]
+    x, scans = simulated(Radar(**RADAR, effects=effects), (30.0, 5.0, 4.0, 1.0), steps=80, runs=400)
+    knowing = followed(scans, filter=filter, assume={"radar": KNOWN})
+    stated = followed(scans, filter=filter)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 4 * 400) / 400
+    for k in (20, 40, 60, 79):
+        assert low < nees(knowing[k], x[k]).mean() < high
+        assert nees(stated[k], x[k]).mean() > 20
+    assert rmse(knowing, x, slice(0, 2)) < rmse(stated, x, slice(0, 2))
+    assert rmse(knowing, x, slice(2, 4)) < rmse(stated, x, slice(2, 4))
+    assert not any(np.any(estimate.repaired) for estimate in knowing if estimate.repaired is not None)
+
+
+@pytest.mark.parametrize("sensor", [Radar, Lidar])
+def test_who_assumes_slow_errors_that_are_there_is_more_accurate(sensor: Any) -> None:
+    slow = {"type": "correlated_errors", "share": 0.8, "time_s": 1.0}
+    affected = sensor(**(RADAR if sensor is Radar else LIDAR), effects=[slow])
+    x, scans = simulated(affected, (30.0, 5.0, 4.0, 1.0), 80, 400)
+    components = SLOW_RADAR if sensor.kind() == "radar" else SLOW
+    knowing = followed(scans, filter="ekf", assume={sensor.kind(): {"correlated_errors": components}})
+    stated = followed(scans, filter="ekf")
+    for part in (slice(0, 2), slice(2, 4)):
+        assert rmse(knowing, x, part) < rmse(stated, x, part)
+
+
+@pytest.mark.parametrize("filter", ["kf", "ekf", "iekf", "ukf", "ckf"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"correlated_errors": {**SLOW, "share": 1e-14}},
+        {"bias": {"sigmas": {"x_m": 0.0, "y_m": 0.0}}},
+        {"correlated_errors": {**SLOW, "time_s": 1e-9}},
+    ],
+)
+def test_errors_of_no_size_or_no_duration_change_nothing(filter: str, effects: dict[str, Any]) -> None:
+    _x, scans = simulated(Lidar(**LIDAR), (30.0, 5.0, 4.0, 1.0), steps=20, runs=10)
+    pairs = zip(followed(scans, filter=filter, assume={"lidar": effects}), followed(scans, filter=filter), strict=True)
+    for assuming, plain in pairs:
+        np.testing.assert_allclose(assuming.mean, plain.mean, rtol=1e-9)
+        np.testing.assert_allclose(assuming.covariance, plain.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_an_imm_of_the_same_model_twice_is_the_filter_alone() -> None:
+    _x, scans = simulated(Radar(**RADAR), (30.0, 5.0, 4.0, 1.0), steps=20, runs=10)
+    model = {"model": "cv", "acceleration_sigma_mps2": 1.0}
+    imm = tracker(filter="ekf", motion={"imm": [model, model], "stay_s": [1, 2]}, assume={"radar": KNOWN})
+    state = None
+    for seen, expected in zip(scans, followed(scans, filter="ekf", assume={"radar": KNOWN}), strict=True):
+        state, estimate = imm.step(state, seen)
+        np.testing.assert_allclose(estimate.mean, expected.mean, rtol=1e-9)
+        np.testing.assert_allclose(estimate.covariance, expected.covariance, rtol=1e-9, atol=1e-11)
+
+
+def test_the_jacobians_of_a_state_with_errors_are_finite_differences() -> None:
+    keys = {"filter": "ekf", "motion": "ca", "jerk_sigma_mps3": 1, "assume": {"radar": KNOWN}}
+    config = FilterConfig.model_validate(keys)
+    motion = filter_of(config).motions[0]
+    x = np.array([[30.0, 5, 4, 1, 0.3, -0.2, 1, -1, 0.5, 2]]).T
+    seen = scan("radar", 0.0, np.zeros((3, 1)))
+    for i in range(len(x)):
+        step = 1e-6 * np.eye(len(x))[:, [i]]
+        ahead, behind = motion.transition(x + step, 0.3), motion.transition(x - step, 0.3)
+        np.testing.assert_allclose((ahead - behind)[:, 0] / 2e-6, motion.jacobian(x, 0.3)[:, i], atol=1e-7)
+        (above, h), (below, _) = (observe(motion, Radar, x + sign * step, seen) for sign in (1, -1))
+        np.testing.assert_allclose((above - below) / 2e-6, h[:, i], atol=1e-6)
+
+
+def test_a_late_measurement_by_retrodiction_is_as_if_it_had_come_in_time() -> None:
+    _x, scans = simulated(Lidar(**LIDAR), (30.0, 5.0, 4.0, 1.0), steps=12, runs=5)
+    # With driving noise that is constant over a step, other steps would be another motion.
+    keys = {"filter": "kf", "acceleration_sigma_mps2": 1e-6, "assume": {"lidar": {"correlated_errors": SLOW}}}
+    in_time = followed(scans, **keys)[-1]
+    late = scans[-2]._replace(arrival_time=scans[-1].time)
+    order = [*scans[:-2], scans[-1], late]
+    for method in ("retrodiction", "replay"):
+        estimate = followed(order, late=method, **keys)[-1]
+        np.testing.assert_allclose(estimate.mean, in_time.mean, rtol=1e-6)
+        np.testing.assert_allclose(estimate.covariance, in_time.covariance, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("filter", ["ekf", "iekf", "ukf", "ckf", "imm"])
+def test_the_fused_engine_computes_the_same(filter: str) -> None:
+    _x, scans = simulated(Radar(**RADAR), (20.0, 5.0, 8.0, 0.5), steps=15, runs=30)
+    motions: dict[str, Any] = {"filter": filter, **CV}
+    if filter == "imm":
+        models = [{"model": "cv", "acceleration_sigma_mps2": 1.0}, {"model": "ca", "jerk_sigma_mps3": 1.0}]
+        motions = {"filter": "ekf", "motion": {"imm": models, "stay_s": [1, 2]}}
+    for effects in ({"signal_to_noise": SIGNAL}, KNOWN, {"signal_to_noise": SIGNAL, **KNOWN}):
+        own = tracker(**motions, assume={"radar": effects})
+        fused, states = replace(own, engine="fused"), [None, None]
+        for seen in scans:
+            states[0], expected = own.step(states[0], seen)
+            states[1], estimate = fused.step(states[1], seen)
+            np.testing.assert_allclose(estimate.mean, expected.mean, rtol=1e-9)
+            np.testing.assert_allclose(estimate.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
+        assert fused.engine_used.engine == "fused", fused.engine_used
+
+
+@pytest.mark.parametrize(
+    ("keys", "at", "message"),
+    [
+        (
+            {"motion": "ctrv", "yaw_acceleration_sigma_radps2": 1},
+            "assume.radar.bias",
+            "a track of ctrv starts by position",
+        ),
+        ({"initial": "two_measurements"}, "initial.from", "a track starts from its first measurement"),
+        ({"initial": {"covariance_diag": [1, 1, 1, 1]}}, "initial.covariance_diag", "not used with errors as states"),
+        ({"associate": {"method": "gnn"}}, "assume", "known to trackers of one object alone"),
+    ],
+)
+def test_where_errors_are_no_states_is_said(keys: dict[str, Any], at: str, message: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        FilterConfig.model_validate({"filter": "ekf", **CV, "assume": {"radar": BIASED}, **keys})
+    assert message in str(caught.value)
+
+
+def test_kf_has_no_errors_of_a_radar(tiny: Path) -> None:
+    assuming(tiny, "kf", "{radar: {bias: {sigmas: {range_m: 1}}}}")
+    with pytest.raises(TrackbenchError, match=r"kf converts the measurements of a radar, .*; use ekf"):
+        load_scenario(tiny)

@@ -105,9 +105,10 @@ def scan_of(values: Values, of: Scan) -> Scan:
     )
 
 
-def scan_placeholder(kind: str) -> Scan:
-    """A scan of which nothing is known but its kind, so that a sensor that reads more of it cannot be traced."""
-    fields: list[Any] = [kind if name == "kind" else _NoInput(name) for name in Scan._fields]
+def scan_placeholder(kind: str, sensor: str | None) -> Scan:
+    """A scan of which nothing is known but its kind, and its sensor if stated, so that more of it cannot be traced."""
+    known = {"kind": kind} if sensor is None else {"kind": kind, "sensor": sensor}
+    fields: list[Any] = [known.get(name) or _NoInput(name) for name in Scan._fields]
     return Scan(*fields)
 
 

@@ -173,7 +173,7 @@ class FusedFilter:
             made_for: what tells the function from others of its name.
         """
         sensor = None if scan is None else SENSOR_MODELS[scan.kind]
-        key = name, sensor, made_for, tuple(values)
+        key = name, sensor, self._sensor_of(scan), made_for, tuple(values)
         values = values | self._options
         self._scan = scan
         equations = self._equations.get(key)
@@ -190,6 +190,11 @@ class FusedFilter:
             self._by_kernels = True
         return result
 
+    def _sensor_of(self, scan: Scan | None) -> str | None:
+        """The sensor's name, where the filter's equations depend on it."""
+        known = scan is not None and any(motion.sensors_with_errors for motion in self.filter.motions)
+        return scan.sensor if scan is not None and known else None
+
     def _made(
         self,
         name: str,
@@ -199,7 +204,7 @@ class FusedFilter:
         made_for: Hashable,
     ) -> Equations:
         """The equations, with the options of the motion models as inputs, or else as constants."""
-        kind = "" if scan is None else scan.kind
+        kind, named = "" if scan is None else scan.kind, self._sensor_of(scan)
         sensors = () if scan is None else (SENSOR_MODELS[kind],)
         inputs = {item: rank(item) for item in values if item not in self._options}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
@@ -207,12 +212,12 @@ class FusedFilter:
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
 
         def any_filter(values: Values) -> Values:
-            call_scan = scan_placeholder(kind) if is_traced(values) else self._scan
+            call_scan = scan_placeholder(kind, named) if is_traced(values) else self._scan
             return function(FilterCall(options.with_options(self.filter, values), self.modes, call_scan), values)
 
         # Of a user's class its source counts too.
         sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
-        key = name, self.form, *sources, made_for, tuple(inputs)
+        key = name, self.form, *sources, named, made_for, tuple(inputs)
         equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
         if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
             return equations

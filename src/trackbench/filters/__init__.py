@@ -18,6 +18,7 @@ from trackbench.filters.base import (
     select,
     selected_prediction,
 )
+from trackbench.filters.error_states import ErrorState, MotionWithErrors
 from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import (
     CUBATURE,
@@ -34,12 +35,14 @@ __all__ = [
     "CUBATURE",
     "AnyBelief",
     "Belief",
+    "ErrorState",
     "ExtendedKalmanFilter",
     "Filter",
     "InteractingMultipleModel",
     "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
+    "MotionWithErrors",
     "MultiModelBelief",
     "PredictedMeasurement",
     "SigmaPointFilter",

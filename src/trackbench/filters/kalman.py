@@ -55,7 +55,7 @@ class LinearisedFilter(SingleModelFilter):
         return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
 
     def measured(self, scan: Scan) -> Measured:
-        return as_measured(scan)
+        return as_measured(self.motion, scan)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return self._expected(guarded(belief), scan)[0]
@@ -85,14 +85,24 @@ class KalmanFilter(LinearisedFilter):
     """
 
     def measured(self, scan: Scan) -> Measured:
+        errors = self.motion.sensor_errors(scan)
+        scan = scan if errors is None else scan._replace(noise_covariance=errors.noise)
         position = SENSOR_MODELS[scan.kind].position(scan)
         like = position.mean[None]
         noise = np.where(scan.valid, linalg.expand(position.covariance, like), linalg.expand(np.eye(2), like))
         return Measured(position.mean, noise, ())
 
     def _expected(self, belief: Belief, scan: Scan) -> tuple[PredictedMeasurement, Array]:
-        p = belief.covariance
-        return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor_of(belief)[:2]
+        p, factor, errors = belief.covariance, factor_of(belief), self.motion.sensor_errors(scan)
+        if errors is None:
+            return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2]), factor[:2]
+        # Of a sensor that measures a position in its own frame, which is turned.
+        turn = SENSOR_MODELS[scan.kind].jacobian(belief.mean, scan.sensor_pose, scan.sensor_velocity)[:, :2]
+        gain = linalg.transposed_matmul(linalg.expand(turn, errors.gain), errors.gain)
+        h = gain + linalg.expand(np.eye(2, len(p)), gain)
+        seen = linalg.matmul(h, factor)
+        spread, cross = linalg.matmul_transposed(seen, seen), linalg.matmul_transposed(seen, factor)
+        return PredictedMeasurement(linalg.apply(h, belief.mean), spread, cross), seen
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,7 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         sensor, angular, belief = SENSOR_MODELS[scan.kind], self.motion.angular, guarded(belief)
+        noise = self.measured(scan).noise
         at, factor = belief.mean, factor_of(belief)
         first: Update[Belief] | None = None
         for number in range(self.iterations):
@@ -122,10 +133,10 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
             innovation = difference(scan.measurement, expected, sensor.angular) - linalg.apply(h, back)
             seen = linalg.matmul(h, factor)
             cross, spread = linalg.matmul_transposed(seen, factor), linalg.matmul_transposed(seen, seen)
-            s = spread + linalg.expand(scan.noise_covariance, cross)
+            s = spread + linalg.expand(noise, cross)
             # The covariance is that of the last linearisation.
             last = number == self.iterations - 1
-            remainder = square_root(factor, seen, scan.noise_covariance) if last else lambda _: belief.covariance
+            remainder = square_root(factor, seen, noise) if last else lambda _: belief.covariance
             update = correct(belief, innovation, s, cross, scan.valid, angular, remainder)
             # What the measurement said is judged against the prediction, which is the first linearisation.
             first = first or update
@@ -134,9 +145,11 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
         return first._replace(belief=update.belief)
 
 
-def as_measured(scan: Scan) -> Measured:
-    """The measurements of a scan as the sensor gives them."""
-    return Measured(scan.measurement, scan.noise_covariance, SENSOR_MODELS[scan.kind].angular)
+def as_measured(motion: MotionModel, scan: Scan) -> Measured:
+    """The measurements of a scan as the sensor gives them, with the noise beside what is part of the state."""
+    errors = motion.sensor_errors(scan)
+    noise = scan.noise_covariance if errors is None else errors.noise
+    return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
@@ -145,7 +158,12 @@ def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> 
     expected = sensor.measure(target, scan.sensor_pose, scan.sensor_velocity)
     h = sensor.jacobian(target, scan.sensor_pose, scan.sensor_velocity)
     slope = motion.cartesian_jacobian(x)
-    return expected, h if slope.shape == (4, 4) else linalg.matmul(h, slope)
+    h = h if slope.shape == (4, 4) else linalg.matmul(h, slope)
+    errors = motion.sensor_errors(scan)
+    if errors is None:
+        return expected, h
+    gain = errors.gain
+    return expected + linalg.apply(gain, x), linalg.expand(h, gain) + linalg.expand(gain, h)
 
 
 def factor_of(belief: Belief) -> Array:
@@ -225,7 +243,7 @@ class SigmaPointFilter(SingleModelFilter):
         return weight * distance * linalg.matmul_transposed(factor_of(belief), across)
 
     def measured(self, scan: Scan) -> Measured:
-        return as_measured(scan)
+        return as_measured(self.motion, scan)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return self._expected(belief, scan)[0]
@@ -244,12 +262,15 @@ class SigmaPointFilter(SingleModelFilter):
         _, _, centre_weight, weight = self.rule.weights((points.shape[1] - 1) // 2)
         weighted = partial(_weighted, centre=centre_weight, other=weight)
         seen = sensor.measure(motion.to_cartesian(points), scan.sensor_pose, scan.sensor_velocity)
+        errors = motion.sensor_errors(scan)
+        if errors is not None:
+            seen = seen + linalg.apply(linalg.expand(errors.gain[:, :, None], points[None]), points)
         deviations = difference(seen, seen[:, :1], sensor.angular)
         shift = weight * deviations.sum(axis=1)
         deviations -= shift[:, None]
         spread, cross = weighted(deviations, deviations), weighted(deviations, state_deviations)
         predicted = PredictedMeasurement(seen[:, 0] + shift, linalg.symmetrise(spread), cross)
-        return predicted, square_root(state_deviations, deviations, scan.noise_covariance, weighted)
+        return predicted, square_root(state_deviations, deviations, self.measured(scan).noise, weighted)
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         belief, remainder = belief if belief.points is not None else guarded(belief), None

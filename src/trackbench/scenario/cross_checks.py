@@ -122,9 +122,13 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 def _assumed(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     """Sensor models, noise and effects that a tracker assumes."""
-    for sensor in tracker.assume:
+    for sensor, effects in tracker.assume.items():
         if unread := _not_read(scenario, tracker, sensor):
             yield Problem(("trackers", name, "assume", sensor), unread)
+            continue
+        kind = tracker.sensor_models.get(sensor, scenario.sensors[sensor].type)
+        for problem in effects.problems_on(kind, tracker.filter == "kf"):
+            yield Problem(("trackers", name, "assume", sensor, *problem.at), problem.message)
     for sensor, kind in tracker.sensor_models.items():
         at = ("trackers", name, "sensor_models", sensor)
         if unread := _not_read(scenario, tracker, sensor):

@@ -9,10 +9,34 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base import linalg
-from trackbench.base.config import Config, Problem
+from trackbench.base.config import Config, NonNegative, Positive, Problem
+from trackbench.base.config.key_units import in_si, split_key
+from trackbench.base.errors import nearest
 from trackbench.base.types import Array, Scan
+from trackbench.filters import ErrorState
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.effects.base import component_problems
 from trackbench.models.sensors.effects.signal import SignalRange
+
+
+class ErrorProcess(Config):
+    """Errors that change slowly, as part of the state: a first-order Gauss-Markov process for each component."""
+
+    components: list[str] = Field(
+        min_length=1, description="Components of the measurement that have them, such as [range, azimuth, range_rate]."
+    )
+    share: float = Field(gt=0, lt=1, description="Their share of the noise variance; the rest is white.")
+    time_s: Positive = Field(description="Time constant of the process, s.")
+
+
+class ConstantErrors(Config):
+    """Errors that stay, as part of the state."""
+
+    sigmas: dict[str, NonNegative] = Field(
+        min_length=1,
+        description="Standard deviation of each before any measurement, by component, such as `azimuth_deg: 0.3`; "
+        "beside the noise that the sensor states.",
+    )
 
 
 class AssumedEffects(Config):
@@ -23,15 +47,61 @@ class AssumedEffects(Config):
         description="The noise of each measurement by its range, as the effect of this name has it on average over the "
         "fluctuating cross-section.",
     )
+    correlated_errors: ErrorProcess | None = Field(
+        None, description="Errors that change slowly, which are estimated with the motion of each object."
+    )
+    bias: ConstantErrors | None = Field(
+        None, description="Errors that stay, which are estimated with the motion of each object."
+    )
 
     @property
     def names(self) -> list[str]:
         """Of the effects, as sentences have them."""
         return [name.replace("_", " ") for name in type(self).model_fields if getattr(self, name) is not None]
 
+    @property
+    def states(self) -> list[str]:
+        """The keys of those that are errors as part of the state."""
+        return [key for key in ("correlated_errors", "bias") if getattr(self, key) is not None]
+
+    def problems_on(self, kind: str, linear: bool) -> Iterator[Problem]:
+        """What does not fit a kind of sensor.
+
+        Args:
+            kind: of sensor, by its name.
+            linear: whether the filter converts measurements to positions, as the Kalman filter does.
+        """
+        sensor = SENSOR_MODELS[kind]
+        for key in self.states:
+            if linear and sensor.components != ("x", "y"):
+                yield Problem((key,), f"kf converts the measurements of a {kind}, which changes their errors; use ekf")
+        if self.correlated_errors is not None:
+            for i, name in enumerate(self.correlated_errors.components):
+                if name not in sensor.components:
+                    wrong = f"a {kind} measures no {name!r}; {nearest(name, sensor.components)}"
+                    yield Problem(("correlated_errors", "components", i), wrong)
+                elif name in self.correlated_errors.components[:i]:
+                    yield Problem(("correlated_errors", "components", i), f"{name} is named twice; remove one")
+        if self.bias is not None:
+            for problem in component_problems("sigmas", self.bias.sigmas, sensor):
+                yield Problem(("bias", *problem.at), problem.message)
+
     def problems(self) -> Iterator[Problem]:
         if not self.names:
             yield Problem((), f"says nothing; add {' or '.join(type(self).model_fields)}")
+
+
+def error_states(effects: Mapping[str, AssumedEffects]) -> tuple[ErrorState, ...]:
+    """The errors that are part of the state, of effects by the sensor's name."""
+    states = []
+    for sensor, assumed in effects.items():
+        if assumed.correlated_errors is not None:
+            process = assumed.correlated_errors
+            states += [ErrorState(sensor, name, 1 / process.time_s, process.share) for name in process.components]
+        if assumed.bias is not None:
+            sigmas = assumed.bias.sigmas.items()
+            states += [ErrorState(sensor, split_key(key)[0], 0.0, sigma=in_si(key, value)) for key, value in sigmas]
+    return tuple(states)
 
 
 @dataclass(frozen=True)

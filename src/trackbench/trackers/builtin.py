@@ -14,12 +14,14 @@ from trackbench.filters import (
     InteractingMultipleModel,
     IteratedExtendedKalmanFilter,
     KalmanFilter,
+    MotionWithErrors,
     SigmaPointFilter,
     SingleModelFilter,
     classic,
     scaled,
 )
 from trackbench.models.motion import MotionModel
+from trackbench.trackers.assume import error_states
 from trackbench.trackers.config import FilterConfig, FilterName, ImmConfig
 from trackbench.trackers.filtered import FilterTracker
 
@@ -60,7 +62,9 @@ ckf = _factory("ckf")
 
 def filter_of(config: FilterConfig) -> Filter[Any]:
     """The filter that the keys describe."""
-    filters = tuple(filter_with(config, motion) for motion in config.models)
+    errors = error_states(config.assume)
+    models = [MotionWithErrors(motion=motion, errors=errors) if errors else motion for motion in config.models]
+    filters = tuple(filter_with(config, motion) for motion in models)
     if not isinstance(config.motion, ImmConfig):
         return filters[0]
     return InteractingMultipleModel(filters, tuple(config.motion.stay_s), config.motion.first_probabilities)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem, Sigma
+from trackbench.base.config import PROBLEM, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma
 from trackbench.base.config.key_units import in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
@@ -242,6 +242,10 @@ class FilterConfig(OptionsBeside):
                 yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
         if self.associate is not None:
             yield from self._not_associated()
+        for sensor, effects in self.assume.items():
+            for key in effects.states:
+                for at, message in self._without_error_states():
+                    yield Problem(at or ("assume", sensor, key), message)
         if self.late == "retrodiction" and (self.associate is not None or isinstance(self.motion, ImmConfig)):
             what = "associate" if self.associate is not None else "several motion models"
             yield Problem(("late",), f"retrodiction does not go with {what}; use replay or drop")
@@ -263,6 +267,19 @@ class FilterConfig(OptionsBeside):
             if diagonal is not None and len(diagonal) != len(components):
                 needed = f"motion {name} needs {len(components)} variances ({', '.join(components)})"
                 yield Problem(at, f"{needed}, not {len(diagonal)}")
+
+    def _without_error_states(self) -> Iterator[tuple[KeyPath, str]]:
+        """Options with which errors of sensors are no part of the state."""
+        if self.initial.source == "truth":
+            return
+        if self.initial.source == "two_measurements":
+            yield ("initial", "from"), "not used with errors as states: a track starts from its first measurement"
+        if self.initial.covariance_diag is not None:
+            yield ("initial", "covariance_diag"), "not used with errors as states, which the first measurement has too"
+        for motion in self.models:
+            if set(YAW) & set(motion.components):
+                name, others = _name(motion), "cv or ca"
+                yield (), f"a track of {name} starts by position and velocity, without errors as states; use {others}"
 
     def _not_associated(self) -> Iterator[Problem]:
         """Options of a tracker of one object that one of several does not have."""

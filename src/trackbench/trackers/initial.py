@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from trackbench.base import linalg
 from trackbench.base.config import Config, Problem, Sigma, Variance
 from trackbench.base.types import Array, Gaussian, Mask, Scan
-from trackbench.filters import AnyBelief, Filter, choose
+from trackbench.filters import AnyBelief, Filter, MotionWithErrors, choose
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
@@ -218,6 +218,8 @@ def first_measurement(
     Returns:
         ``(n, ...)``; meaningless where the scan is not valid.
     """
+    if isinstance(motion, MotionWithErrors):
+        return motion.started(scan, lambda own, seen: first_measurement(own, config, seen))
     velocity = np.zeros((2, *scan.valid.shape))
     if config.velocity != "zero":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
@@ -251,6 +253,9 @@ def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, no
 
     ``normal`` is ``(n or more, ...)`` standard normal numbers.
     """
+    if isinstance(motion, MotionWithErrors):
+        # Of the errors nothing is drawn: they are those of the measurements to come.
+        return motion.padded(from_truth(motion.motion, config, truth, normal))
     sigmas = {
         **motion.first_sigmas,
         **dict.fromkeys(POSITION, config.position_sigma_m),

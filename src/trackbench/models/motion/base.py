@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.config import Config
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Gaussian
+from trackbench.base.types import Array, Gaussian, Scan
 
 
 class Kinematics(NamedTuple):
@@ -44,6 +44,15 @@ class InitialSigmas(NamedTuple):
 #: The components for which a scenario states how uncertain they are at first, by the quantity.
 POSITION, VELOCITY, ACCELERATION = ("px", "py"), ("vx", "vy", "v"), ("ax", "ay", "a")
 YAW, YAW_RATE = ("yaw",), ("yaw_rate",)
+
+
+class SensorErrors(NamedTuple):
+    """Errors of a sensor's measurements that are part of the state: ``z = h(x) + E x + w``."""
+
+    gain: Array
+    """``E``, ``(m, n, ...)``"""
+    noise: Array
+    """``(m, m, ...)`` covariance of the white rest ``w``."""
 
 
 class MotionModel(Config, ABC):
@@ -107,6 +116,15 @@ class MotionModel(Config, ABC):
     def cartesian_moments(self, belief: Gaussian) -> Gaussian:
         """Mean and covariance of px, py, vx, vy under a belief of the state, exactly."""
         return self.cartesian_belief(belief)
+
+    @property
+    def sensors_with_errors(self) -> frozenset[str]:
+        """Names of the sensors of which errors are part of the state."""
+        return frozenset()
+
+    def sensor_errors(self, scan: Scan) -> SensorErrors | None:
+        """The errors of a scan's sensor that are part of the state; None where none are."""
+        return None
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """The state whose position and velocity have the given distribution; its other components are zero."""

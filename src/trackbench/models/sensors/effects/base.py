@@ -135,7 +135,7 @@ def by_component(sizes: Mapping[str, float], sensor: Sensor) -> Array:
     return np.array([stated.get(name, 0.0) for name in sensor.components])
 
 
-def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor) -> Iterator[Problem]:
+def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | type[Sensor]) -> Iterator[Problem]:
     """Keys that are no component of the sensor with a unit of its quantity."""
     units = dict(zip(sensor.components, map(unit_of, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}

@@ -1,0 +1,185 @@
+"""Errors of sensors that are part of the state, beside any motion model's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
+from trackbench.models.motion.base import SensorErrors
+from trackbench.models.sensors import SENSOR_MODELS
+
+
+@dataclass(frozen=True)
+class ErrorState:
+    """An error of one component of a sensor's measurements, in units of its standard deviation.
+
+    It is a stationary Gauss-Markov process, or a constant.
+    """
+
+    sensor: str
+    """The sensor's name."""
+    component: str
+    """Of its measurement."""
+    rate: float
+    """One over the time constant, 1/s; 0: the error is constant."""
+    share: float = 0.0
+    """Its part of the variance that the sensor states."""
+    sigma: float = 0.0
+    """Its standard deviation beside that variance, in SI units and radians."""
+
+    @property
+    def name(self) -> str:
+        """Of the component of the state."""
+        return f"{self.sensor} {self.component} {'error' if self.rate else 'bias'}"
+
+
+class MotionWithErrors(MotionModel):
+    """A motion model whose state also has errors of sensors: ``z = h(x) + E e + w`` with white ``w``.
+
+    Each error has ``e_k+1 = a e_k + sqrt(1 - a^2) v_k`` with ``a = exp(-dt rate)`` and white ``v`` of unit variance.
+    Source: Bar-Shalom, Li and Kirubarajan (2001), section 8.2 for noise that is autocorrelated, by augmentation of the
+    state; a constant error is the limit of an infinite time constant.
+    """
+
+    motion: MotionModel
+    errors: tuple[ErrorState, ...]
+
+    def model_post_init(self, context: Any) -> None:
+        names = tuple(error.name for error in self.errors)
+        object.__setattr__(self, "components", (*self.motion.components, *names))
+        object.__setattr__(self, "first_sigmas", {**self.motion.first_sigmas, **dict.fromkeys(names, 1.0)})
+        for name in ("angular", "linear"):
+            object.__setattr__(self, name, getattr(self.motion, name))
+
+    @property
+    def noise_sigma(self) -> tuple[float, ...]:
+        return (*self.motion.noise_sigma, *(1.0 for error in self.errors if error.rate))
+
+    def transition(self, x: Array, dt: float) -> Array:
+        kept = linalg.expand(linalg.vector(self._decays(dt)), x)
+        return np.concatenate([self.motion.transition(self._own(x), dt), kept * x[self._size :]])
+
+    def jacobian(self, x: Array, dt: float) -> Array:
+        return _block_diagonal(
+            self.motion.jacobian(self._own(x), dt), np.diag(np.ones(len(self.errors))), self._decays(dt)
+        )
+
+    def noise_gain(self, x: Array, dt: float) -> Array:
+        decays = self._decays(dt)
+        pushes = [np.sqrt(1.0 - a * a) for a in decays]
+        moving = np.diag([1.0 if error.rate else 0.0 for error in self.errors])
+        columns = moving[:, [bool(error.rate) for error in self.errors]]
+        return _block_diagonal(self.motion.noise_gain(self._own(x), dt), columns, pushes)
+
+    def to_cartesian(self, x: Array) -> Array:
+        return self.motion.to_cartesian(self._own(x))
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        slope = self.motion.cartesian_jacobian(self._own(x))
+        return np.concatenate([slope, np.zeros((4, len(self.errors), *slope.shape[2:]))], axis=1)
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        return self.motion.cartesian_belief(self._own_belief(belief))
+
+    def cartesian_moments(self, belief: Gaussian) -> Gaussian:
+        return self.motion.cartesian_moments(self._own_belief(belief))
+
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
+        return self.padded(self.motion.from_cartesian(belief, sigmas))
+
+    def from_kinematics(self, motion: Kinematics) -> Array:
+        own = self.motion.from_kinematics(motion)
+        return np.concatenate([own, np.zeros((len(self.errors), *own.shape[1:]))])
+
+    def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
+        return self.motion.to_kinematics(self._own(x), noise[: len(self.motion.noise_sigma)], resting)
+
+    @property
+    def sensors_with_errors(self) -> frozenset[str]:
+        return frozenset(error.sensor for error in self.errors)
+
+    def sensor_errors(self, scan: Scan) -> SensorErrors | None:
+        if scan.sensor not in self.sensors_with_errors:
+            return None
+        names, noise = SENSOR_MODELS[scan.kind].components, scan.noise_covariance
+        white, zero = [1.0] * len(names), 0.0 * noise[0, 0]
+        rows: list[list[Any]] = [[zero] * len(self.components) for _ in names]
+        for column, error in enumerate(self.errors, start=self._size):
+            if error.sensor == scan.sensor:
+                i = names.index(error.component)
+                rows[i][column] = np.sqrt(error.share * noise[i, i] + error.sigma**2)
+                white[i] -= error.share
+        root = np.sqrt(white)
+        return SensorErrors(linalg.matrix(rows), linalg.expand(root[:, None] * root, noise) * noise)
+
+    def padded(self, own: Gaussian, cross: Array | None = None) -> Gaussian:
+        """A belief of the motion model's own state with that of the errors, which are not known.
+
+        Args:
+            own: ``(n, ...)``.
+            cross: ``(n, e, ...)`` covariance of the own state and the errors; none unless given.
+        """
+        count, batch = len(self.errors), own.mean.shape[1:]
+        if cross is None:
+            cross = np.zeros((len(own.mean), count, *batch))
+        unit = np.broadcast_to(linalg.expand(np.eye(count), cross), (count, count, *batch))
+        upper = np.concatenate([own.covariance, cross], axis=1)
+        lower = np.concatenate([np.swapaxes(cross, 0, 1), unit], axis=1)
+        mean = np.concatenate([own.mean, np.zeros((count, *batch))])
+        return Gaussian(mean, linalg.rounded_up(np.concatenate([upper, lower])))
+
+    def started(self, scan: Scan, state_of: Callable[[MotionModel, Scan], Gaussian]) -> Gaussian:
+        """The state ``(n + e, ...)`` that each measurement of a scan states by itself.
+
+        What the measurement says has the measurement's error: with the slope D of the own state by the measurement, the
+        covariance of state and errors is ``-D E``. The slope is taken over a standard deviation to either side.
+
+        Args:
+            scan: with the noise that the sensor states.
+            state_of: the motion model's own state ``(n, ...)`` by a scan.
+        """
+        errors = self.sensor_errors(scan)
+        if errors is None:
+            return self.padded(state_of(self.motion, scan))
+        gain = errors.gain[:, self._size :]
+        noise = linalg.expand(errors.noise, gain) + linalg.matmul_transposed(gain, gain)
+        scan = scan._replace(noise_covariance=noise)
+        slopes = []
+        for i in range(len(gain)):
+            step = np.zeros_like(scan.measurement)
+            step[i] = np.sqrt(noise[i, i])
+            above, below = (
+                state_of(self.motion, scan._replace(measurement=scan.measurement + sign * step)) for sign in (1.0, -1.0)
+            )
+            slopes.append((above.mean - below.mean) / (2.0 * step[i]))
+        slope = np.stack(slopes, axis=1)
+        return self.padded(state_of(self.motion, scan), -linalg.matmul(slope, linalg.expand(gain, slope)))
+
+    @property
+    def _size(self) -> int:
+        return len(self.motion.components)
+
+    def _own(self, x: Array) -> Array:
+        return x[: self._size]
+
+    def _own_belief(self, belief: Gaussian) -> Gaussian:
+        return Gaussian(belief.mean[: self._size], belief.covariance[: self._size, : self._size])
+
+    def _decays(self, dt: float) -> list[Any]:
+        return [np.exp(-error.rate * dt) if error.rate else 1.0 for error in self.errors]
+
+
+def _block_diagonal(first: Array, pattern: Array, scales: Sequence[Any]) -> Array:
+    """``(n + e, q + v, ...)`` of ``first`` ``(n, q, ...)``, and of a pattern ``(e, v)`` whose rows are scaled."""
+    upper = [[*row, *[0.0] * pattern.shape[1]] for row in first]
+    lower = [
+        [*[0.0] * first.shape[1], *(scale * entry if entry else 0.0 for entry in row)]
+        for row, scale in zip(pattern, scales, strict=True)
+    ]
+    return linalg.matrix([*upper, *lower])
