@@ -268,7 +268,7 @@ class CheckedFilter:
             return method
 
         def computed(*arguments: Any) -> Any:
-            if self._kernels.comparisons.due(CheckedFilter):
+            if self._kernels.comparisons.due((CheckedFilter, name)):
                 self._check(name, arguments)
             return method(*arguments)
 

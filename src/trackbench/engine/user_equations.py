@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping
 
 import numpy as np
@@ -44,20 +45,21 @@ def user_sources(key: Hashable) -> Iterator[SourceFingerprint]:
 class Comparisons:
     """Draws when equations of users are computed a second way in a run, and of which members.
 
-    They take at most ``SHARE`` of the time after the first; kinds of calls that were not compared before go first.
+    The first, fourth, sixteenth, ... call of each kind is compared, however long it takes: at the start of a track all
+    members may be alike. Others are as far as all take at most ``SHARE`` of the time.
     """
 
     def __init__(self, random: np.random.Generator) -> None:
         self.random = random
-        self._seen: set[Hashable] = set()
-        self._next = self._next_of_seen = 0.0
+        self._calls: Counter[Hashable] = Counter()
+        self._next = 0.0
 
     def due(self, call: Hashable) -> bool:
         """Whether this call is to be compared; ``call``: what tells kinds of calls apart."""
-        result = time.perf_counter() >= (self._next_of_seen if call in self._seen else self._next)
-        if result:
-            self._seen.add(call)
-        return result
+        self._calls[call] += 1
+        number = self._calls[call]
+        is_power_of_four = number & (number - 1) == 0 and number.bit_length() % 2 == 1
+        return is_power_of_four or time.perf_counter() >= self._next
 
     def drawn(self, members: Indices, count: int) -> Indices:
         """So many of the members, or all, in order."""
@@ -65,9 +67,7 @@ class Comparisons:
 
     def took(self, seconds: float) -> None:
         """Wait after a comparison, so long as it took and by chance longer."""
-        wait = seconds / SHARE
-        self._next = time.perf_counter() + wait
-        self._next_of_seen = self._next + wait * self.random.uniform()
+        self._next = time.perf_counter() + seconds / SHARE * (1.0 + self.random.uniform())
 
     def agree(
         self,
