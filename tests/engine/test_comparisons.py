@@ -13,6 +13,7 @@ import pytest
 from tests.engine.odd_factors import BRANCHES, COUNTERS, OF_THE_BATCH, Factor
 from tests.engine.odd_points import straight
 from tests.engine.test_constants import by_factor, driven, motion_of, path_by, start
+from tests.support.scenes import scan
 
 import trackbench as tb
 from trackbench.engine import kernels as kernels_module
@@ -87,6 +88,34 @@ def test_machine_code_that_goes_wrong_is_used_no_more(
     assert used.invalid
     assert OTHER_NUMBERS in used.why_numpy
     np.testing.assert_allclose(path, driven(straight, None)[0], rtol=1e-12)
+
+
+@pytest.mark.usefixtures("always")
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+def test_a_component_is_compared_by_itself(kernels: Kernels, monkeypatch: pytest.MonkeyPatch, offset: float) -> None:
+    """A speed that is wrong by millimetres a second, at coordinates of a map; its rounding is no fault there."""
+    run, wrong = kernels_module._run, [0.0]
+
+    def disturbed(*arguments: Any) -> Any:
+        outputs, held = run(*arguments)
+        outputs["mean"] = np.concatenate([outputs["mean"][:2], outputs["mean"][2:] + wrong[0]])
+        return outputs, held
+
+    monkeypatch.setattr(kernels_module, "_run", disturbed)
+    filter = FusedFilter(ExtendedKalmanFilter(motion_of(by_factor(lambda x, dt: 1.0 + 1e-3 * np.sin(x[3])))), kernels)
+    belief = start()
+    far = belief._replace(mean=belief.mean + np.array([offset, offset, 0.0, 0.0])[:, None])
+    for step in range(20):
+        wrong[0] = 1e-3 * (step == 19)
+        filter.step(far, 0.1, scan("lidar", 0.1, far.mean[:2] + 0.1 * np.sin(step)))
+        assert filter.used.invalid == (step == 19)
+
+
+def test_how_often_each_kind_of_call_is_compared_is_not_up_to_the_clock() -> None:
+    comparisons = Comparisons(np.random.default_rng(1))
+    comparisons.took(1e9)
+    for call in ("step", "update"):
+        assert [number for number in range(1, 300) if comparisons.due(call)] == [1, 4, 16, 64, 256]
 
 
 @pytest.mark.usefixtures("always")

@@ -18,6 +18,7 @@ from trackbench.base.types import Array, Gaussian
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
+from trackbench.engine.user_equations import Comparisons
 from trackbench.filters import (
     CUBATURE,
     Belief,
@@ -187,6 +188,11 @@ def test_few_honest_models_are_left_to_numpy(kernels: Kernels) -> None:
         filter = FusedFilter(ExtendedKalmanFilter(model), kernels)
         result, expected = (each.predict(belief, 0.1) for each in (filter, filter.filter))
         np.testing.assert_allclose(result.mean, expected.mean, rtol=1e-12, atol=1e-12)
+        # Coordinates of a map; each step is compared with NumPy.
+        far = belief._replace(mean=belief.mean + np.array([5e6, 5e5, *[0.0] * (more + 2)])[:, None])
+        kernels.comparisons = Comparisons(np.random.default_rng(1))
+        for number in range(4):
+            filter.step(far, 0.1, scan("lidar", 0.1, far.mean[:2] + 0.1 * np.sin(number)))
         if filter.used != EngineUsed("fused"):
             left[kind.__name__] = filter.used.why_numpy
     assert len(KNOWN) + len(SET_ASIDE) == 30

@@ -15,8 +15,8 @@ from trackbench.engine.symbols import Symbol
 
 #: Of the time of a run, how much comparisons may take.
 SHARE = 0.02
-#: How far machine code of a user's function may be from NumPy, as a share of the largest component: any rounding.
-AGREEMENT = 1e-6
+#: How far machine code of a user's function may be from NumPy, as a share of the largest number of the same component.
+AGREEMENT = 1e-9
 #: A difference is rounding where it is no larger than what NumPy makes of inputs that differ by so much, times so much.
 ROUNDING, AMPLIFIED = 1e-14, 100.0
 #: How many members are compared at once, and by what was just made.
@@ -111,6 +111,7 @@ class Comparisons:
 
 
 def _close(result: Array, expected: Array, more: Array | float = 0.0) -> bool:
-    scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))
-    near = np.isclose(result, expected, AGREEMENT, AGREEMENT * scale, equal_nan=True)
+    """Whether numbers ``(components..., members)`` are alike, or differ by at most ``more``."""
+    scale = np.max(np.abs(expected), axis=-1, keepdims=True, initial=0.0, where=np.isfinite(expected))
+    near = np.isclose(result, expected, 0.0, AGREEMENT * scale, equal_nan=True)
     return bool(np.all(near | (np.abs(result - expected) <= more)))
