@@ -70,6 +70,23 @@ def test_cars_do_not(done: Callable[..., Any], speed: float, sensor: str) -> Non
     assert "velocity_sigma_mps is" not in words
 
 
+def test_it_is_said_of_trackers_of_several_objects_too(tmp_path: Path, cli: Callable[..., Any]) -> None:
+    gnn = "{filter: kf, motion: cv, acceleration_sigma_mps2: 1, associate: {method: gnn}"
+    several = f"  default: {gnn}}}\n  fitting: {gnn}, initial: {{velocity_sigma_mps: 210}}}}\n"
+    for speed, contradicting in ((300, {"default"}), (60, set())):
+        text = SCENARIO.format(duration=60, rate=1, speed=speed, sensor=LIDAR)
+        begin, end = text[: text.index("trackers:")], "monte_carlo: {runs: 10, seed: 3}\n"
+        path = tmp_path / "first.yaml"
+        path.write_text(f"{begin}sensing: {{identities: hidden}}\ntrackers:\n{several}{end}", encoding="utf-8")
+        made = cli("run", path, "--no-recording", "--out", tmp_path, "--in-process")
+        assert made.status == 0, made.err
+        trackers_of = Result.load(tmp_path / "first").summary.trackers
+        assert {item.name for item in trackers_of if item.first_velocity is not None} == contradicting
+        assert ("velocity_sigma_mps is" in " ".join(made.out.split())) is bool(contradicting)
+        report = (tmp_path / "first" / "report.md").read_text(encoding="utf-8")
+        assert ("velocity_sigma_mps is" in report) is bool(contradicting)
+
+
 def test_what_a_range_rate_tells_is_no_contradiction(done: Callable[..., Any]) -> None:
     """Along the line of sight the first velocity is measured; across it 300 m/s are as unlikely as before."""
     text = SCENARIO.replace("course_deg: 30", "course_deg: 45").replace("course_deg: 100", "course_deg: 135")

@@ -129,6 +129,7 @@ def _notes_on_tracks(result: Result) -> list[str]:
         *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
         *(values_of_few_scenes(result) or [f"intervals, which the report shows: {basis_of_intervals(result)}"]),
         *([reused] if (reused := reused_identities(result)) else []),
+        *contradicted_starts(result),
     ]
 
 

@@ -215,6 +215,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
     random = drawing_random(result)
     basis += f" {random}." if random else ""
+    basis += "".join(f" {sentence}." for sentence in contradicted_starts(result))
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":
@@ -232,7 +233,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         + (f" {_SMOOTHERS}" if references else "")
     )
     title = f"Errors along each axis, and the {summary.held_against.label}"
-    sentences = missing_estimates(result) + below_the_bound(result) + contradicted_starts(result)
+    sentences = missing_estimates(result) + below_the_bound(result)
     remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]

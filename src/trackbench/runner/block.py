@@ -60,7 +60,7 @@ class Block:
     random: frozenset[str] = frozenset()
     """The plug-ins that say that they draw random numbers."""
     first_velocities: Mapping[str, Array] = field(default_factory=dict)
-    """As ``first_velocity`` has them, in the first block of each scene with known identities."""
+    """As ``first_velocity`` has them, in the first block of each scene."""
     unshown: Counter[str] = field(default_factory=Counter)
     """Lines that plug-ins printed and that were not shown."""
 
@@ -128,8 +128,8 @@ def run_block(
     engines: dict[str, EngineUsed] = {}
     random: set[str] = set()
     first: Mapping[str, Array] = {}
-    if runs.start == 0 and isinstance(measurements, Measurements):
-        first = first_velocities(work.trackers, measurements.scans, len(scene.truth.ids))
+    if runs.start == 0 and work.has_truth:
+        first = first_velocities(work.trackers, measurements, len(scene.truth.ids))
     # One tracker after the other where nobody looks on: the memory of one is that of the next.
     for names in [[*work.trackers]] if observe is not None else [[name] for name in work.trackers]:
         trackers = {name: start(name) for name in names}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Gaussian, Indices, Scan
+from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.motion import ConstantVelocity
 from trackbench.results.tracker_result import FirstVelocity
+from trackbench.sensing.detections import HiddenMeasurements
+from trackbench.sensing.scans import Measurements
 from trackbench.trackers.assume import AssumedSensors
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import TentativeTrack, first_measurement, start, two_measurements
@@ -23,59 +26,70 @@ CARTESIAN = ConstantVelocity(acceleration_sigma_mps2=1.0)
 
 
 def first_velocities(
-    trackers: Mapping[str, FilterConfig | PluginConfig], scans: Sequence[Scan], objects: int
+    trackers: Mapping[str, FilterConfig | PluginConfig], measurements: Measurements | HiddenMeasurements, objects: int
 ) -> dict[str, Array]:
     """For each tracker that starts from one measurement, what the first few of each object say of the velocity.
 
     Args:
         trackers: by name.
-        scans: of a block of runs, in their order, objects slowest in the batch.
+        measurements: of a block of runs.
         objects: how many there are.
 
     Returns:
         ``(2, tracks)``: how many of its standard deviations the velocity between two positions is from the one that a
         track starts with, and how far, m/s.
     """
-    members = np.arange(scans[0].valid.size).reshape(objects, -1)[:, :RUNS].ravel() if scans else None
     computed: dict[object, Array] = {}
     result = {}
     for name, config in trackers.items():
-        if not isinstance(config, FilterConfig) or config.associate is not None or members is None:
+        if not isinstance(config, FilterConfig):
             continue
         if config.initial.source != "first_measurement" or config.initial.covariance_diag is not None:
             continue
-        key = repr((config.initial, config.sensors, config.sensor_models, config.measurement_noise))
+        key = repr((config.initial, config.sensors, config.scan_options["assumed"]))
         if key not in computed:
-            computed[key] = _distances(config, _first(config, scans), members)
+            computed[key] = _distances(config, _first(config, measurements, objects))
         result[name] = computed[key]
     return result
 
 
-def _first(config: FilterConfig, scans: Sequence[Scan]) -> Iterator[Scan]:
-    """The first scans of the sensors from which tracks start, as the tracker takes them."""
+def _first(config: FilterConfig, measurements: Measurements | HiddenMeasurements, objects: int) -> Iterator[Scan]:
+    """The first scans of the sensors from which tracks start, as the tracker takes them; see ``_of_objects``."""
     starting = config.initial.sensors or config.sensors
-    assumed = AssumedSensors(config.sensor_models, config.measurement_noise)
-    left = SCANS
-    for scan in scans:
-        if left and (starting is None or scan.sensor in starting):
-            left -= 1
-            yield assumed.read(scan)
+    assumed: AssumedSensors = config.scan_options["assumed"]
+    read = (k for k, scan in enumerate(measurements.scans) if starting is None or scan.sensor in starting)
+    return (assumed.read(_of_objects(measurements, number, objects)) for number in islice(read, SCANS))
 
 
-def _distances(config: FilterConfig, scans: Iterable[Scan], members: Indices) -> Array:
+def _of_objects(measurements: Measurements | HiddenMeasurements, number: int, objects: int) -> Scan:
+    """A scan of the first runs, with one measurement for each object, objects slowest."""
+    scan = measurements.scans[number]
+    if isinstance(measurements, Measurements):
+        members = np.arange(scan.valid.size).reshape(objects, -1)[:, :RUNS].ravel()
+        return scan._replace(measurement=scan.measurement[:, members], valid=scan.valid[members])
+    origins = measurements.origins[number][:, :RUNS]
+    column, run = np.nonzero((origins >= 0) & (origins < objects))
+    measured = np.full((len(scan.measurement), objects, origins.shape[1]), np.nan)
+    measured[:, origins[column, run], run] = scan.measurement[:, column, run]
+    flat = measured.reshape(len(measured), -1)
+    return scan._replace(measurement=flat, valid=~np.isnan(flat[0]))
+
+
+def _distances(config: FilterConfig, scans: Iterable[Scan]) -> Array:
     """For each track the first velocity between two positions that is as certain as the one it is held against."""
     # What is certain of the range rate is no matter of the stated standard deviation.
     velocity = "zero" if config.initial.velocity == "zero" else "radial"
     one = config.initial.model_copy(update={"velocity": velocity})
     waiting: TentativeTrack | None = None
     prior: Gaussian | None = None
-    apart, done = np.full((2, members.size), np.nan), np.zeros(members.size, dtype=bool)
-    for scan in scans:
-        part = scan._replace(measurement=scan.measurement[:, members], valid=scan.valid[members])
+    apart, done = np.empty((2, 0)), np.empty(0, dtype=bool)
+    for part in scans:
+        if waiting is None:
+            apart, done = np.full((2, part.valid.size), np.nan), np.zeros(part.valid.size, dtype=bool)
         belief = first_measurement(CARTESIAN, one, part)
         prior = belief if prior is None or waiting is None else belief.where(np.isnan(waiting.time), prior)
         waiting = start(one, part, waiting).waiting
-        elapsed = scan.time - waiting.time
+        elapsed = part.time - waiting.time
         later = part.valid & (elapsed > LEAST_TIME) & ~done
         if not np.any(later):
             continue
