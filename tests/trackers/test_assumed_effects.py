@@ -25,6 +25,7 @@ from trackbench.scenario import load_scenario
 from trackbench.sensing.scans import ideal_sensors, measured
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.filtered import SmoothedTracker
 
 SIGNAL = {"half_range_m": 140, "stated_at_m": 60, "constant_share": 0.5}
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
@@ -259,6 +260,16 @@ def test_errors_of_no_size_or_no_duration_change_nothing(filter: str, effects: d
     for assuming, plain in pairs:
         np.testing.assert_allclose(assuming.mean, plain.mean, rtol=1e-9)
         np.testing.assert_allclose(assuming.covariance, plain.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_the_smoother_knows_the_errors_too() -> None:
+    effects = [{"type": "correlated_errors", "share": 0.8, "time_s": 1.0}]
+    x, scans = simulated(Radar(**RADAR, effects=effects), (30.0, 5.0, 4.0, 1.0), steps=60, runs=400)
+    keys = {"filter": "ekf", "assume": {"radar": {"correlated_errors": SLOW_RADAR}}}
+    smoothed = SmoothedTracker(tracker(**CV, **keys)).estimates(scans)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 4 * 400) / 400
+    assert low < nees(smoothed[30], x[30]).mean() < high
+    assert rmse(smoothed, x, slice(0, 2)) < 0.95 * rmse(followed(scans, **keys), x, slice(0, 2))
 
 
 def test_an_imm_of_the_same_model_twice_is_the_filter_alone() -> None:
