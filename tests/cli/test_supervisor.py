@@ -19,7 +19,7 @@ from tests.support.hostile import OF_THE_BENCH, scenario
 from trackbench.base.descendants import descendants
 
 PLUGINS = """\
-import asyncio, atexit, ctypes, os, posix, signal, subprocess, sys, threading, time
+import asyncio, atexit, ctypes, logging, os, pathlib, posix, shutil, signal, subprocess, sys, threading, time
 from trackbench.metrics import Metric
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.models.sensors.lidar import Lidar
@@ -47,11 +47,21 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 def run(tmp_path: Path, trackbench: str) -> Run:
     """Runs a scenario in which one kind of plug-in acts."""
 
-    def call(kind: str, act: str, *options: str, below: float = 100.0) -> subprocess.CompletedProcess[str]:
+    def call(
+        kind: str, act: str, *options: str, below: float = 100.0, new_session: bool = False
+    ) -> subprocess.CompletedProcess[str]:
         (tmp_path / "plug.py").write_text(PLUGINS % act + OF_THE_BENCH, encoding="utf-8")
         (tmp_path / "plugged.yaml").write_text(scenario(kind, below), encoding="utf-8")
         command = [trackbench, "run", "plugged.yaml", "--no-recording", "--quiet", *options]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
+        return subprocess.run(
+            command,
+            cwd=tmp_path,
+            start_new_session=new_session,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=240,
+        )
 
     return call
 
@@ -198,6 +208,15 @@ def test_a_module_that_ends_the_process_while_it_is_imported(run: Run) -> None:
     )
 
 
+INTERRUPTED = "interrupted while 'plug:motion' was at work: the unfinished run was not kept\n"
+
+
+@pytest.mark.slow
+def test_a_plug_in_that_ends_its_group_is_named(run: Run) -> None:
+    done = run("motion", "os.killpg(0, signal.SIGTERM)", new_session=True)
+    assert (done.returncode, done.stderr) == (130, INTERRUPTED)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [1, 3])
 def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, trackbench: str, times: int) -> None:
@@ -212,7 +231,7 @@ def test_ctrl_c_ends_a_plug_in_that_does_not_listen(run: Run, tmp_path: Path, tr
     for _ in range(times):
         os.killpg(process.pid, signal.SIGINT)
         time.sleep(0.7)
-    assert process.communicate(timeout=60)[1] == "interrupted: the unfinished run was not kept\n"
+    assert process.communicate(timeout=60)[1] == INTERRUPTED
     assert process.returncode == 130
     assert list((tmp_path / "results").iterdir()) == []
 
@@ -223,7 +242,7 @@ def test_a_signal_from_outside_is_no_fault_of_the_plug_in_at_work(
     begun: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     begun.send_signal(number)
-    assert begun.communicate(timeout=60)[1] == "interrupted: the unfinished run was not kept\n"
+    assert begun.communicate(timeout=60)[1] == INTERRUPTED
     assert begun.returncode == 130
 
 
@@ -270,3 +289,101 @@ def wait_for(file: Path) -> None:
     while not file.exists():
         assert time.monotonic() < limit
         time.sleep(0.02)
+
+
+#: Before an act that is done at its first call alone.
+ONCE = "if hasattr(sys, 'acted'): return\n    sys.acted = True; "
+#: How a metric may take the result away, or keep it from being written.
+LOST = [
+    "os.replace = os.rename = lambda *_, **__: None",
+    "pathlib.Path.write_text = pathlib.Path.write_bytes = lambda *_, **__: 0",
+    "atexit.register(shutil.rmtree, 'results')",
+    "atexit.register(pathlib.Path('results/plugged/breakdown.parquet').unlink)",
+    "atexit.register(pathlib.Path('results/plugged/result.json').write_text, '{}')",
+]
+
+
+@pytest.mark.parametrize("act", first_is_fast(LOST))
+def test_a_result_that_is_not_there_as_it_was_written_is_none(run: Run, act: str) -> None:
+    done = run("metric", ONCE + act)
+    assert done.returncode == 2
+    file = "breakdown.parquet" if "breakdown" in act else "result.json"
+    assert done.stderr == (
+        f"trackbench: no result: results/plugged/{file} is not there as it was written, "
+        "with the plug-in 'plug:metric'\n"
+    )
+
+
+@pytest.mark.slow
+def test_an_older_result_is_not_taken_for_that_of_the_run(run: Run) -> None:
+    assert run("metric", "pass").returncode == 0
+    done = run("metric", "os.replace = lambda *_, **__: None", "--seed", "8")
+    assert (done.returncode, done.stderr.partition(":")[0]) == (2, "trackbench")
+
+
+#: Errors that nothing catches.
+UNCAUGHT = {
+    "atexit.register(lambda: 1 / 0)": "ZeroDivisionError: division by zero (plug.py:9, in <lambda>)",
+    "thread = threading.Thread(target=lambda: 1 / 0); thread.start(); thread.join()": (
+        "ZeroDivisionError: division by zero (plug.py:9, in <lambda>)"
+    ),
+    "type('D', (), {'__del__': lambda self: 1 / 0})()": "ZeroDivisionError: division by zero (plug.py:9, in <lambda>)",
+    "logging.error('%d', 'x')": "TypeError: %d format: a real number is required, not str (plug.py:9, in act)",
+}
+
+
+@pytest.mark.parametrize("act", first_is_fast(UNCAUGHT))
+def test_an_error_that_nothing_catches_is_one_line(run: Run, act: str) -> None:
+    done = run("metric", ONCE + act)
+    assert done.returncode == 0
+    assert done.stderr == f"'plug:metric': an error that nothing caught: {UNCAUGHT[act]}\n"
+
+
+#: What becomes of a standard stream that is closed, or of the rights of files: status and what is said.
+TAKEN = {
+    "sys.stdout.close()": (0, ""),
+    "os.close(1)": (
+        0,
+        "trackbench: 'plug:metric' has closed standard output, or sent it elsewhere; it is as before again",
+    ),
+    "os.close(1); os.close(2)": (
+        0,
+        "trackbench: 'plug:metric' has closed standard error, or sent it elsewhere; it is as before again",
+    ),
+    "sys.__stdout__.close()": (4, "trackbench: standard output was closed, with the plug-in 'plug:metric'"),
+    "sys.__stdout__.close(); sys.__stderr__.close()": (
+        4,
+        "trackbench: standard output was closed, with the plug-in 'plug:metric'",
+    ),
+    "os.umask(0o777)": (0, ""),
+    "__import__('resource').setrlimit(7, (5, 5))": (
+        2,
+        "trackbench: too many open files; raise the limit (ulimit -n), with the plug-in 'plug:metric'",
+    ),
+}
+
+
+@pytest.mark.parametrize("act", first_is_fast(TAKEN))
+def test_what_a_plug_in_takes_away_comes_back_or_is_said(run: Run, tmp_path: Path, act: str) -> None:
+    status, text = TAKEN[act]
+    done = run("metric", ONCE + act)
+    assert (done.returncode, done.stderr.strip()) == (status, text)
+    assert bool(done.stdout) == (status == 0)
+    if status == 0:
+        assert (tmp_path / "results/plugged/result.json").stat().st_mode & 0o600 == 0o600
+
+
+def test_a_module_that_closes_stdout_as_it_is_imported(run: Run) -> None:
+    done = run("metric", "pass\nsys.stdout.close()")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_a_plug_in_prints_is_capped_and_cannot_steer_the_terminal(run: Run) -> None:
+    done = run("metric", ONCE + "print('\\x1b[2J\\0' + 'line\\n' * 1000)", "--json")
+    assert json.loads(done.stdout)
+    lines = done.stderr.splitlines()
+    assert lines[0] == " [2J line"
+    assert lines[100:] == [
+        "'plug:metric': what it prints from here on is not shown",
+        "'plug:metric' printed 901 lines more, which were not shown",
+    ]

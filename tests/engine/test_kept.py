@@ -322,3 +322,15 @@ def test_without_executable_memory_there_are_no_kernels(
     monkeypatch.setattr(machine.ctypes, "CDLL", library)
     monkeypatch.setattr(machine, "_no_executable_memory", machine._no_executable_memory.__wrapped__)
     assert words in str(machine.unavailable())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no pipes and links of POSIX")
+def test_a_pipe_is_not_waited_for_and_a_link_is_not_followed(tmp_path: Path) -> None:
+    cache = KernelCache(tmp_path)
+    os.mkfifo(tmp_path / f"{KEY}.o")
+    assert cache.find(KEY) is None
+    cache.put(KEY, b"code")
+    assert cache.find(KEY) == b"code"
+    (tmp_path / f"{KEY}.o").rename(tmp_path / "elsewhere")
+    (tmp_path / f"{KEY}.o").symlink_to("elsewhere")
+    assert cache.find(KEY) is None

@@ -21,6 +21,7 @@ KINDS = tuple(SOUND)
 PLUG_INS = """\
 import asyncio, atexit, builtins, ctypes, gc, os, posix, resource, shutil, signal, socket, subprocess, sys, threading
 import time, warnings
+from pathlib import Path
 import numpy as np
 from trackbench.metrics import Metric
 from trackbench.models.motion.cv import ConstantVelocity
@@ -122,6 +123,19 @@ ACTS = {
     "breaks_json": "__import__('json').dumps = None",
     "forbids_recursion": "sys.setrecursionlimit(50)",
     "removes_results": "shutil.rmtree('results', ignore_errors=True)",
+    "removes_results_at_the_end": "atexit.register(shutil.rmtree, 'results')",
+    "renames_nothing": "os.replace = os.rename = lambda *_, **__: None",
+    "writes_nothing": "Path.write_text = Path.write_bytes = lambda *_, **__: 0",
+    "closes_stdout": "sys.stdout.close()",
+    "closes_the_true_stdout": "sys.__stdout__.close()",
+    "closes_the_streams": "os.close(1); os.close(2)",
+    "raises_at_the_end": "atexit.register(lambda: 1 / 0)",
+    "raises_in_a_thread": "thread = threading.Thread(target=lambda: 1 / 0); thread.start(); thread.join()",
+    "raises_as_it_is_deleted": "type('D', (), {'__del__': lambda self: 1 / 0})()",
+    "logs_nonsense": "__import__('logging').error('%d', 'x')",
+    "forbids_open_files": "resource.setrlimit(resource.RLIMIT_NOFILE, (5, 5))",
+    "forbids_rights": "os.umask(0o777)",
+    "prints_without_end": "print('\\x1b[2J' + 'line\\n' * 10**6)",
 }
 
 

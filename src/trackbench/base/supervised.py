@@ -7,22 +7,27 @@ the command reads. In others (``tb.run``, ``--in-process``) nothing is told.
 from __future__ import annotations
 
 import faulthandler
+import hashlib
+import json
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from mmap import mmap
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from trackbench.base.descendants import adopt_orphans, end_descendants, end_with_parent
+from trackbench.base.printed import Shown, ShownStream, say_stray_errors
 from trackbench.base.process import clear_of_streams, how_it_ended
 
 #: Functions by which Python code ends its process or replaces it, in the modules ``os`` and ``posix``.
 LEAVING = ("_exit", "execv", "execve")
 #: Bytes of the note of which plug-in is at work.
 NOTE = 1024
+#: Bytes at the start of a file that are compared with what was written.
+SEALED = 2**20
 
 
 class _Watch(NamedTuple):
@@ -36,11 +41,17 @@ class _Watch(NamedTuple):
     """Shared memory with the plug-in that is at work."""
     folder: int
     """Descriptor of the working directory of the command."""
+    streams: tuple[int, int]
+    """Descriptors of standard output and error."""
+    umask: int
+    """Of the command."""
 
 
 _watch: _Watch | None = None
 #: The plug-ins that were loaded in this process.
 _plugins: dict[str, None] = {}
+#: What is shown of that which plug-ins print, by their names.
+_shown: dict[str, Shown] = {}
 
 
 def begin(process: int, pipe: int, note: mmap) -> None:
@@ -96,15 +107,17 @@ def end_in_words(cause: str, told: bytes, note: bytes, plugins: Iterable[str]) -
     # Imported here: a command that ends as it should need not wait for it.
     from trackbench.base.user_code import place_in_dump
 
-    at_work, names = note.rstrip(b"\0").decode(errors="replace"), list(dict.fromkeys(plugins))
+    at_work = note.rstrip(b"\0").decode(errors="replace")
     place = place_in_dump(told.decode(errors="replace"))
     where = "" if place is None else f" ({place})"
-    who = "with no plug-in; the memory may not have been enough"
-    if at_work:
-        who = f"while {at_work} was at work"
-    elif names:
-        who = f"with the plug-in{'s' * (len(names) > 1)} {', '.join(names)}"
-    return f"{cause}{where}, {who}"
+    who = f"while {at_work} was at work" if at_work else with_plugins(plugins)
+    return f"{cause}{where}, {who or 'with no plug-in; the memory may not have been enough'}"
+
+
+def with_plugins(plugins: Iterable[str]) -> str:
+    """ "with the plug-ins 'a:A', 'b:B'"; empty where there is none."""
+    names = list(dict.fromkeys(plugins))
+    return f"with the plug-in{'s' * (len(names) > 1)} {', '.join(names)}" if names else ""
 
 
 def _begin_watch(parent: int, pipe: int, note: mmap) -> None:
@@ -112,7 +125,9 @@ def _begin_watch(parent: int, pipe: int, note: mmap) -> None:
     folder = -1
     with suppress(OSError):
         folder = clear_of_streams(os.open(".", os.O_RDONLY))
-    _watch = _Watch(parent, os.getpid(), pipe, note, folder)
+    os.umask(umask := os.umask(0o077))
+    _watch = _Watch(parent, os.getpid(), pipe, note, folder, _copies(), umask)
+    say_stray_errors(lambda: _name_at_work() or ", ".join(_plugins))
     faulthandler.enable(pipe, all_threads=False)
     for name in LEAVING:
         leaving = _dumped(getattr(os, name), pipe, os.getpid())
@@ -120,8 +135,24 @@ def _begin_watch(parent: int, pipe: int, note: mmap) -> None:
             setattr(module, name, leaving)
 
 
+def _copies() -> tuple[int, int]:
+    """Copies of the descriptors of standard output and error; -1 where one is closed."""
+    copies = [-1, -1]
+    for place, number in enumerate((1, 2)):
+        with suppress(OSError):
+            copies[place] = clear_of_streams(os.dup(number))
+    return copies[0], copies[1]
+
+
+def _name_at_work() -> str:
+    return "" if _watch is None else _watch.note[:].rstrip(b"\0").decode(errors="replace")
+
+
 def end(status: int) -> NoReturn:
     """End the command with a status, which the supervisor gives to the shell whatever happens after."""
+    for name, shown in _shown.items():
+        if shown.unshown:
+            _say(f"{name} printed {shown.unshown} lines more, which were not shown")
     _tell(f"status {status}")
     if _watch is not None and os.getppid() != _watch.parent:
         # The supervisor was killed, which would have ended them.
@@ -150,7 +181,36 @@ def tell_signal(number: int) -> None:
     if _watch is not None:
         with suppress(OSError):
             faulthandler.dump_traceback(_watch.pipe, all_threads=False)
-        _tell(f"signal {number} {_watch.note[:].rstrip(bytes(1)).decode(errors='replace')}")
+        _tell(f"signal {number} {_name_at_work()}")
+
+
+def tell_unsaid(text: str) -> None:
+    """Let the supervisor say what this process cannot, whose stderr is closed."""
+    _tell(f"unsaid {json.dumps(text)}")
+
+
+def tell_written(place: Path, files: Mapping[str, Path]) -> None:
+    """Let the supervisor look, after the end, whether files are as they were written, where plug-ins were loaded.
+
+    Args:
+        place: the file, or the folder of several; of what is told twice, the last counts.
+        files: by the name that each is to have, where it is before it is renamed.
+    """
+    if _watch is not None:
+        _tell(f"written {json.dumps([str(place), {name: seal_of(file) for name, file in files.items()}])}")
+
+
+def seal_of(file: Path) -> str:
+    """The size of a file and a digest of its start; empty where it is not there, or not JSON as its name says."""
+    try:
+        with file.open("rb") as stream:
+            start = stream.read(SEALED)
+            size = os.fstat(stream.fileno()).st_size
+        if file.suffix == ".json" and size <= SEALED:
+            json.loads(start)
+    except (OSError, ValueError):
+        return ""
+    return f"{size} {hashlib.sha256(start).hexdigest()}"
 
 
 def tell_scratch(folder: Path) -> None:
@@ -174,7 +234,7 @@ def plugins_among(*things: Any) -> str:
 def at_work(plugins: str) -> Iterator[None]:
     """While plug-ins are called: the supervisor can name them; afterwards the folder and the streams are as before.
 
-    A copy of this process that a plug-in has made by ``os.fork`` ends here.
+    What they print goes to stderr, up to a limit. A copy of this process that one has made by ``os.fork`` ends here.
 
     Args:
         plugins: their names; empty where all that is called is built in.
@@ -184,6 +244,9 @@ def at_work(plugins: str) -> Iterator[None]:
         return
     note, before, streams = _watch.note, _watch.note[:], (sys.stdout, sys.stderr)
     note[:] = plugins.encode(errors="replace")[: len(note)].ljust(len(note), b"\0")
+    if sys.stderr is not None:
+        shown = _shown.setdefault(plugins, Shown(plugins))
+        sys.stdout = sys.stderr = ShownStream(sys.stderr, shown)
     try:
         yield
     finally:
@@ -191,11 +254,35 @@ def at_work(plugins: str) -> Iterator[None]:
             os._exit(1)
         note[:] = before
         sys.stdout, sys.stderr = streams
+        _restore_streams(plugins)
         return_to_folder()
 
 
+def _restore_streams(plugins: str) -> None:
+    """Let standard output and error lead where they led before, whatever plug-ins have made of their descriptors."""
+    assert _watch is not None
+    for number, name, copy in zip((1, 2), ("output", "error"), _watch.streams, strict=True):
+        # The copy is gone where all files were closed.
+        with suppress(OSError):
+            before = os.fstat(copy)
+            try:
+                same = os.path.samestat(before, os.fstat(number))
+            except OSError:
+                same = False
+            if not same:
+                os.dup2(copy, number)
+                _say(f"trackbench: {plugins} has closed standard {name}, or sent it elsewhere; it is as before again")
+
+
+def _say(text: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):
+        print(text, file=sys.stderr, flush=True)
+
+
 def return_to_folder() -> None:
-    """Go back to the folder in which the command was started, wherever a plug-in has gone."""
+    """Go back to the folder in which the command was started, and its umask, whatever a plug-in has changed."""
+    if _watch is not None:
+        os.umask(_watch.umask)
     if _watch is not None and _watch.folder >= 0:
         with suppress(OSError):
             os.fchdir(_watch.folder)

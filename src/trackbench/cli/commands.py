@@ -26,7 +26,7 @@ from trackbench.base.errors import InputError, OutputError, TrackbenchError, pri
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
-from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal
+from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal, tell_unsaid, with_plugins
 from trackbench.base.user_code import place_of
 
 log = logging.getLogger(__name__)
@@ -105,10 +105,19 @@ def _require_stdout() -> None:
 
 
 def _failed(text: str, status: int) -> int:
-    """The status, after a message on stderr if that can be written."""
-    with suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
+    """The status, after a message on stderr, or by the supervisor if that cannot be written."""
+    try:
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        tell_unsaid(text)
     return status
+
+
+def _with_plugins() -> str:
+    """The end of a message: with which plug-ins."""
+    words = with_plugins(loaded_plugins())
+    return words and f", {words}"
 
 
 def _abandon_streams() -> None:
@@ -197,18 +206,22 @@ def main() -> None:
     _open_missing_streams()
     try:
         status = _run()
-        if sys.stdout is not None:
+        if sys.stdout is not None and not sys.stdout.closed:
             sys.stdout.flush()
     except BrokenPipeError:
         status = UNREAD
     except OSError as error:
         where = "standard output" if error.filename is None else shortened(str(error.filename))
         if error.errno == errno.EMFILE:
-            status = _failed("trackbench: too many open files; raise the limit (ulimit -n)", BAD_INPUT)
+            status = _failed(
+                f"trackbench: too many open files; raise the limit (ulimit -n){_with_plugins()}", BAD_INPUT
+            )
         elif error.errno == errno.ENAMETOOLONG:
             status = _failed(f"{where}: the name is too long for the file system", BAD_INPUT)
         else:
-            status = _failed(f"trackbench: cannot write {where}: {error.strerror or error}", CANNOT_WRITE)
+            status = _failed(
+                f"trackbench: cannot write {where}: {error.strerror or error}{_with_plugins()}", CANNOT_WRITE
+            )
     except KeyboardInterrupt as error:
         status = _interrupted(error)
     _abandon_streams()
@@ -238,7 +251,7 @@ def _run() -> int:
     except InputError as error:
         return _failed(str(error), BAD_INPUT)
     except OutputError as error:
-        return _failed(f"trackbench: {error}", CANNOT_WRITE)
+        return _failed(f"trackbench: {error}{_with_plugins()}", CANNOT_WRITE)
     except TrackbenchError as error:
         return _failed(f"trackbench: {error}", BAD_INPUT)
     except click.Abort as error:
@@ -271,6 +284,8 @@ def _unexpected(error: BaseException) -> int:
         case UnicodeEncodeError():
             problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
             return _failed(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
+        case ValueError() if sys.stdout is None or sys.stdout.closed:
+            return _failed(f"trackbench: standard output was closed{_with_plugins()}", CANNOT_WRITE)
         case MemoryError():
             return _failed(
                 "trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT

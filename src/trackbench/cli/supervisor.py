@@ -6,6 +6,7 @@ command has told is a result.
 
 from __future__ import annotations
 
+import json
 import mmap
 import os
 import re
@@ -16,6 +17,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import NoReturn
 
 from trackbench.base import supervised
@@ -35,6 +37,8 @@ HELPERS = 1.0
 #: When a signal to end is sent on, s. Ctrl-C goes to both processes, and two signals at once may be taken by another
 #: thread of the command than the one that sleeps, which then sleeps on. What comes meanwhile is the same signal.
 AT_ONCE = 0.3
+#: Statuses that say that there is a result.
+WITH_RESULT = {0, 1, 3}
 #: The command is killed at the so many-th.
 IMPATIENT = 3
 ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
@@ -180,16 +184,36 @@ class _Supervisor:
             time.sleep(0.005)
         end_descendants(kept)
 
+    def _lost(self) -> str:
+        """The first file that is not as the command says it has written it, where plug-ins were loaded; else empty."""
+        if not self._values("plugin"):
+            return ""
+        for place, seals in dict(map(json.loads, self._values("written"))).items():
+            for name, seal in seals.items():
+                file = Path(place, name)
+                if not seal or supervised.seal_of(file) != seal:
+                    return str(file)
+        return ""
+
     def _status(self) -> int:
         signals = [value.partition(" ") for value in self._values("signal")]
         status = int(self._values("status")[-1]) if self._answered else None
+        for text in self._values("unsaid"):
+            _say(json.loads(text))
         if status is not None and not (signals and status == INTERRUPTED):
-            return status
+            if status not in WITH_RESULT or not (lost := self._lost()):
+                return status
+            _say(
+                f"trackbench: no result: {lost} is not there as it was written, "
+                f"{supervised.with_plugins(self._values('plugin'))}"
+            )
+            return BAD_INPUT
         for folder in self._values("scratch"):
             shutil.rmtree(folder, ignore_errors=True)
         number, _, at_work = signals[-1] if signals else ("", "", "")
         if self._interruptions or (signals and not at_work):
-            _say("interrupted: the unfinished run was not kept")
+            meanwhile = f" while {at_work} was at work" if at_work else ""
+            _say(f"interrupted{meanwhile}: the unfinished run was not kept")
             return INTERRUPTED
         assert self._ended is not None
         note, plugins = at_work.encode() or self._note[:], self._values("plugin")

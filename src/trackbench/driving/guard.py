@@ -5,6 +5,7 @@ It runs no code of a tracker, and there is one for each.
 
 from __future__ import annotations
 
+import codecs
 import os
 import select
 import signal
@@ -15,13 +16,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from trackbench.base.descendants import adopt_orphans, descendants, end_descendants, end_with_parent
+from trackbench.base.printed import Shown
 from trackbench.driving import host
 from trackbench.driving.wire import Limits, ProcessReport
 
 #: Between two looks at the memory, s.
 INTERVAL = 0.1
-#: Bytes of a shown line, on average.
-LINE = 200
 
 
 def watch(control: socket.socket, connection: socket.socket, dump: int, limits: Limits, template: int) -> NoReturn:
@@ -45,8 +45,9 @@ def watch(control: socket.socket, connection: socket.socket, dump: int, limits: 
 class _Guard:
     def __init__(self, control: socket.socket, limits: Limits, template: int) -> None:
         self._control, self._limits, self._template = control, limits, template
-        self._lines, self._bytes = limits.lines, limits.lines * LINE
-        self._unshown = self._memory = self._host = 0
+        self._shown = Shown(limits.name, limits.lines)
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._memory = self._host = 0
         self._status: int | None = None
         self._ending = False
         self._next_look = 0.0
@@ -71,7 +72,7 @@ class _Guard:
             self._control.close()
             os.dup2(self._printing, 1)
             os.dup2(self._printing, 2)
-            host.serve(connection, dump)
+            host.serve(connection, dump, self._limits.name)
         connection.close()
         os.close(dump)
         os.close(self._printing)
@@ -101,7 +102,7 @@ class _Guard:
         status = signal.SIGKILL if self._status is None else self._status
         with suppress(OSError):
             self._control.send(
-                ProcessReport(False, os.getpid(), status, self._memory, self._unshown, self._lines).packed()
+                ProcessReport(False, os.getpid(), status, self._memory, self._shown.unshown, self._shown.lines).packed()
             )
 
     def _end(self, *_: object) -> None:
@@ -115,18 +116,9 @@ class _Guard:
             for _ in range(16):
                 content = os.read(self._output, 65536)
                 total += len(content)
-                for line in content.splitlines(keepends=True):
-                    whole = line.endswith(b"\n")
-                    if self._lines > 0 and self._bytes > 0:
-                        with suppress(OSError):
-                            os.write(2, line[: self._bytes])
-                        self._bytes -= len(line)
-                        self._lines -= whole
-                        if self._lines <= 0 or self._bytes <= 0:
-                            with suppress(OSError):
-                                os.write(2, f"{self._limits.name}: what it prints from here on is not shown\n".encode())
-                    else:
-                        self._unshown += whole
+                if text := self._shown.admit(self._decoder.decode(content)):
+                    with suppress(OSError):
+                        os.write(2, text.encode())
         return total
 
     def _reap(self) -> None:

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.printed import say_stray_errors
 from trackbench.base.types import Estimate, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
@@ -105,14 +106,16 @@ class Host:
         return self._numbers
 
 
-def serve(connection: socket.socket, dump: int) -> NoReturn:
+def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
     """Answer the bench until it ends.
 
     Args:
         connection: to the bench.
         dump: file descriptor to which the traceback goes when the process is killed by a fault.
+        name: of the tracker.
     """
     _prepare(dump)
+    say_stray_errors(lambda: name)
     host = Host()
     while True:
         try:

@@ -7,6 +7,7 @@ import hashlib
 import logging
 import mmap
 import os
+import stat
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from trackbench.engine.vector_code import HEAD, WIDTH
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
 FORM = "4"
 FUNCTION = "kernel"
+#: To open a file without waiting for another process, and no link to another; Windows has neither.
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
 #: Of the checksum (SHA-256) of a kept file.
 CHECKSUM_BYTES = 32
 #: How hard LLVM tries: 1 gives the code of 2 in less time, 0 none that is worth running.
@@ -155,8 +158,8 @@ class KernelCache:
     def find(self, key: str) -> bytes | None:
         """What was kept under a key."""
         try:
-            # The owner is that of what is read, even if another file takes its name meanwhile.
-            with self._place(key).open("rb") as file:
+            # The owner is that of what is read, even if another file takes its name meanwhile. A pipe would wait.
+            with open(self._place(key), "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
                 if not _is_own(file.fileno()):
                     _say_refused(str(self._folder))
                     return None
@@ -178,10 +181,11 @@ class KernelCache:
 
 
 def _is_own(file: int) -> bool:
-    """Whether an open file belongs to the user of this process, and nobody else may write it."""
+    """Whether an open file is one on a disk that belongs to the user of this process, and nobody else may write it."""
     status = os.fstat(file)
     # Windows has no such owners and rights.
-    return os.name != "posix" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
+    own = os.name != "posix" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
+    return own and stat.S_ISREG(status.st_mode)
 
 
 def _checksum(key: str, code: bytes) -> bytes:

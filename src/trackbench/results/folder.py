@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
-from trackbench.base.supervised import return_to_folder, tell_scratch
+from trackbench.base.supervised import return_to_folder, tell_scratch, tell_written
 
 SUMMARY = "result.json"
 #: The same of an examination.
@@ -55,6 +55,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         for name, write in files.items():
             write(temporary / name)
         written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
+        tell_written(folder, {name: temporary / name for name in files})
         with _locked(folder.parent):
             _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
@@ -142,6 +143,7 @@ def write_bytes(path: Path, content: bytes) -> None:
             path.write_bytes(content)
         else:
             temporary.write_bytes(content)
+            tell_written(path.parent, {path.name: temporary})
             os.replace(temporary, path)
         log.info("wrote %s", path)
     except OSError as error:
