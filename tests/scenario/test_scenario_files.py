@@ -60,7 +60,7 @@ def test_not_yaml(tmp_path: Path, old: str, new: str, expected: str) -> None:
             "trackers",
         ),
         (b"name: a\nb: \xff\n", "FILE:2: not UTF-8 text (byte 0xff); save the file as UTF-8"),
-        (b"name: [" * 3000, "FILE: nested too deeply"),
+        (b"name: [" * 3000, "FILE:1: nested too deeply"),
         (
             b"a: &a [1,1,1,1,1,1,1,1,1,1]\n"
             + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 10)) for c in b"bcdef"),
@@ -131,3 +131,15 @@ def test_override_message(tmp_path: Path, override: str, expected: str) -> None:
     path.write_text(GOOD)
 
     assert messages(path, override) == [expected]
+
+
+def test_a_number_that_is_too_large_is_not_written_out(tmp_path: Path) -> None:
+    path = tmp_path / "large.yaml"
+    path.write_text(GOOD.replace("rate_hz: 20", "rate_hz: 1.0e+308", 1), encoding="utf-8")
+    assert "rate_hz: a whole number in Hz is needed, and this one is too large" in messages(path)[0]
+
+
+def test_nesting_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "deep.yaml"
+    path.write_text("name: deep\n" + "".join(f"{' ' * n}a:\n" for n in range(1500)), encoding="utf-8")
+    assert messages(path)[0].endswith(":102: nested too deeply")

@@ -18,6 +18,9 @@ from trackbench.base.errors import InputError, InputErrors
 
 #: Of a file as it is read, and again with its aliases and merges expanded; no scenario comes near this.
 MAX_VALUES = 100_000
+#: Lists and mappings in each other.
+MAX_DEPTH = 100
+TOO_DEEP = "nested too deeply"
 _TOO_MANY = f"more than {MAX_VALUES} values, aliases expanded"
 CONTROL = "a control character, which a scenario cannot hold"
 
@@ -78,7 +81,7 @@ def parse(text: str, file: str) -> YamlDocument:
         line = text.count("\n", 0, error.position) + 1
         raise InputError(CONTROL, file=file, line=line) from None
     except RecursionError:
-        raise InputError("nested too deeply", file=file) from None
+        raise InputError(TOO_DEEP, file=file) from None
     if builder.repeated:
         raise InputErrors(builder.repeated)
     builder.origins[()] = Origin(file, node.start_mark.line + 1 if node is not None else 1)
@@ -86,19 +89,25 @@ def parse(text: str, file: str) -> YamlDocument:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads no further than ``MAX_VALUES``."""
+    """Reads no further than ``MAX_VALUES``, and no deeper than ``MAX_DEPTH``."""
 
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text)
         self._file = file
-        self._count = 0
+        self._count = self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         # A key has no index.
         self._count += index is not None
         if self._count > MAX_VALUES:
             raise InputError(_TOO_MANY, file=self._file, line=self.line + 1)
-        return super().compose_node(parent, index)
+        if self._depth > MAX_DEPTH:
+            raise InputError(TOO_DEEP, file=self._file, line=self.line + 1)
+        self._depth += 1
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self._depth -= 1
 
 
 _Loader.yaml_implicit_resolvers = {}

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.streams import stream
+from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import ClutterPlace
+from trackbench.models.sensors.effects import answers
 from trackbench.sensing.scans import (
     IdealSensor,
     affected,
@@ -140,7 +142,7 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
 def _of_effects(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Iterator[FalseAlarms]:
     sensed = affected(sensor, seed, scenario, run)
     for place, effect in enumerate(sensor.config.effects):
-        alarms = effect.alarms(sensed, effect_stream(sensor, place, seed, scenario, run))
+        alarms = answers.alarms(effect, sensed, effect_stream(sensor, place, seed, scenario, run))
         if alarms is not None:
             instant, ideal = alarms
             random = stream(seed, scenario, run, f"false alarms of effect {place} of {sensor.name}")
@@ -250,7 +252,8 @@ def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Det
         measurement, detected, second = resolve(sensor, measurement, detected, run)
     keys = stream(seed, scenario, run, f"order of {sensor.name}").random(detected.shape)
     instant, number = np.nonzero(detected)
-    alarms = false_alarms(sensor, seed, scenario, run)
+    with at_work(plugins_among(sensor.config, *sensor.config.effects)):
+        alarms = false_alarms(sensor, seed, scenario, run)
     false = sum(len(part.instant) for part in alarms)
     instant = np.concatenate([instant, *(part.instant for part in alarms)])
     order = np.lexsort((np.concatenate([keys[detected], *(part.key for part in alarms)]), instant))

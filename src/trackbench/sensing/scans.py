@@ -13,7 +13,7 @@ from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
-from trackbench.models.sensors.effects import Bodies, Sensed
+from trackbench.models.sensors.effects import Bodies, Sensed, answers
 from trackbench.sensing.view import (
     detection_probability,
     firing_steps,
@@ -214,7 +214,7 @@ def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[A
     ideal, visible = sensor.measurement[..., of_run], sensor.visible[..., of_run]
     random = stream(seed, scenario, run, sensor.name)
     draws, chance = random.standard_normal(ideal.shape), random.random(visible.shape)
-    with at_work(plugins_among(sensor.config)):
+    with at_work(plugins_among(sensor.config, *sensor.config.effects)):
         if sensor.bodies is None:
             detected = visible & (chance < sensor.probability[..., of_run])
         else:
@@ -246,7 +246,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Sensed:
         np.zeros((len(sensor.noise_covariance), *visible.shape)),
     )
     for place, effect in enumerate(sensor.config.effects):
-        sensed = effect.before(sensed, effect_stream(sensor, place, seed, scenario, run))
+        sensed = answers.before(effect, sensed, effect_stream(sensor, place, seed, scenario, run))
     return sensed
 
 
@@ -265,7 +265,7 @@ def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
 def as_given(config: Sensor, measurement: Array) -> Array:
     """Measurements ``(m, ...)`` as the sensor gives them."""
     for effect in config.effects:
-        measurement = effect.after(measurement, config)
+        measurement = answers.after(effect, measurement, config)
     return measurement
 
 

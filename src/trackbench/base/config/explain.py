@@ -233,6 +233,10 @@ def _meaning(place: Place) -> str:
     return description[0].lower() + description[1:].rstrip(".")
 
 
+#: The largest whole number that a message writes.
+_WRITTEN = 1e15
+
+
 def _number(value: Any, key: str, *, whole: bool) -> str:
     unit = split_key(key)[1]
     wanted = "a whole number" if whole else "a number"
@@ -240,6 +244,8 @@ def _number(value: Any, key: str, *, whole: bool) -> str:
     if isinstance(value, float):
         if not math.isfinite(value):
             return f"{needed}, not {value}"
+        if abs(value) > _WRITTEN:
+            return f"{needed}, and this one is too large"
         near = sorted({math.floor(value), math.ceil(value)})
         return f"{needed}, not {value}; write {' or '.join(str(number) for number in near)}"
     if isinstance(value, int) and not isinstance(value, bool):

@@ -125,8 +125,16 @@ class Effect(Config, ABC):
         return None
 
 
+def _lacks(plugin: Any) -> str | None:
+    methods = ("before", "after", "alarms")
+    lacking = lacks_class(Effect)(plugin)
+    if lacking is None and all(getattr(plugin, name) is getattr(Effect, name) for name in methods):
+        return "it has none of before, after and alarms"
+    return lacking
+
+
 #: The effects by the names that scenarios use.
-EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor effect", lacks_class(Effect))
+EFFECTS: Registry[type[Effect]] = Registry("trackbench.sensor_effects", "sensor effect", _lacks)
 
 
 def by_component(sizes: Mapping[str, float], sensor: Sensor) -> Array:

@@ -1,0 +1,81 @@
+"""An effect of a user's own that returns what it must not is named, with its method and what that must return."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import trackbench as tb
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.plugins import Registry
+from trackbench.models.sensors.effects import EFFECTS
+
+SCENARIO = """\
+name: odd
+truth: {source: scripted, duration_s: 1, rate_hz: 10, objects: {car: {start: {x: 20, y: 5, speed_mps: 10}}}}
+sensing: {identities: %s}
+sensors: {lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, effects: [{type: "%s:Odd"}]}}
+trackers: {mine: {%s}}
+score: {%s}
+monte_carlo: {runs: 2, seed: 7}
+"""
+MODULE = """\
+import numpy as np
+from trackbench.models.sensors.effects import Effect
+
+class Odd(Effect):
+    "Is odd."
+    def %s
+        return %s
+"""
+BEFORE, AFTER, ALARMS = (
+    "before(self, sensed, random):",
+    "after(self, measurement, sensor):",
+    "alarms(self, sensed, random):",
+)
+#: By what a method returns, the end of the message.
+WRONG = [
+    (BEFORE, "None", "before must return a Sensed, as by sensed.replaced(...), not None"),
+    (BEFORE, "sensed.replaced(scale=None)", "before must return a Sensed whose scale is an array of numbers, not None"),
+    (
+        BEFORE,
+        "sensed.replaced(error=np.zeros(3))",
+        "before must return a Sensed whose error is an array of shape (2, 11, 1), not (3,)",
+    ),
+    (BEFORE, "sensed.replaced(probability=sensed.probability * np.nan)", "whose probability is finite, not nan"),
+    (AFTER, "None", "after must return an array of numbers, not None"),
+    (AFTER, "measurement[:1]", "after must return an array of shape (2, 11, 1), not (1, 11, 1)"),
+    (AFTER, "measurement + np.inf", "after must return finite, not inf"),
+    (ALARMS, "np.arange(3)", "alarms must return None, or the numbers of instants (n,) and measurements (2, n)"),
+    (ALARMS, "np.arange(3), np.zeros((2, 4))", "not arrays of shapes (3,) and (2, 4)"),
+    (ALARMS, "np.array([99]), np.zeros((2, 1))", "an instant is a whole number from 0 to 10"),
+    (ALARMS, "np.array([0]), np.full((2, 1), np.nan)", "a measurement is not finite"),
+]
+
+
+@pytest.mark.parametrize(("method", "returned", "message"), WRONG)
+def test_a_wrong_answer_is_said_with_its_method(
+    tmp_path: Path, write_module: Callable[..., str], method: str, returned: str, message: str
+) -> None:
+    module = write_module(tmp_path, MODULE % (method, returned))
+    hidden = method == ALARMS
+    file = tmp_path / "odd.yaml"
+    tracker = "filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}" if hidden else "use: raw"
+    file.write_text(
+        SCENARIO % ("hidden" if hidden else "known", module, tracker, "" if hidden else "settle_s: 0"), encoding="utf-8"
+    )
+    with pytest.raises(TrackbenchError) as error:
+        tb.run(file)
+    assert f"effect '{module}:Odd': " in str(error.value)
+    assert message in str(error.value)
+
+
+def test_an_effect_that_does_nothing_is_refused(tmp_path: Path, write_module: Callable[..., str]) -> None:
+    module = write_module(tmp_path, "from trackbench.models.sensors.effects import Effect\nclass Odd(Effect): pass\n")
+    registry: Registry[Any] = EFFECTS
+    with pytest.raises(TrackbenchError, match="is no sensor effect: it has none of before, after and alarms"):
+        registry.get(f"{module}:Odd", tmp_path)
+    assert not EFFECTS.failures()
