@@ -24,6 +24,7 @@ import weakref
 from collections import Counter, UserDict, UserList, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -292,6 +293,42 @@ def counts_by_out() -> Factor:
     return factor
 
 
+def counts_behind(wrap: Callable[[Callable[..., float]], Any]) -> Factor:
+    """In a function that a library's decorator made."""
+    count = itertools.count()
+    wrapped = wrap(lambda *_: of_count(next(count)))
+    return lambda x, dt: float(wrapped(1.0))
+
+
+def counts_in_a_list_behind(wrap: Callable[[Callable[..., float]], Any]) -> Factor:
+    calls = [0]
+
+    def counted(*_: Any) -> float:
+        calls[0] += 1
+        return of_count(calls[0])
+
+    wrapped = wrap(counted)
+    return lambda x, dt: float(wrapped(1.0))
+
+
+def counts_in_a_module_named_as_one_of_python() -> Factor:
+    scope: dict[str, Any] = {"__name__": "_math", "count": itertools.count()}
+    exec("def gain():\n    return next(count)", scope)
+    gain = scope["gain"]
+    return lambda x, dt: of_count(gain())
+
+
+def counts_as_text(text: Callable[[Any], str]) -> Factor:
+    class Gain:
+        count = itertools.count()
+
+        def __str__(self) -> str:
+            return "1.0" if next(self.count) < AFTER else "1.2"
+
+    gain = Gain()
+    return lambda x, dt: float(text(gain))
+
+
 def counts_rarely(holder: Any) -> Factor:
     """Only where an object has come far enough, which is not so at first."""
 
@@ -313,7 +350,17 @@ def remembers_the_last() -> Factor:
     return factor
 
 
+DECORATORS: dict[str, Callable[[Callable[..., float]], Any]] = {
+    "errstate": np.errstate(divide="ignore"),
+    "singledispatch": functools.singledispatch,
+    "frompyfunc": lambda function: np.frompyfunc(function, 1, 1),
+}
 COUNTERS: dict[str, Callable[[], Factor]] = {
+    **{name: partial(counts_behind, wrap) for name, wrap in DECORATORS.items()},
+    **{f"{name}, in a list": partial(counts_in_a_list_behind, wrap) for name, wrap in DECORATORS.items()},
+    "a module named _math": counts_in_a_module_named_as_one_of_python,
+    "f-string": lambda: counts_as_text(lambda gain: f"{gain}"),
+    "%s": lambda: counts_as_text(lambda gain: "%s" % gain),  # noqa: UP031
     "list entry": lambda: counts_item([0]),
     "dict entry": lambda: counts_item({"n": 0}, "n"),
     "array": lambda: counts_item(np.zeros(2)),
@@ -509,6 +556,20 @@ def by_try(x: Any, dt: Any) -> float:
         return 1.2
 
 
+def by_rounding(x: Any, dt: Any) -> float:
+    try:
+        return 1.0 + 0.1 * round(dt, 1)
+    except TypeError:
+        return 1.2
+
+
+def by_a_method(x: Any, dt: Any) -> Any:
+    try:
+        return 1.0 + 1e-3 * x[0].clip(0.0, LIMIT)
+    except AttributeError:
+        return 1.2
+
+
 #: Each member by itself, but by another way for arrays than for symbols; or as it should be.
 BRANCHES: dict[str, Factor] = {
     "where": lambda x, dt: np.where(x[0] > LIMIT, 1.2, 1.0),
@@ -521,6 +582,12 @@ BRANCHES: dict[str, Factor] = {
     "isscalar": lambda x, dt: 1.0 if np.isscalar(dt) else 1.2,
     "hasattr": lambda x, dt: 1.0 if hasattr(x, "strides") else 1.2,
     "try": by_try,
+    "try to round": by_rounding,
+    "try a method": by_a_method,
+    "class": lambda x, dt: 1.0 if x.__class__ is np.ndarray else 1.2,
+    "type of the time step": lambda x, dt: 1.0 if type(dt) is float else 1.2,
+    "a key of a dict": lambda x, dt: {0.1: 1.2}.get(dt, 1.0),
+    "text": lambda x, dt: 1.2 if f"{dt}" == "0.1" else 1.0,
     "if on the time step": lambda x, dt: 1.2 if dt > 0.05 else 1.0,
     "callable": lambda x, dt: 1.0 if callable(x.tobytes) else 1.2,
 }

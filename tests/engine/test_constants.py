@@ -173,6 +173,20 @@ def test_what_draws_or_asks_the_time_is_left_to_numpy(kernels: Kernels, name: st
     assert not used.invalid
 
 
+def test_a_model_may_ask_for_its_own_class_and_write_messages(kernels: Kernels) -> None:
+    class Gain:
+        value = 1.1
+
+        def factor(self, x: Array, dt: float) -> float:
+            if self.value < 0.0:
+                raise ValueError(f"{type(self).__name__} of {self.value}, {self.__class__.__name__}")
+            return type(self).value
+
+    path, used = driven(by_factor(Gain().factor), kernels)
+    np.testing.assert_allclose(path, driven(by_factor(Gain().factor), None)[0], rtol=1e-10)
+    assert used == EngineUsed("fused")
+
+
 def test_few_honest_models_are_left_to_numpy(kernels: Kernels) -> None:
     """At most 5 % of those that people write, each compiled to the same numbers."""
     left: dict[str, str] = {}

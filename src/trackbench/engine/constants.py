@@ -52,14 +52,15 @@ WRAPPERS: dict[type, tuple[str, ...]] = {
 #: Python's own functions that give the same for the same.
 BUILTINS = {
     *(abs, all, any, bool, bytes, callable, complex, dict, divmod, enumerate, filter, float, frozenset, int),
-    *(isinstance, issubclass, iter, len, list, map, max, min, next, object, pow, property, range, reversed, round),
-    *(set, slice, sorted, sum, super, tuple, type, zip),
+    *(issubclass, iter, len, list, map, max, min, next, object, pow, property, range, reversed, round),
+    *(set, slice, sorted, sum, super, tuple, zip),
 }
 #: Packages whose functions do, and the names in them of those that do not.
 PURE = {
     **dict.fromkeys(("math", "cmath", "itertools", "functools", "dataclasses", "typing", "enum"), ""),
     "operator": "attrgetter methodcaller",
-    "numpy": "random load loadtxt genfromtxt fromfile fromregex save savez savez_compressed savetxt memmap vectorize",
+    "numpy": "random load loadtxt genfromtxt fromfile fromregex save savez savez_compressed savetxt memmap vectorize "
+    "isscalar iterable",
     **dict.fromkeys(("scipy.linalg", "scipy.special", "scipy.constants"), ""),
     **dict.fromkeys((f"trackbench.{name}" for name in ("base.linalg", "base.units", "base.types")), ""),
     **dict.fromkeys(("trackbench.models", "trackbench.filters"), ""),
@@ -80,6 +81,11 @@ PUBLIC = frozenset(
 )
 #: Of a function that refers to a name that is not yet bound.
 EMPTY = CellType()
+#: Behind ``type`` where a method asks for its own class.
+OF_SELF = "of self"
+#: By these instructions, and by %, methods are called that give a text.
+FORMATS = {"FORMAT_VALUE", "FORMAT_SIMPLE", "FORMAT_WITH_SPEC", "CONVERT_VALUE"}
+TEXTS = {"__str__", "__repr__", "__format__"}
 LOADS = {"LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR"}
 #: Instructions that change something, or read what cannot be followed.
 REFUSED = {
@@ -172,23 +178,34 @@ def code_reads(code: CodeType) -> CodeReads:
     Raises:
         Untraceable: it changes something, or reads what cannot be followed.
     """
-    result, chain, before = CodeReads([], [], set()), False, None
-    for step in [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]:
+    result, chain, before, last = CodeReads([], [], set()), False, None, ""
+    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
+    for number, step in enumerate(steps):
         name, line = step.argval, step.positions.lineno if step.positions else None
+        if last == "PUSH_EXC_INFO" and step.opname != "WITH_EXCEPT_START":
+            # Symbols may raise others than arrays do.
+            raise refusal("it handles errors", code, line)
+        if step.opname in FORMATS or step.argrepr in ("%", "%="):
+            result.attributes.update(TEXTS)
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-            result.names.append((name,))
+            after = [step.argval if step.opname.startswith("LOAD") else "" for step in steps[number + 1 : number + 3]]
+            result.names.append((name, OF_SELF) if name == "type" and after == [_self(code), ""] else (name,))
             result.lines.append(line or code.co_firstlineno)
         elif step.opname in LOADS:
             if chain:
                 result.names[-1] += (name,)
             # By a string's format other attributes are read.
-            if "format" in name or (name.startswith("__") and name not in CONSTRUCTORS | {"__class__", "__name__"}):
+            # Dataclasses compare the class of another with their own.
+            of_class = name == "__name__" or (
+                name == "__class__" and (before == _self(code) or code.co_name == "__eq__")
+            )
+            if "format" in name or (name.startswith("__") and name not in CONSTRUCTORS and not of_class):
                 raise refusal(f"it reads {name}", code, line)
             result.attributes.add(name)
         elif step.opname in REFUSED and not _harmless(step.opname, name, before, code):
             raise refusal(f"it {REFUSED[step.opname]} {name}", code, line)
         chain = step.opname == "LOAD_GLOBAL" or (chain and step.opname in LOADS)
-        before = step.argval
+        before, last = step.argval[-1] if isinstance(step.argval, tuple) else step.argval, step.opname
     for part in (part for part in code.co_consts if isinstance(part, CodeType)):
         names, lines, attributes = code_reads(part)
         result.names.extend(names)
@@ -201,8 +218,12 @@ def _harmless(operation: str, name: str, before: Any, code: CodeType) -> bool:
     """Whether an instruction sets a variable of its own, or an attribute of the object that it constructs."""
     if operation == "STORE_DEREF":
         return name in code.co_cellvars
-    of = before[-1] if isinstance(before, tuple) else before
-    return operation == "STORE_ATTR" and code.co_name in CONSTRUCTORS and of == code.co_varnames[0]
+    return operation == "STORE_ATTR" and code.co_name in CONSTRUCTORS and before == code.co_varnames[0]
+
+
+def _self(code: CodeType) -> str | None:
+    """The name of a method's first argument, if it is the usual one."""
+    return next((name for name in code.co_varnames[:1] if name in ("self", "cls")), None)
 
 
 def refusal(what: str, code: CodeType, line: int | None) -> Untraceable:
@@ -284,6 +305,10 @@ class _Reader:
         if at not in scope:
             return "unbound"
         value = scope[at]
+        if value is type and chain[1:] == (OF_SELF,):
+            return value
+        if value is type or value is isinstance:
+            raise Untraceable("it asks for a type")
         for attribute in chain[1:]:
             if type(value) is ModuleType:
                 at = f"{at}.{attribute}"
@@ -337,18 +362,38 @@ class _Reader:
 def _of_library(value: Any) -> bool:
     """Whether a function or class is of a library, and gives the same for the same."""
     if isinstance(value, np.ufunc):
-        return True
+        # np.frompyfunc makes others, of any function.
+        spaces = (sys.modules.get(name) for name in ("numpy", "scipy.special"))
+        return any(getattr(space, value.__name__, None) is value for space in spaces)
     if isinstance(value, BuiltinFunctionType) and not isinstance(value.__self__, ModuleType):
         # Named tuples are made by it.
         return bool(value == tuple.__new__)
     if not (isinstance(value, FunctionType | BuiltinFunctionType | type) or type(value) is type(np.sum)):
         return False
-    path = value.__globals__.get("__name__") if isinstance(value, FunctionType) else value.__module__
+    path = str(value.__globals__.get("__name__") if isinstance(value, FunctionType) else value.__module__)
     if path == "builtins":
         return value in BUILTINS or (isinstance(value, type) and issubclass(value, BaseException))
-    path = str(path).removeprefix("_")
+    module = sys.modules.get(path)
+    if _is_file_of_user(getattr(module, "__file__", None)) or not _is_where_it_says(value, module):
+        return False
+    # Of what is written in C.
+    path = path.removeprefix("_") if path in sys.stdlib_module_names else path
     others = [PURE[name] for name in PURE if f"{path}.".startswith(f"{name}.")]
     return bool(others) and not {*path.split("."), value.__name__} & {*others[0].split()}
+
+
+def _is_where_it_says(value: Any, at: Any) -> bool:
+    """Whether a function is the one of its name in its module; what a decorator of a library makes is in none."""
+    if not isinstance(value, FunctionType):
+        return True
+    for part in value.__qualname__.split("."):
+        at = getattr(at, part, None)
+    return getattr(at, "__func__", at) is value
+
+
+@cache
+def _is_file_of_user(file: str | None) -> bool:
+    return file is not None and last_of_user([Frame(file, 1, "")]) is not None
 
 
 def _top(module: str) -> str:

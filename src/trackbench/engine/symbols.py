@@ -94,9 +94,6 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         nodes = cast(self.graph, nodes_of(self.graph, _plain(self.graph, value)), is_boolean(self.nodes))
         self.nodes[key] = nodes if nodes.ndim else nodes[()]
 
-    def __hash__(self) -> int:
-        return id(self)
-
     def __bool__(self) -> NoReturn:
         self.graph.refuse("a branch on a single value; np.where, or np.all or np.any, can be traced")
 
@@ -104,6 +101,17 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         self.graph.refuse("a number is asked for, where the value is known only later")
 
     __float__ = __int__ = __index__ = __complex__ = __array__ = item = tolist = _not_a_number
+
+    def _not_an_array(self, *_: Any) -> NoReturn:
+        self.graph.refuse("the hash or the text of a value is asked for")
+
+    __hash__ = __repr__ = __str__ = __format__ = _not_an_array
+
+    def __getattr__(self, name: str) -> NoReturn:
+        # By some of these NumPy asks what an object can do.
+        if name.startswith("__"):
+            raise AttributeError(name)
+        self.graph.refuse(f"the attribute {name} of an array, which cannot be traced")
 
     def astype(self, dtype: Any) -> Symbol:
         if np.dtype(dtype) not in (float, bool):
