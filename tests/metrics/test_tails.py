@@ -114,7 +114,7 @@ def test_both_words_are_said_with_what_is_off():
     others = [each for each in result.summary.trackers if each.name != tracker.name]
     result = result.updated(trackers=[tracker, *others])
     (cells,) = (cells for heading, cells in track_values(result) if heading == "NEES")
-    assert [cell.plain for cell in cells if "+" in cell.plain] == [f" {nees.mean:.1f} pessimistic+tail"]
+    assert [cell.plain for cell in cells if "+" in cell.plain] == [f" {nees.mean:.1f} pessimistic+"]
     ((word, heading, metrics),) = named({"kf": nees})
     assert (word, heading, list(metrics)) == ("heavy-tailed", NAMED["heavy-tailed"], ["kf"])
     assert what_is_off(nees, 1, word).startswith("2 % beyond the 99.9 % point (0.1 % expected)")

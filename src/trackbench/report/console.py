@@ -97,7 +97,7 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
         width = max(map(len, means))
         styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
         # Both words fit 80 columns in this form; a note below has the whole one.
-        words = [m.words.replace(", heavy-tailed", "+tail") for m in metrics]
+        words = [m.words.replace(", heavy-tailed", "+") for m in metrics]
         return [
             Text.assemble((f"{mean:>{width}}", ""), (f" {word}" if word else "", style))
             for mean, word, style in zip(means, words, styles, strict=True)
@@ -272,7 +272,9 @@ def _notes(result: Result) -> list[str]:
     for word, heading, of in named({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
         # One tail, or three means, fit 80 columns.
         most = 1 if word == "heavy-tailed" else 3
-        notes += [f"{word}: {heading}:", *(f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items())]
+        beside = any(nees.verdict != word for nees in of.values())
+        notes.append(f"{word}{' (+)' if beside else ''}: {heading}:")
+        notes += [*(f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items())]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):
