@@ -46,7 +46,7 @@ def test_the_sentence_names_the_worlds(results: list[tb.Result]) -> None:
     comparison = tb.compare(results)
     assert {name for order in comparison.worlds for name in (order.a, order.b)} == {"slow", "mid", "fast"}
     smallest, order = sentences(comparison)
-    assert smallest == "small: the smallest error has slow in ideal and typical."
+    assert smallest == "small: smallest error of slow in ideal and typical."
     assert order.startswith("slow is ahead of ")
     assert "ideal" in order
 

@@ -61,7 +61,7 @@ def _smallest(comparison: Comparison, scenario: str, worlds: list[str]) -> str:
         }
         where.setdefault(min(values, key=values.__getitem__), []).append(world)
     parts = [f"{name} in {joined(worlds)}" for name, worlds in where.items()]
-    return f"{scenario}: the smallest error has {'; '.join(parts)}."
+    return f"{scenario}: smallest error of {'; '.join(parts)}."
 
 
 def _sentence(order: OrderInWorlds) -> str:
