@@ -22,6 +22,9 @@ EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
 
+#: At the end of the name of what is not whole yet.
+UNFINISHED = ".unfinished"
+
 
 def to_json(summary: Mapping[str, Any]) -> str:
     """The summary as JSON.
@@ -46,7 +49,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     return_to_folder()
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=UNFINISHED, dir=folder.parent))
     except OSError as error:
         raise InputError(f"cannot write to {folder.parent}: {error.strerror}") from error
     tell_scratch(temporary)
@@ -136,14 +139,16 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{UNFINISHED}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
             path.write_bytes(content)
         else:
             temporary.write_bytes(content)
-            tell_written(path.parent, {path.name: temporary})
+            if path.parent.suffix != UNFINISHED:
+                # What a folder holds is told when it is whole.
+                tell_written(path.parent, {path.name: temporary})
             os.replace(temporary, path)
         log.info("wrote %s", path)
     except OSError as error:
