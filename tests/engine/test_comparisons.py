@@ -213,6 +213,7 @@ from trackbench.models.motion import ConstantVelocity
 
 GAIN = 1.0
 CALLS = [0]
+COUNT = 0
 
 class Mine(ConstantVelocity):
     linear: ClassVar[bool] = False
@@ -225,6 +226,7 @@ BODIES = {
     "if np.all(x[0] > 40): x = 1.01 * x": (OTHER_NUMBERS, True),
     "if np.random.random() < 0.001: dt = 2 * dt": ("np.random.random is a function that is not known to give", False),
     "if np.any(x[0] > 40): CALLS[0] += 1": (CHANGED, False),
+    "if np.any(x[0] > 55): CALLS[0] = 5\n        dt = dt * (1 + CALLS[0])": (CHANGED, False),
     "open('/dev/null').close()": ("open is a function that is not known to give the same for the same", False),
 }
 
@@ -258,13 +260,42 @@ def test_the_result_is_that_of_numpy_where_machine_code_is_wrong(
     assert line.startswith("mine: mine was computed by NumPy: ")
     assert reason in line
     caplog.clear()
+    sys.modules[module_of(file)].CALLS[0] = 0
     by_numpy = mine(file, "numpy")
-    assert all(DEPENDENT in message for message in caplog.messages)
-    # Whether it is depends on the member that is drawn.
-    assert len(caplog.messages) <= dependent
+    assert all(DEPENDENT in message or CHANGED == reason in message for message in caplog.messages)
+    # Whether it is depends on the member that is drawn, and on the instant.
+    assert len(caplog.messages) <= (dependent or reason == CHANGED)
     assert fused["engine"] == "numpy"
     error, expected = (tracker["metrics"]["position_rmse"]["value"] for tracker in (fused, by_numpy))
+    # What machine code of a model has changed is put back.
     assert error == pytest.approx(expected, rel=1e-12)
+
+
+SETS = {
+    "COUNT += 1": "it sets the global COUNT",
+    "CALLS[0] += 1": CHANGED,
+}
+
+
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize("body", SETS)
+def test_by_numpy_too_it_is_said_that_a_model_changes_itself(
+    body: str, scenario: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    mine(scenario(f"global COUNT\n        {body}"), "numpy")
+    (line,) = caplog.messages
+    assert SETS[body] in line
+
+
+@pytest.mark.usefixtures("kernels")
+def test_dependence_is_found_where_a_model_cannot_be_traced(
+    scenario: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    """With the usual cause."""
+    mine(scenario("x = x + np.array([1e-3, 0.0, 0.0, 0.0])[:, None] * x[2].mean()"), "fused")
+    (line,) = caplog.messages
+    assert DEPENDENT in line
+    assert "write np.where" in line
 
 
 @pytest.mark.usefixtures("kernels")

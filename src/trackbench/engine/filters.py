@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
@@ -78,6 +77,10 @@ class FusedFilter:
         if self._kernels.compiles and self._by_kernels and any(source.changed for source in sources):
             self._untraced |= {} if CHANGED in self._untraced.values() else {"all steps": CHANGED}
             self._invalid = True
+        if self._invalid:
+            # All runs begin once more.
+            for source in sources:
+                source.put_back()
         engine: ComputedBy = "fused and numpy" if self._untraced or self._again else "fused"
         if self._untraced and not self._by_kernels:
             engine = "numpy"
@@ -180,15 +183,17 @@ class FusedFilter:
         if equations is None:
             equations = self._equations[key] = self._made(name, function, values, scan, made_for)
         before, disagreements = self._kernels.members_by_numpy, self._kernels.disagreements
-        result = self._kernels(equations, values)
-        self._scan = None
-        self._again += self._kernels.members_by_numpy - before
-        self._invalid |= self._kernels.disagreements > disagreements
-        if equations.key in self._kernels.untraced:
-            self._untraced.setdefault(*self._kernels.untraced[equations.key])
-        else:
-            self._by_kernels = True
-        return result
+        try:
+            return self._kernels(equations, values)
+        finally:
+            self._scan = None
+            self._again += self._kernels.members_by_numpy - before
+            self._invalid |= self._kernels.disagreements > disagreements
+            if equations.key in self._kernels.untraced:
+                title, why = self._kernels.untraced[equations.key]
+                self._untraced[title] = why
+            else:
+                self._by_kernels = True
 
     def _sensor_of(self, scan: Scan | None) -> str | None:
         """The sensor's name, where the filter's equations depend on it."""
@@ -276,16 +281,9 @@ class CheckedFilter:
 
     def _check(self, name: str, arguments: Sequence[Any]) -> None:
         """Ask again, unless that would change what the models give."""
-        begin = time.perf_counter()
-        sensors = [SENSOR_MODELS[argument.kind] for argument in arguments if isinstance(argument, Scan)]
-        sources = [*user_sources(self._checked.form), *map(SourceFingerprint, filter(is_user_type, sensors))]
-        if not any(source.refusal for source in sources):
-            # What cannot be asked again has no other fault than that.
-            with suppress(Exception), ExitStack() as stack:
-                for source in sources:
-                    stack.enter_context(source.kept())
-                getattr(self._checked, name)(*arguments)
-        self._kernels.comparisons.took(time.perf_counter() - begin)
+        # What cannot be asked again has no other fault than that.
+        with suppress(Exception):
+            getattr(self._checked, name)(*arguments)
 
 
 @cache

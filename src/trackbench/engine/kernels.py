@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Hashable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -16,19 +16,23 @@ import numpy.typing as npt
 from trackbench.base.types import Array, Mask
 from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
+from trackbench.engine.constants import CHANGES
 from trackbench.engine.equations import Equations, Values, batch_of, by_numpy, by_numpy_alone
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout, packed, source_key, unpacked
 from trackbench.engine.machine import FUNCTION, KernelCache, MachineCode, Processor
 from trackbench.engine.trace import trace
-from trackbench.engine.user_equations import MEMBERS, MEMBERS_AT_FIRST, Comparisons, user_sources
+from trackbench.engine.user_equations import MEMBERS, MEMBERS_AT_FIRST, Comparisons, changes_itself, user_sources
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
 #: From how many members on a group is computed by itself: its last vector computes some members twice.
 LEAST_GROUP = 8 * vector_code.WIDTH
 OTHER_NUMBERS = "its machine code gives other numbers than NumPy"
-DEPENDENT = "the numbers of a member depend on the others in its batch"
+DEPENDENT = (
+    "the numbers of a member depend on the others in its batch "
+    "(np.all, np.any and a mean over the last axis mix members: write np.where)"
+)
 CHANGED = "what it reads changed during the run"
 #: How many members are compared beside those that NumPy computes in any case.
 BESIDE = 4
@@ -97,6 +101,11 @@ class Kernels:
         if not self.compiles:
             return self._asked_again(equations, values)
         plan = self._plan(equations, values)
+        asked = plan.kernel is None and plan.of_user and equations.key not in self._distrusted
+        if asked and self.comparisons.due(equations.key):
+            # What cannot be asked again has no other fault than that.
+            with suppress(Exception):
+                self._asked_again(equations, values)
         if plan.kernel is None or plan.members == 0:
             return by_numpy(equations, values)
         outputs, held = _run(plan, plan.kernel, values)
@@ -264,17 +273,36 @@ class Kernels:
         return True
 
     def _asked_again(self, equations: Equations, values: Values) -> dict[str, Array]:
-        """What NumPy gives; notes where a member by itself has other numbers."""
-        # A function may write into its inputs.
-        copies = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        outputs = by_numpy(equations, copies)
-        batch = batch_of(equations.ranks, values)
-        own = {name: value for name, value in outputs.items() if np.shape(value)[-len(batch) :] == batch}
-        if prod(batch) > 1:
-            place = self.comparisons.drawn(np.arange(prod(batch)), 1)
-            expected = by_numpy_alone(equations, batch, values, own, place)
-            if not self.comparisons.agree(equations, batch, values, own, expected, place, place):
-                self.untraced[equations.key] = equations.name, DEPENDENT
+        """What NumPy gives; notes where a member by itself has other numbers, or where a user's code changes itself.
+
+        Raises:
+            Untraceable: to ask again would change what a user's code gives, or has changed it; that is put back.
+        """
+        begin, sources = time.perf_counter(), set(user_sources(equations.key))
+        try:
+            if any(source.refusal for source in sources):
+                raise Untraceable(changes_itself(sources))
+            # A function may write into its inputs.
+            copies = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+            with ExitStack() as stack:
+                for source in sources:
+                    stack.enter_context(source.kept())
+                outputs = by_numpy(equations, copies)
+                batch = batch_of(equations.ranks, values)
+                own = {name: value for name, value in outputs.items() if np.shape(value)[-len(batch) :] == batch}
+                place = self.comparisons.drawn(np.arange(prod(batch)), 1)
+                expected = by_numpy_alone(equations, batch, values, own, place) if prod(batch) > 1 else {}
+                if expected and not self.comparisons.agree(equations, batch, values, own, expected, place, place):
+                    _, why = self.untraced.get(equations.key, ("", DEPENDENT))
+                    both = dict.fromkeys([*why.split("; "), DEPENDENT])
+                    self.untraced[equations.key] = equations.name, "; ".join(both)
+        except Untraceable as reason:
+            if str(reason):
+                why = CHANGED if str(reason) == CHANGES else f"{reason}: numbers may depend on the order of calls"
+                self.untraced.setdefault(equations.key, (equations.name, why))
+            raise
+        finally:
+            self.comparisons.took(time.perf_counter() - begin)
         return outputs
 
 

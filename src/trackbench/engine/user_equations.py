@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -40,6 +40,11 @@ def user_sources(key: Hashable) -> Iterator[SourceFingerprint]:
     elif isinstance(key, tuple):
         for part in key:
             yield from user_sources(part)
+
+
+def changes_itself(sources: Iterable[SourceFingerprint]) -> str:
+    """Of sources that set what later calls read, what the first one sets; else empty."""
+    return next((item.refusal for item in sources if item.refusal.startswith(("it sets ", "it deletes "))), "")
 
 
 class Comparisons:
