@@ -20,8 +20,7 @@ KINDS = tuple(SOUND)
 
 PLUG_INS = """\
 import asyncio, atexit, builtins, ctypes, gc, os, posix, resource, shutil, signal, socket, subprocess, sys, threading
-import time, warnings
-from pathlib import Path
+import time, warnings; from pathlib import Path
 import numpy as np
 from trackbench.metrics import Metric
 from trackbench.models.motion.cv import ConstantVelocity

@@ -212,6 +212,8 @@ class _Supervisor:
             shutil.rmtree(folder, ignore_errors=True)
         number, _, at_work = signals[-1] if signals else ("", "", "")
         if self._interruptions or (signals and not at_work):
+            # One that does not listen to signals has told of none.
+            at_work = at_work or self._note[:].rstrip(b"\0").decode(errors="replace")
             meanwhile = f" while {at_work} was at work" if at_work else ""
             _say(f"interrupted{meanwhile}: the unfinished run was not kept")
             return INTERRUPTED
