@@ -3,11 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-<<<<<<< HEAD
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned reference recorded clean $(GENERATED)
-=======
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
->>>>>>> a90b0a6e (Drivers fitted to recorded traffic: make drivers, results/drivers, docs/drivers.md; human drivers cost 5 to 11 % more)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"

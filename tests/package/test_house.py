@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 from types import ModuleType
 
 import pytest
-from tests.support.places import DOCS
+from tests.support.places import DOCS, ROOT
 
 #: Packages below the command line stand on so many floors at most.
 MOST_FLOORS = 12
@@ -38,3 +39,8 @@ def test_every_package_of_the_core_is_described(figure: ModuleType) -> None:
     page = (DOCS / "developing.md").read_text(encoding="utf-8")
     core = [package for package in figure.imports_of_packages() if "." not in package and package != "testing"]
     assert [package for package in core if f"`{package}`" not in page] == []
+
+
+def test_make_reads_its_file() -> None:
+    done = subprocess.run(["make", "--dry-run", "help"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
