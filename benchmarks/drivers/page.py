@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry
 
+from ..markdown import table
 from .recorded import DT, Window
 from .reversal import RUNS, SCENES
 from .statistics import NAMES, acceleration, autocorrelation
@@ -42,7 +43,7 @@ def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
     yield "polynomial of second order over 2.1 s, of recorded and of simulated speeds."
     yield ""
     columns = fit["statistics"]
-    yield from _table(
+    yield from table(
         ["", *columns], [[name, *(_short(of[key]) for of in columns.values())] for key, name in NAMES.items()]
     )
     yield "![Distribution and autocorrelation of the acceleration](../../docs/images/drivers.svg)"
@@ -58,7 +59,7 @@ def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
     ):
         yield f"{name}; taken: `{size}: {drivers[size]:g}`"
         yield ""
-        yield from _table(["correlation time, s", "size", "misfit"], [[_short(v) for v in trial] for trial in trials])
+        yield from table(["correlation time, s", "size", "misfit"], [[_short(v) for v in trial] for trial in trials])
 
 
 def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
@@ -74,7 +75,7 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
         [world, *(" / ".join(_short(v) for v in of["errors"][name].values()) for name in trackers)]
         for world, of in worlds.items()
     ]
-    yield from _table(["drivers", *trackers], rows)
+    yield from table(["drivers", *trackers], rows)
     yield "Error of `ekf_cv` less that of the other, with its 95 % interval over scenes: below zero `ekf_cv` is ahead."
     yield ""
     rows = [
@@ -82,15 +83,7 @@ def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:
         for world, of in worlds.items()
         for pair in of["differences"]
     ]
-    yield from _table(["drivers", "metric", "other", "difference"], rows)
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    yield f"| {' | '.join(headings)} |"
-    yield f"| :-- |{' --: |' * (len(headings) - 1)}"
-    for row in rows:
-        yield f"| {' | '.join(row)} |"
-    yield ""
+    yield from table(["drivers", "metric", "other", "difference"], rows)
 
 
 def _short(value: float | None) -> str:

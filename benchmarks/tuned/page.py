@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from trackbench.subjects.tuning.parameters import Parameter
 
+from ..markdown import table
 from .protocol import Protocol
 
 #: What is shown, by what it is called and its unit.
@@ -57,7 +58,7 @@ def _best(protocol: Protocol, scores: Scores) -> Iterator[str]:
         "the velocity is that of the same values, and is not tested."
     )
     yield ""
-    yield from _table(
+    yield from table(
         ["scenario", "position, m", "velocity, m/s", "position with the scenario's own values"],
         [
             [
@@ -108,7 +109,7 @@ def _errors(protocol: Protocol, scores: Scores, metric: str) -> Iterator[str]:
             diverged = f" [{tracker['diverged']}]" if tracker["diverged"] else ""
             cells.append(_bold(_error(tracker[metric]) + diverged, item in best))
         rows.append([name, *cells])
-    yield from _table(["scenario", *protocol.trackers, "smoothed"], rows)
+    yield from table(["scenario", *protocol.trackers, "smoothed"], rows)
 
 
 def _covariance(protocol: Protocol, scores: Scores) -> Iterator[str]:
@@ -126,7 +127,7 @@ def _covariance(protocol: Protocol, scores: Scores) -> Iterator[str]:
         rows.append(
             [name, *(_bold(f"{item['value']:.1f} {item['verdict']}", item["verdict"] == "consistent") for item in nees)]
         )
-    yield from _table(["scenario", *protocol.trackers], rows)
+    yield from table(["scenario", *protocol.trackers], rows)
 
 
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
@@ -148,7 +149,7 @@ def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
             costs.append((family / own - 1.0, name, item))
             cells.append(_bold(f"{family / own - 1.0:+.1%}", family / own - 1.0 > REGRET))
         rows.append(cells)
-    yield from _table(["scenario", *protocol.trackers], rows)
+    yield from table(["scenario", *protocol.trackers], rows)
     cost, name, item = max(costs)
     yield (
         f"It is at most {100 * REGRET:.0f} % larger in {sum(of <= REGRET for of, _, _ in costs)} of {len(costs)} "
@@ -171,7 +172,7 @@ def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
         for tracker in protocol.trackers
         for option in protocol.parameters(tracker, loaded)
     ]
-    yield from _table(["option", *protocol.families], rows)
+    yield from table(["option", *protocol.families], rows)
 
 
 def _value(option: Parameter, value: float) -> str:
@@ -186,11 +187,3 @@ def _error(error: Mapping[str, Any]) -> str:
 
 def _bold(text: str, where: bool) -> str:
     return f"**{text}**" if where else text
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    yield f"| {' | '.join(headings)} |"
-    yield f"| :-- |{' --: |' * (len(headings) - 1)}"
-    for row in rows:
-        yield f"| {' | '.join(row)} |"
-    yield ""

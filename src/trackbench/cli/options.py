@@ -134,6 +134,11 @@ scenarios_argument = click.argument(
 )
 
 
+def names_in(text: str) -> list[str]:
+    """Of an option's value such as ``A,B``."""
+    return [name for item in text.split(",") if (name := item.strip())]
+
+
 def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """``A,B``: the trackers of the scenarios on the line, those already named left out."""
     before, comma, begun = incomplete.rpartition(",")

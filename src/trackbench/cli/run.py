@@ -25,6 +25,7 @@ from trackbench.cli.options import (
     engine_option,
     followers,
     isolation_options,
+    names_in,
     scenarios_argument,
     subject_options,
     trackers_of_scenarios,
@@ -123,13 +124,13 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    only = None if trackers is None else _listed(trackers)
+    only = None if trackers is None else names_in(trackers)
     plan = RunPlan(out, workers, cluster, left_out, isolation, engine, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "scenes": scenes, "trackers": only}
-    loaded, unchanged = load_several(files, settings, worlds=_listed(worlds or ""), **options)
+    loaded, unchanged = load_several(files, settings, worlds=names_in(worlds or ""), **options)
     check_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet)
     for note in unchanged:
@@ -146,10 +147,6 @@ def run_command(
                 summaries: Any = [result.json() for result in finished]
                 click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(finished))
-
-
-def _listed(text: str) -> list[str]:
-    return [name for item in text.split(",") if (name := item.strip())]
 
 
 def status(finished: Sequence[Result]) -> int:

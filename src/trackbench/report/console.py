@@ -274,7 +274,7 @@ def _notes(result: Result) -> list[str]:
         most = 1 if word == "heavy-tailed" else 3
         beside = any(nees.verdict != word for nees in of.values())
         notes.append(f"{word}{' (+)' if beside else ''}: {heading}:")
-        notes += [*(f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items())]
+        notes += [f"  {name}: {what_is_off(nees, most, word)}" for name, nees in of.items()]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):

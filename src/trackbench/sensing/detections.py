@@ -133,7 +133,7 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
         result.append(FalseAlarms(instant, measurement, random.random(len(instant))))
     for i, place in enumerate(clutter.places, 1):
         result.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
-    if sensor.bodies is not None:
+    if any(effect.has("alarms") for effect in sensor.config.effects):
         result += _of_effects(sensor, seed, scenario, run)
     heard = ~silent(sensor.config, sensor.time)
     return [_where(alarms, heard[alarms.instant]) for alarms in result]

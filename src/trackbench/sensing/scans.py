@@ -154,7 +154,11 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
     probability = detection_probability(truth, steps, config, pose, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
-    bodies = Bodies(target, truth.heading[steps], truth.yaw_rate[steps], truth.length, truth.width)
+    bodies = None
+    if config.effects:
+        heading = truth.heading[steps]
+        axis = np.stack([np.cos(heading), np.sin(heading)])
+        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length, truth.width)
     return IdealSensor(
         name,
         config,
@@ -168,7 +172,7 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
         velocity,
         noise,
         polar=None if config.resolution is None else seen,
-        bodies=bodies if config.effects else None,
+        bodies=bodies,
     )
 
 
@@ -234,17 +238,10 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Sensed:
     assert sensor.bodies is not None
     of_run = run if sensor.visible.shape[-1] > 1 else 0
     visible, probability = sensor.visible[..., of_run], sensor.probability[..., of_run]
-    sensed = Sensed(
-        sensor.config,
-        sensor.time,
-        sensor.pose,
-        sensor.velocity,
-        sensor.bodies.of_run(run),
-        visible,
-        probability,
-        np.ones(visible.shape),
-        np.zeros((len(sensor.noise_covariance), *visible.shape)),
-    )
+    bodies, scale = sensor.bodies.of_run(run), np.ones(visible.shape)
+    error = np.zeros((len(sensor.noise_covariance), *visible.shape))
+    at = sensor.time, sensor.pose, sensor.velocity
+    sensed = Sensed(sensor.config, *at, bodies, visible, probability, scale, error)
     for place, effect in enumerate(sensor.config.effects):
         sensed = answers.before(effect, sensed, effect_stream(sensor, place, seed, scenario, run))
     return sensed

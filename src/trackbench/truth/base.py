@@ -123,9 +123,12 @@ class TruthSource(Config, ABC):
         """The source whose truth has every object, with ``Truth.target``: for hidden identities.
 
         Args:
-            within_m: an object that is no target and never comes this near to the observer may be left out.
+            within_m: an object that is no target and never comes this near to the observer may be left out. It is
+                the option ``others_within_m`` of those that have one, unless that is stated.
         """
-        return self
+        if getattr(self, "others_within_m", within_m) is not None:
+            return self
+        return self.model_copy(update={"others_within_m": within_m})
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements the source has."""

@@ -29,6 +29,8 @@ from trackbench.truth.recorded.drive import fixed
 from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked
 
+#: The arrays of ``Frames`` with a column for each body.
+OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
 #: Vehicles that did not drive at the same time are put this far apart in a scene, m.
 APART_M = 0.5
 #: Least time between two rows, s.
@@ -230,20 +232,18 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
 
 def _only(frames: Frames, bodies: Sequence[int]) -> Frames:
     chosen = list(bodies)
-    arrays = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
     return replace(
         frames,
         ids=tuple(frames.ids[body] for body in chosen),
         length=frames.length[chosen],
         width=frames.width[chosen],
-        **{name: getattr(frames, name)[:, chosen] for name in arrays},
+        **{name: getattr(frames, name)[:, chosen] for name in OF_BODIES},
     )
 
 
 def _during(frames: Frames, first: int, last: int) -> Frames:
     """The steps from ``first`` to ``last``, and the bodies that are there for at least two of them."""
-    arrays = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided", "clock")
-    part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in arrays})
+    part = replace(frames, **{name: getattr(frames, name)[first : last + 1] for name in (*OF_BODIES, "clock")})
     return _only(part, np.flatnonzero(part.alive.sum(axis=0) > 1).tolist())
 
 

@@ -11,7 +11,13 @@ from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.execution import executor
 from trackbench.base.process import INTERRUPTED
-from trackbench.cli.options import engine_option, isolation_options, scenarios_argument, trackers_of_scenarios
+from trackbench.cli.options import (
+    engine_option,
+    isolation_options,
+    names_in,
+    scenarios_argument,
+    trackers_of_scenarios,
+)
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -94,7 +100,7 @@ def tune_command(
 
     loaded, notes = load_several(scenario_files(scenarios), settings)
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
-    names = [name for item in trackers.split(",") if (name := item.strip())]
+    names = names_in(trackers)
     out = out or default_out(loaded)
     require_out(out, loaded)
     output = RunOutput(as_json, quiet)

@@ -87,6 +87,22 @@ Seeds = Annotated[
 ]
 
 
+ChosenTargets = Annotated[
+    Targets,
+    Field(
+        description="Which vehicles are tracked: all, the {nearest: N} that come closest to the observer, or "
+        "{ids: [...]}."
+    ),
+]
+OthersWithin = Annotated[
+    Positive | None,
+    Field(
+        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
+        "targets names it, m. The reach of the sensors and 10 m unless given."
+    ),
+]
+
+
 class HighwayOptions(SteppedTruth):
     """Traffic simulated by highway-env."""
 
@@ -106,11 +122,7 @@ class HighwayOptions(SteppedTruth):
     observer: Observer = Field(
         "ego", description="What carries the sensors: the ego vehicle, or a fixed point {x, y, yaw_deg}."
     )
-    targets: Targets = Field(
-        "all",
-        description="Which vehicles are tracked: all, the {nearest: N} that come closest to the observer, or "
-        "{ids: [...]}.",
-    )
+    targets: ChosenTargets = "all"
     ego: Literal["idle", "idm"] = Field(
         "idm",
         description="Who drives the ego vehicle: the environment's neutral action (idle), or the driver "
@@ -129,11 +141,7 @@ class HighwayOptions(SteppedTruth):
     sizes: VehicleSizes | None = Field(
         None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
     )
-    others_within_m: Positive | None = Field(
-        None,
-        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
-        "targets names it, m. The reach of the sensors and 10 m unless given.",
-    )
+    others_within_m: OthersWithin = None
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
@@ -152,9 +160,6 @@ class HighwayOptions(SteppedTruth):
             return (self,)
         seeds = self.seeds if isinstance(self.seeds, list) else range(self.seed, self.seed + self.seeds)
         return tuple(self.model_copy(update={"seed": seed, "seeds": None}) for seed in seeds)
-
-    def with_all_objects(self, within_m: float) -> Self:
-        return self if self.others_within_m is not None else self.model_copy(update={"others_within_m": within_m})
 
     def problems(self) -> Iterator[Problem]:
         if isinstance(self.seeds, int):

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag
 from trackbench.base.config import LIST, MAPPING, PROBLEM, WORD, Config, NonNegative, Positive, Problem
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
-from trackbench.truth.config.highway import Targets
+from trackbench.truth.config.highway import ChosenTargets, OthersWithin
 from trackbench.truth.config.recording import FixedObserver
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
 
@@ -82,11 +82,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
             custom_error_message='write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}',
         ),
     ] = Field(description="What carries the sensors: a vehicle by its id, or a fixed point {x, y, yaw_deg}.")
-    targets: Targets = Field(
-        "all",
-        description="Which vehicles are tracked: all, the {nearest: N} that come closest to the observer, or "
-        "{ids: [...]}.",
-    )
+    targets: ChosenTargets = "all"
     from_s: NonNegative = Field(0, description="Where the scene begins, s after the first row of the file.")
     duration_s: Annotated[float, Field(gt=0, le=3600)] | None = Field(
         None, description="Length of the scene, s; to the end of the file, or of the observer's track, unless given."
@@ -113,11 +109,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
         le=MAX_SCENES,
         description="Scenes of a fixed observer, where the vehicles did not drive at the same time; 1 unless given.",
     )
-    others_within_m: Positive | None = Field(
-        None,
-        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
-        "targets names it, m. The reach of the sensors and 10 m unless given.",
-    )
+    others_within_m: OthersWithin = None
     length_m: Positive = Field(4.5, description="Length of a vehicle of which the file does not say it, m.")
     width_m: Positive = Field(1.8, description="Width of a vehicle of which the file does not say it, m.")
     _scene: int = PrivateAttr(0)
@@ -154,9 +146,6 @@ class TrafficOptions(TruthSource, OptionsBeside):
         scene = self.model_copy()
         scene._scene = number
         return scene
-
-    def with_all_objects(self, within_m: float) -> Self:
-        return self if self.others_within_m is not None else self.model_copy(update={"others_within_m": within_m})
 
     def problems(self) -> Iterator[Problem]:
         if self.format.endings and self.path is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 #: The arrays of a ``Sensed`` that an effect may change.
-_ARRAYS = ("pose", "velocity", "visible", "probability", "scale", "error")
+_ARRAYS = ("pose", "velocity", "visible", "probability", "scale", "error", "bodies.target")
 
 
 def before(effect: Effect, sensed: Sensed, random: np.random.Generator) -> Sensed:
@@ -27,12 +28,8 @@ def before(effect: Effect, sensed: Sensed, random: np.random.Generator) -> Sense
     if not isinstance(changed, Sensed):
         _refuse(effect, "before", f"a Sensed, as by sensed.replaced(...), not {_kind(changed)}")
     for name in _ARRAYS:
-        _require_like(
-            effect, f"before must return a Sensed whose {name} is", getattr(changed, name), getattr(sensed, name)
-        )
-    _require_like(
-        effect, "before must return a Sensed whose bodies.target is", changed.bodies.target, sensed.bodies.target
-    )
+        arrays = map(attrgetter(name), (changed, sensed))
+        _require_like(effect, f"before must return a Sensed whose {name} is", *arrays)
     return changed
 
 

@@ -31,6 +31,8 @@ class Bodies:
     """``(4, instants, objects)`` x, y, vx, vy in the fixed frame, of the centre unless moved."""
     heading: Array
     """rad."""
+    axis: Array
+    """``(2, ...)`` cosine and sine of the heading."""
     yaw_rate: Array
     """rad/s."""
     length: Array
@@ -41,19 +43,18 @@ class Bodies:
     def of_run(self, run: int) -> Bodies:
         """Those of one run; where the motion is the same in every run, of all."""
         run = run if self.heading.shape[-1] > 1 else 0
-        return replace(
-            self, target=self.target[..., run], heading=self.heading[..., run], yaw_rate=self.yaw_rate[..., run]
-        )
+        moving = {name: getattr(self, name)[..., run] for name in ("target", "heading", "axis", "yaw_rate")}
+        return replace(self, **moving)
 
     def seen_from(self, pose: Array) -> Array:
         """``(2, instants, objects)`` where a sensor of pose ``(3, instants)`` is, ahead and to the left of each, m."""
         dx, dy = pose[0][:, None] - self.target[0], pose[1][:, None] - self.target[1]
-        c, s = np.cos(self.heading), np.sin(self.heading)
+        c, s = self.axis
         return np.stack([c * dx + s * dy, c * dy - s * dx])
 
     def moved(self, ahead: Array, left: Array) -> Bodies:
         """Points so far ahead of these and to the left on the bodies, m, with the velocity that a turn gives them."""
-        c, s = np.cos(self.heading), np.sin(self.heading)
+        c, s = self.axis
         x, y = c * ahead - s * left, s * ahead + c * left
         shift = np.stack([x, y, -self.yaw_rate * y, self.yaw_rate * x])
         return replace(self, target=self.target + shift)
@@ -124,11 +125,15 @@ class Effect(Config, ABC):
         without white noise. They matter with hidden identities alone."""
         return None
 
+    @classmethod
+    def has(cls, method: str) -> bool:
+        """Whether it does something in one of these methods."""
+        return getattr(cls, method) is not getattr(Effect, method)
+
 
 def _lacks(plugin: Any) -> str | None:
-    methods = ("before", "after", "alarms")
     lacking = lacks_class(Effect)(plugin)
-    if lacking is None and all(getattr(plugin, name) is getattr(Effect, name) for name in methods):
+    if lacking is None and not any(map(plugin.has, ("before", "after", "alarms"))):
         return "it has none of before, after and alarms"
     return lacking
 
