@@ -202,6 +202,13 @@ def test_lists(cli: Cli, tiny: Path) -> None:
         assert name in [line.split()[0] for line in done.out.splitlines()]
 
 
+def test_check_says_what_a_recording_implies(cli: Cli) -> None:
+    first, note = cli("check", "recorded/i80").out.splitlines()
+    assert first == "recorded/i80: ok"
+    assert "200 vehicles at 10 Hz" in note
+    assert "smoothing took 0.065 m" in note
+
+
 def test_check_and_schema(cli: Cli, tiny: Path) -> None:
     assert cli("check", "tiny.yaml").out == "tiny.yaml: ok\n"
     assert json.loads(cli("schema").out)["properties"]["name"]

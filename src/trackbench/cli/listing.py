@@ -180,11 +180,13 @@ def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool
     """
     for file in scenario_files(scenarios):
         loaded = load_scenario(file)
-        check(loaded, isolation)
+        notes = check(loaded, isolation)
         if quiet:
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
         click.echo(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
+        for note in notes:
+            click.echo(f"  {note}")
 
 
 @click.command("schema")

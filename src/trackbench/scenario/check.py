@@ -16,8 +16,11 @@ from trackbench.trackers.config import PluginConfig
 Step = Callable[[], object]
 
 
-def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
+def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
+
+    Returns:
+        What a recording implies and what is left out of it, a line each.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -25,8 +28,13 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    truth = partial(config.truth.check, folder=folder, sensors=kinds)
-    _all(loaded, [truth, *_trackers(loaded, isolation, started=False)])
+    notes: list[str] = []
+
+    def check_truth() -> None:
+        notes.extend(config.truth.check(folder=folder, sensors=kinds) or ())
+
+    _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
+    return notes
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:

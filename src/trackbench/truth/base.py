@@ -88,16 +88,20 @@ class TruthSource(Config, ABC):
             InputError: it cannot be had; ``key`` names the option at fault (``truth.env``).
         """
 
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> Sequence[str] | None:
         """Check everything that can be checked without simulating, as far as the options alone do not show it.
 
         Args:
             folder: the scenario's, where relative paths start; the working directory unless given.
             sensors: the kind of each of the scenario's sensors, which a recording may feed.
 
+        Returns:
+            What a recording implies and what is left out of it, a line each, as the notes of ``load``.
+
         Raises:
             InputError: as in ``load``.
         """
+        return None
 
     @property
     def quick(self) -> bool:

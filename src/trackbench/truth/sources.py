@@ -15,6 +15,9 @@ from trackbench.truth.base import Draw, LoadedTruth
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import TrafficOptions
 
+#: A recording is the same in every draw.
+_ANY_DRAW = Draw(0, "", 1)
+
 
 class HighwayTruth(HighwayOptions):
     """Traffic simulated by highway-env."""
@@ -57,9 +60,9 @@ class RecordingTruth(RecordingOptions):
     def quick(self) -> bool:
         return True
 
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        for log in self.scenes():
-            recorded.load(log, sensors or {}, folder or Path())
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
+        logs = self.scenes()
+        return [note for log in logs for note in log.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors).notes]
 
 
 class TrafficTruth(TrafficOptions):
@@ -73,6 +76,6 @@ class TrafficTruth(TrafficOptions):
     def quick(self) -> bool:
         return True
 
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        for scene in self.scenes():
-            traffic.load(scene, folder or Path())
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
+        scenes = self.scenes()
+        return [note for scene in scenes for note in scene.load(_ANY_DRAW, folder=folder or Path()).notes]

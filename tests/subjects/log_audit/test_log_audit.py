@@ -347,7 +347,7 @@ SCRIPTED = {"source": "scripted", "duration_s": 1, "rate_hz": 20, "objects": {"c
                     "objects": {"a": {"start": {"x": 1, "y": 1}}},
                 }
             },
-            "truth.source: an audit needs a recording",
+            "truth.source: an audit holds recorded measurements against",
         ),
         ({"readings": {}}, "truth.readings: no sensor's measurements are recorded"),
     ],

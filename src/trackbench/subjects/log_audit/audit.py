@@ -262,7 +262,10 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
 def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     truth = loaded.config.truth
     if not isinstance(truth, RecordingTruth):
-        message = "an audit needs a recording: truth: {source: recording, ...}"
+        message = (
+            "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}; "
+            "`trackbench check` says what recorded traffic implies"
+        )
         raise loaded.locate(InputError(message, key="truth.source"))
     kinds = {name: sensor.type for name, sensor in loaded.config.sensors.items()}
     try:
