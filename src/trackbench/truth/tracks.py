@@ -14,6 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry, lacks_class
 from trackbench.base.types import Array
 from trackbench.truth import jumps
+from trackbench.truth.track_rows import TrackRows
 
 #: Rows of one file: each takes about 100 bytes of memory.
 MOST_ROWS = 10_000_000
@@ -62,6 +63,14 @@ class TrafficFormat(Config, ABC):
             InputError: it cannot be read or is damaged; with its name, and the line where there are lines.
         """
 
+    def rows(self, file: Path) -> TrackRows:
+        """The rows of a file of tracks that a tracker gave; of formats that know no more, those of ``read``.
+
+        Raises:
+            InputError: as of ``read``.
+        """
+        return rows_of(self.read(file))
+
 
 #: The formats of recorded traffic by the names that scenarios use.
 TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
@@ -104,6 +113,24 @@ def tracks_of(
             TrafficTrack(name, **{key: values[own] for key, values in columns.items()}, **bodies.get(name, {}))
         )
     return tracks
+
+
+def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
+    """The rows of tracks; a column that some lack is NaN there."""
+
+    def column(name: str) -> Array | None:
+        values = [(getattr(track, name), len(track.time)) for track in tracks]
+        if all(value is None for value, _ in values):
+            return None
+        parts = [np.broadcast_to(np.nan if value is None else value, rows) for value, rows in values]
+        return np.concatenate(parts)
+
+    def names(name: str) -> list[str]:
+        return [getattr(track, name) for track in tracks for _ in range(len(track.time))]
+
+    time, px, py = (np.concatenate([getattr(track, name) for track in tracks]) for name in ("time", "x", "y"))
+    more: dict[str, Any] = {name: column(name) for name in ("heading", "speed", "length", "width")}
+    return TrackRows(names("id"), time, px, py, **more, kind=names("kind"))
 
 
 def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
