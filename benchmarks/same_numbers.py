@@ -61,6 +61,7 @@ LEFT_OUT: dict[str, str] = {
     "*:rerun": "a version",
     "*:schema_version": "a version",
     "*:command": "holds paths",
+    "*:provenance*": "when and of which commit it was made",
     "*:file": "a path",
     "*:sets": "paths",
     "*.label": "a path",

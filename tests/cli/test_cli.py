@@ -41,7 +41,7 @@ def without_times(summary: dict[str, Any]) -> dict[str, Any]:
     summary = json.loads(json.dumps(summary))
     for tracker in summary["trackers"]:
         tracker["metrics"].pop("step_time")
-    return {**summary, "command": "", "truth": {**summary["truth"], "cached": None}}
+    return {**summary, "command": "", "provenance": None, "truth": {**summary["truth"], "cached": None}}
 
 
 def test_a_run_leaves_a_result_a_report_and_a_recording(cli: Cli, tiny: Path) -> None:

@@ -281,7 +281,7 @@ def test_rounding_is_no_difference() -> None:
         ({"runs": 0}, "result.json: not the result of a run: runs: "),
         ({"runs": 11}, "runs.parquet does not hold the 11 runs of"),
         ({"ranking": ["raw"]}, "not the result of a run: ranking does not name its trackers"),
-        ({"schema_version": 1}, "schema_version is not 4: this result is of another version"),
+        ({"schema_version": 1}, "schema_version is not 4 or 5: this result is of another version"),
     ],
 )
 def test_a_foreign_result_is_refused_in_one_line(

@@ -21,7 +21,8 @@ def without_times(result: dict[str, Any]) -> str:
     """A result as text, without how long a step took and which command it was."""
     for tracker in result["trackers"]:
         tracker["metrics"].pop("step_time")
-    return json.dumps({key: value for key, value in result.items() if key not in ("command", "truth", "artifacts")})
+    other = ("command", "truth", "artifacts", "provenance")
+    return json.dumps({key: value for key, value in result.items() if key not in other})
 
 
 @pytest.mark.parametrize("jump", JUMPS)

@@ -42,7 +42,7 @@ def comparable(result: Result) -> dict[str, Any]:
         tracker["metrics"].pop("step_time")
     summary["truth"].pop("cached")
     summary.pop("precision", None)
-    return {**summary, "command": ""}
+    return {**summary, "command": "", "provenance": None}
 
 
 @pytest.mark.parametrize("batch", [2000, 90])

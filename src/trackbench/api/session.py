@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from trackbench import results
 from trackbench.api.plan import Listener, Prepared, RunPlan, command_of
+from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, Task
 from trackbench.base.subjects import offered, resolve
@@ -89,7 +90,7 @@ def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, pl
         truths = pending.collect(advance)
     for note in dict.fromkeys(note for truth in truths for note in truth.notes):
         listener.note(note)
-    return Prepared(scenario, truths)
+    return Prepared(scenario, truths, provenance_of(scenario))
 
 
 def _place(number: int, of: Sequence[object]) -> str:
@@ -249,6 +250,7 @@ class _Batch:
                     progress=advance,
                     on_recorded_run=observe,
                 )
+            result = result.updated(provenance=item.provenance)
             advance(result.summary.runs, result.summary.runs)
         if self._plan.out is None:
             return _Computed(place, result, None)

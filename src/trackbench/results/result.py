@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.files import read_json
 from trackbench.results.differences import Difference, differences_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
-from trackbench.results.summary import SCHEMA_VERSION, Summary
+from trackbench.results.summary import READABLE, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import TrackerResult
 
@@ -191,8 +191,9 @@ def summary_of(raw: Any, file: Path) -> Summary:
     Raises:
         InputError: they are no summary, or one of another version.
     """
-    if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
-        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
+    if not isinstance(raw, dict) or raw.get("schema_version") not in READABLE:
+        versions = " or ".join(map(str, READABLE))
+        raise InputError(f"schema_version is not {versions}: this result is of another version", file=file)
     try:
         summary = Summary.model_validate(raw)
     except ValidationError as invalid:

@@ -9,12 +9,15 @@ from pydantic import Field
 
 from trackbench.engine.equations import ComputedBy
 from trackbench.results.metric_value import ResultModel
+from trackbench.results.provenance import Provenance
 from trackbench.results.scenario_summary import ReferenceSummary, ScenarioSummary, SensorSummary, TruthSummary
 from trackbench.results.score_summary import ScoreSummary
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.tracker_result import TrackerResult
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
+#: Those that this version reads: what a result does not say is as unless given.
+READABLE = (4, SCHEMA_VERSION)
 
 
 class ExpectationResult(ResultModel):
@@ -75,6 +78,8 @@ class Summary(ResultModel):
     passed: bool
     artifacts: dict[str, str]
     precision: PrecisionReached | None = None
+    provenance: Provenance | None = None
+    """When and of which code it was made; None in results of earlier versions."""
 
     @property
     def layout(self) -> TableLayout:

@@ -64,9 +64,14 @@ def scenario_files(named: Iterable[Path | str]) -> Iterator[Path]:
         yield from inside
 
 
+def is_shipped(file: Path) -> bool:
+    """Whether a scenario's file comes with the package."""
+    return file.is_relative_to(FOLDER)
+
+
 def shown_name(file: Path) -> str:
     """A scenario's file as a user names it."""
-    return _name(file) if file.is_relative_to(FOLDER) else str(file)
+    return _name(file) if is_shipped(file) else str(file)
 
 
 def _name(file: Path) -> str:
