@@ -95,7 +95,7 @@ class Listener:
         yield no_progress
 
     def note(self, text: str) -> None:
-        """What a user should know of the truth."""
+        """What a user should know of the truth or a plug-in."""
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
         """A scenario's runs begin.

@@ -35,7 +35,7 @@ def prepare(scenarios: Sequence[Scenario], plan: RunPlan, executor: Executor, li
     if plan.out is not None:
         results.require_writable(plan.out)
     _require_distinct(scenarios)
-    scenarios = [_checked(scenario, plan) for scenario in scenarios]
+    scenarios = [_checked(scenario, plan, listener) for scenario in scenarios]
     if plan.out is not None:
         for scenario in scenarios:
             results.require_replaceable(plan.out / scenario.config.full_name)
@@ -67,7 +67,7 @@ def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listene
     return finished
 
 
-def _checked(scenario: Scenario, plan: RunPlan) -> Scenario:
+def _checked(scenario: Scenario, plan: RunPlan, listener: Listener) -> Scenario:
     if plan.precision is not None:
         from trackbench.runner.until import first_look
 
@@ -81,7 +81,8 @@ def _checked(scenario: Scenario, plan: RunPlan) -> Scenario:
         if len(scenario.config.trackers) < 2:
             problem = "needs two trackers, whose difference it is about"
             raise InputError(problem, file=scenario.path, key="--runs-until")
-    check_plugins(scenario, plan.isolation)
+    for note in check_plugins(scenario, plan.isolation):
+        listener.note(note)
     return scenario
 
 

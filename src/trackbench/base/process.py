@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -19,11 +24,26 @@ INTERRUPTED, UNREAD = 130, 141
 
 def clear_of_streams(descriptor: int) -> int:
     """The same open file under a number that is none of the standard streams', which may be closed."""
-    if descriptor > 2:
+    if descriptor > 2 or fcntl is None:
         return descriptor
     clear = fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
     os.close(descriptor)
     return clear
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """While no other process locks a folder, where the system and the file system have locks."""
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def how_it_ended(code: int) -> str:
@@ -40,6 +60,9 @@ def uninterrupted() -> Iterator[None]:
 
     So is SIGTERM; a process lets it through again by ``allow_termination``.
     """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
     from multiprocessing import resource_tracker
 
     # Where this helper of multiprocessing is not there yet, its start would undo what follows.
@@ -53,7 +76,8 @@ def uninterrupted() -> Iterator[None]:
 
 def allow_termination() -> None:
     """Let SIGTERM end this process, which was started uninterrupted."""
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
 
 def collect_rarely() -> None:

@@ -131,7 +131,7 @@ def _begin_watch(parent: int, pipe: int, note: mmap) -> None:
     faulthandler.enable(pipe, all_threads=False)
     for name in LEAVING:
         leaving = _dumped(getattr(os, name), pipe, os.getpid())
-        for module in (os, sys.modules["posix"]):
+        for module in (os, sys.modules[os.name]):
             setattr(module, name, leaving)
 
 

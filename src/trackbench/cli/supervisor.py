@@ -41,11 +41,13 @@ AT_ONCE = 0.3
 WITH_RESULT = {0, 1, 3}
 #: The command is killed at the so many-th.
 IMPATIENT = 3
-ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+ENDING = {number for number in signal.Signals if number.name in ("SIGINT", "SIGTERM", "SIGHUP")}
 
 
 def wanted(arguments: Sequence[str]) -> bool:
     """Whether a command with these arguments is to have a supervisor."""
+    if not hasattr(os, "fork"):
+        return False
     traced = sys.gettrace() is not None or (sys.version_info >= (3, 12) and sys.monitoring.get_tool(0) is not None)
     completed = any(name.endswith("_COMPLETE") for name in os.environ)
     return bool(arguments) and not traced and not completed and UNSUPERVISED.isdisjoint(arguments)

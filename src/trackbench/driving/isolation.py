@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+import platform
+import signal
+import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from trackbench.base.errors import InputError
@@ -44,12 +48,28 @@ class Isolation:
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
         """Whether a tracker gets a process of its own."""
-        return plugged_in(config) and not self.in_process
+        return plugged_in(config) and not self.in_process and not lacking()
+
+    def missing(self, name: str, config: FilterConfig | PluginConfig) -> str:
+        """A line where this system cannot give a tracker the process of its own that it should have; else empty."""
+        if self.in_process or not plugged_in(config) or not lacking():
+            return ""
+        return (
+            f"{name}: {platform.system()} has no {lacking()}, so that this tracker runs in the process of the bench, "
+            "without limits of time and memory, and may end it"
+        )
 
     @property
     def bytes(self) -> int:
         """The most memory that one may take on this machine."""
         return int(SHARE * container_memory() if self.memory is None else self.memory * GIGABYTE)
+
+
+def lacking() -> str:
+    """What this system lacks for processes of trackers, such as "os.fork"; empty where it has all, as Linux has."""
+    needed = [(os, "fork"), (os, "setsid"), (signal, "SIGKILL"), (signal, "pthread_sigmask"), (socket, "send_fds")]
+    names = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
+    return " or ".join([*names[:1], *(["resource"] if not names and find_spec("resource") is None else [])])
 
 
 def container_memory() -> int:

@@ -23,9 +23,12 @@ from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import KINDS, TrackFault
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import Limits, Malformed, ProcessReport, receive_answer, send_request
+from trackbench.driving.wire import REPORT_SIZE, Limits, Malformed, ProcessReport, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"
+#: Whether messages keep their bounds, which macOS does not offer. Nothing here needs them: one launch is under way at a
+#: time, and reports are of one length.
+PACKETS = sys.platform == "linux"
 #: How often the bench looks whether a process is still there while it waits for its answer, s.
 GLANCE = 0.5
 #: How long a process that has been told to end may take to write down where it was, s.
@@ -43,7 +46,9 @@ class Template:
     """The process that every tracker's process is a copy of."""
 
     def __init__(self) -> None:
-        self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._control, theirs = socket.socketpair(
+            socket.AF_UNIX, socket.SOCK_SEQPACKET if PACKETS else socket.SOCK_STREAM
+        )
         # What a tracker prints is no part of the result.
         output = 2 if _is_open(2) else subprocess.DEVNULL
         with theirs:
@@ -135,7 +140,7 @@ class Template:
             self._process.wait()
 
     def _message(self) -> None:
-        report = ProcessReport.unpacked(self._control.recv(4096))
+        report = ProcessReport.unpacked(self._control.recv(REPORT_SIZE))
         if report.started:
             self._started.append(report.process)
             return

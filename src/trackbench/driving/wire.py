@@ -62,6 +62,7 @@ class ProcessReport(NamedTuple):
 #: Bytes of limits.
 LONGEST_LIMITS = 8192
 _REPORT = struct.Struct("<?iiQQQ")
+REPORT_SIZE = _REPORT.size
 
 
 class Limits(NamedTuple):

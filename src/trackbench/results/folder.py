@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from trackbench.base.errors import InputError, OutputError, TrackbenchError
+from trackbench.base.process import locked
 from trackbench.base.supervised import return_to_folder, tell_scratch, tell_written
 
 SUMMARY = "result.json"
@@ -59,7 +59,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
             write(temporary / name)
         written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
         tell_written(folder, {name: temporary / name for name in files})
-        with _locked(folder.parent):
+        with locked(folder.parent):
             _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
         # A reader knows the folder by its final name.
@@ -161,18 +161,6 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_file(text: str, path: Path) -> None:
     """Write a file of a folder that is put in its place as a whole."""
     path.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """While no other command puts a result into a folder, where the file system has locks."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:

@@ -20,7 +20,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Returns:
-        What a recording implies and what is left out of it, a line each.
+        What a recording implies and what is left out of it, and which trackers are not kept apart here, a line each.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -34,16 +34,25 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         notes.extend(config.truth.check(folder=folder, sensors=kinds) or ())
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
-    return notes
+    return [*notes, *_not_apart(loaded, isolation)]
 
 
-def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
+def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Start each plug-in once, for a run.
+
+    Returns:
+        Which of them are not kept apart here, a line each.
 
     Raises:
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
     _all(loaded, list(_trackers(loaded, isolation, started=True)))
+    return _not_apart(loaded, isolation)
+
+
+def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
+    lines = (isolation.missing(name, config) for name, config in loaded.config.trackers.items())
+    return [line for line in lines if line]
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:

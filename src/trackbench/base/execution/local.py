@@ -119,7 +119,7 @@ class LocalProcesses(Executor):
 
 def _kill(worker: Any) -> None:
     with suppress(ProcessLookupError):
-        os.kill(worker.pid, signal.SIGKILL)
+        os.kill(worker.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
     worker.join()
 
 

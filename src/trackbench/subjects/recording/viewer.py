@@ -91,7 +91,10 @@ class Viewer:
         """End the viewer."""
         # What was started is a Python program that runs the viewer: both are of one group.
         with suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGTERM)
+            if hasattr(os, "killpg"):
+                os.killpg(self.process.pid, signal.SIGTERM)
+            else:
+                self.process.terminate()
         self.process.wait()
         self.log.close()
 

@@ -92,7 +92,8 @@ def tune_trackers(
         for name in tuned:
             require_tunable(item, name)
     for item in chosen:
-        check_plugins(item, plan.isolation)
+        for note in check_plugins(item, plan.isolation):
+            listener.note(note)
     tasks = [_task(name, scenarios, tuned, plan) for name in tuned]
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]
