@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.places import ROOT
 
 import trackbench as tb
-from tests.support.places import ROOT
 from trackbench.driving import processes
 
 SCENARIO = """\
