@@ -23,6 +23,7 @@ MENU = {
         "truth",
         "drivers",
         "own-log",
+        "export",
         "recorded-traffic",
         "sensors",
         "sensor-effects",

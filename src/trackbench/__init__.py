@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from trackbench.scenario import Scenario
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.doctor.report import Examination
+    from trackbench.subjects.export.api import export
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
     from trackbench.subjects.tuning.api import tune
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
         "check_tracker",
         "compare",
         "doctor",
+        "export",
         "load",
         "run",
         "sense",

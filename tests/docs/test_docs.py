@@ -135,6 +135,10 @@ def test_the_page_on_recorded_traffic_runs_as_printed(tmp_path: Path, run_page: 
     assert run_page(DOCS / "recorded-traffic.md", tmp_path) >= 5
 
 
+def test_the_page_on_exports_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "export.md", tmp_path) >= 1
+
+
 @pytest.mark.docs_pages
 def test_the_page_on_logs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(DOCS / "own-log.md", tmp_path) >= 5

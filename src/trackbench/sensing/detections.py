@@ -13,7 +13,7 @@ from trackbench.base.streams import stream
 from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
-from trackbench.models.sensors import Radar
+from trackbench.models.sensors import Radar, Sensor
 from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.models.sensors.effects import answers
 from trackbench.sensing.scans import (
@@ -284,6 +284,14 @@ def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _De
     )
 
 
+def stated_detection(config: Sensor) -> tuple[float, float]:
+    """The detection probability that a sensor states, and its false alarms per scan and unit volume of measurements."""
+    stated, per_scan = config.states.detection_probability, config.states.clutter_per_scan
+    probability = config.detection_probability if stated is None else stated
+    per_scan = config.clutter.per_scan if per_scan is None else per_scan
+    return probability, per_scan / config.volume() if per_scan else 0.0
+
+
 def _scans(
     sensor: IdealSensor, place: int, drawn: Sequence[_Detections], arrival: Array
 ) -> list[tuple[Scan, Indices, Indices]]:
@@ -301,11 +309,7 @@ def _scans(
     valid = origins != PADDING
     make_read_only(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
     quiet, view = silent(config, sensor.time), field_of_view(config)
-    stated, per_scan = config.states.detection_probability, config.states.clutter_per_scan
-    probability = config.detection_probability if stated is None else stated
-    per_scan = config.clutter.per_scan if per_scan is None else per_scan
-    # False alarms per scan and unit volume of the space of measurements.
-    density = per_scan / config.volume() if per_scan else 0.0
+    probability, density = stated_detection(config)
     result = []
     for k in range(len(sensor.time)):
         here = slice(int(most[k]))

@@ -1,0 +1,130 @@
+"""``manifest.json``: what a folder of an export holds, and what its numbers mean."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.runner.assemble import scene_fingerprint
+from trackbench.scenario import Scenario
+from trackbench.sensing.detections import stated_detection
+from trackbench.sensing.scans import IdealSensor, scan_rate
+from trackbench.sensing.view import field_of_view
+from trackbench.subjects.export.source import ScanSource
+from trackbench.subjects.export.tables import TRUTH, ExportColumn, component_columns, scan_columns
+
+MANIFEST = "manifest.json"
+#: Of the manifest and of the tables that it describes.
+SCHEMA_VERSION = 1
+FRAME = (
+    "x and y in the plane of the road, fixed to the ground; angles counter-clockwise seen from above; SI units and rad"
+)
+
+
+def scan_manifest(source: ScanSource) -> dict[str, Any]:
+    """Of a folder of scans, without its files."""
+    config, hidden = source.loaded.config, source.hidden
+    scenes = [_scene(source, number) for number in range(len(source.truths))]
+    if not hidden:
+        for number, scene in enumerate(scenes):
+            scene["objects"] = list(source.truth(number).ids)
+    return {
+        **_head("scans", source.loaded),
+        "seed": config.monte_carlo.seed,
+        "runs": config.monte_carlo.runs,
+        "identities": config.sensing.identities,
+        "frame": FRAME,
+        "scenes": scenes,
+        "sensors": {sensor.name: _sensor(sensor, hidden) for sensor in source.work.scenes[0].sensors},
+        "fingerprints": [{**key._asdict(), "fingerprint": text} for key, text in source.fingerprints.items()],
+        "columns": _columns(scan_columns(config.sensors, hidden)),
+    }
+
+
+def truth_manifest(source: ScanSource) -> dict[str, Any]:
+    """Of a folder of truths, without its files."""
+    scenes = [_scene(source, number) for number in range(len(source.truths))]
+    return {**_head("truth", source.loaded), "frame": FRAME, "scenes": scenes, "columns": _columns(TRUTH)}
+
+
+def manifest_writer(made: Callable[[], Mapping[str, Any]]) -> Callable[[Path], None]:
+    """What writes the manifest after all other files of its folder, with the hash of each.
+
+    Args:
+        made: gives the manifest without its files.
+    """
+
+    def write(path: Path) -> None:
+        files = {
+            file.name: {"bytes": file.stat().st_size, "sha256": _hash(file)}
+            for file in sorted(path.parent.iterdir())
+            if file != path
+        }
+        text = json.dumps({**made(), "files": files}, indent=2, allow_nan=False, ensure_ascii=False)
+        path.write_text(text + "\n", encoding="utf-8")
+
+    return write
+
+
+def _head(content: str, loaded: Scenario) -> dict[str, Any]:
+    scenario = {
+        "name": loaded.config.full_name,
+        "sha256": hashlib.sha256(loaded.text.encode()).hexdigest(),
+        "overrides": list(loaded.overrides),
+    }
+    return {
+        "content": content,
+        "schema_version": SCHEMA_VERSION,
+        "trackbench": version("trackbench"),
+        "scenario": scenario,
+    }
+
+
+def _scene(source: ScanSource, number: int) -> dict[str, Any]:
+    truth = source.truth(number)
+    return {
+        "scene": number,
+        "name": source.scene_names[number],
+        "duration_s": float(truth.time[-1]),
+        "motion": scene_fingerprint(truth, source.truths[number].measurements),
+    }
+
+
+def _sensor(sensor: IdealSensor, hidden: bool) -> dict[str, Any]:
+    """What a sensor states of itself."""
+    config, view = sensor.config, field_of_view(sensor.config)
+    names = zip(config.components, component_columns(config), config.units, strict=True)
+    entry: dict[str, Any] = {
+        "kind": config.type,
+        "components": [
+            {"name": name, "column": column, "unit": unit, "angular": number in config.angular}
+            for number, (name, column, unit) in enumerate(names)
+        ],
+        "noise_covariance": sensor.noise_covariance.tolist(),
+        "rate_hz": scan_rate(sensor),
+        "mount": config.mount.model_dump(),
+        "latency_s": list(config.latency),
+        "field_of_view": {
+            "half_angle_rad": view.half_angle,
+            "max_range_m": view.max_range if np.isfinite(view.max_range) else None,
+            "volume": view.volume,
+        },
+    }
+    if hidden:
+        entry["detection_probability"], entry["clutter_density"] = stated_detection(config)
+    return entry
+
+
+def _columns(columns: Mapping[str, ExportColumn]) -> dict[str, dict[str, str]]:
+    return {name: {"unit": column.unit, "meaning": column.meaning} for name, column in columns.items()}
+
+
+def _hash(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

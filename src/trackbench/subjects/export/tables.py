@@ -1,0 +1,156 @@
+"""Scans and truths as tables: a row a measurement, and a row a scan that has none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from trackbench.base.config.key_units import SPELLINGS
+from trackbench.base.types import Truth
+from trackbench.models.sensors import Sensor
+from trackbench.subjects.export.source import RunKey, RunScans
+
+
+class ExportColumn(NamedTuple):
+    """A column of an exported table."""
+
+    meaning: str
+    unit: str = ""
+    """Empty of names and of numbers without one."""
+
+
+OF_RUN = {
+    "scene": ExportColumn("number of the scene, from 0"),
+    "run": ExportColumn("number of the Monte-Carlo run within the scene, from 0"),
+    "fingerprint": ExportColumn("of all measurements of the run; goes back with the tracks"),
+}
+OF_SCAN = {
+    "scan": ExportColumn("number of the scan within the run, from 0, in the order in which a tracker gets them"),
+    "sensor": ExportColumn("name of the sensor"),
+    "time_s": ExportColumn("when the measurement was taken", "s"),
+    "arrival_time_s": ExportColumn("when it reaches the tracker", "s"),
+    "sensor_x_m": ExportColumn("of the sensor in the fixed frame", "m"),
+    "sensor_y_m": ExportColumn("of the sensor in the fixed frame", "m"),
+    "sensor_yaw_rad": ExportColumn("direction of the boresight, counter-clockwise from the x axis", "rad"),
+    "sensor_vx_mps": ExportColumn("of the sensor in the fixed frame", "m/s"),
+    "sensor_vy_mps": ExportColumn("of the sensor in the fixed frame", "m/s"),
+}
+OF_HIDDEN = {
+    "detection_probability": ExportColumn("that the sensor states of an object in its field of view; 0 while silent"),
+    "clutter_density": ExportColumn("false alarms that it states, per scan and unit volume of the measurement space"),
+    "detection": ExportColumn("number of the detection within the scan, from 0; empty in a scan without one"),
+}
+OBJECT = {"object": ExportColumn("name of the object")}
+VALID = {"valid": ExportColumn("1: the row has a measurement; 0: the sensor looked and detected nothing")}
+
+TRUTH = {
+    "scene": OF_RUN["scene"],
+    "run": ExportColumn("number of the run where motion is drawn anew in each; empty where it is the same in all"),
+    "time_s": ExportColumn("from the beginning of the scene", "s"),
+    "object": OBJECT["object"],
+    "target": ExportColumn("1: tracks of it are wanted; 0: it may be tracked and need not be"),
+    "x_m": ExportColumn("of the centre in the fixed frame", "m"),
+    "y_m": ExportColumn("of the centre in the fixed frame", "m"),
+    "heading_rad": ExportColumn("of the body, counter-clockwise from the x axis", "rad"),
+    "vx_mps": ExportColumn("of the centre in the fixed frame", "m/s"),
+    "vy_mps": ExportColumn("of the centre in the fixed frame", "m/s"),
+    "length_m": ExportColumn("of the body", "m"),
+    "width_m": ExportColumn("of the body", "m"),
+}
+
+
+def component_columns(sensor: Sensor) -> list[str]:
+    """The column of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
+    return [f"{name}_{SPELLINGS.get(unit, unit)}" for name, unit in zip(sensor.components, sensor.units, strict=True)]
+
+
+def scan_columns(sensors: Mapping[str, Sensor], hidden: bool) -> dict[str, ExportColumn]:
+    """The columns of a table of scans.
+
+    Args:
+        sensors: by name.
+        hidden: whether identities are.
+    """
+    columns = OF_RUN | OF_SCAN | (OF_HIDDEN if hidden else OBJECT) | VALID
+    for sensor in sensors.values():
+        for column, name, unit in zip(component_columns(sensor), sensor.components, sensor.units, strict=True):
+            whose = "; empty of sensors that do not measure it" if len(sensors) > 1 else ""
+            columns[column] = ExportColumn(f"measured {name.replace('_', ' ')}{whose}", unit)
+    return columns
+
+
+def scan_table(of_run: RunScans, sensors: Mapping[str, Sensor], hidden: bool) -> pa.Table:
+    """The scans of a run, with the columns of ``scan_columns``."""
+    scans = of_run.scans
+    counts = np.array([max(scan.valid.size, 1) for scan in scans], dtype=np.intp)
+    starts, rows = np.cumsum(counts) - counts, int(counts.sum())
+    number = np.repeat(np.arange(len(scans)), counts)
+    pose = np.array([scan.sensor_pose for scan in scans]).reshape(-1, 3)[number]
+    velocity = np.array([scan.sensor_velocity for scan in scans]).reshape(-1, 2)[number]
+    values: dict[str, Any] = {
+        **_of_run(of_run.key, of_run.fingerprint, rows),
+        "scan": number,
+        "sensor": pa.array([scan.sensor for scan in scans], pa.string()).take(number),
+        "time_s": np.array([scan.time for scan in scans])[number],
+        "arrival_time_s": np.array([scan.arrival_time for scan in scans])[number],
+        **dict(zip(("sensor_x_m", "sensor_y_m", "sensor_yaw_rad"), pose.T, strict=True)),
+        **dict(zip(("sensor_vx_mps", "sensor_vy_mps"), velocity.T, strict=True)),
+    }
+    place, valid = np.arange(rows) - starts[number], np.zeros(rows, dtype=np.int8)
+    own_columns = {name: component_columns(sensor) for name, sensor in sensors.items()}
+    measured = {column: np.full(rows, np.nan) for own in own_columns.values() for column in own}
+    for scan, start in zip(scans, starts.tolist(), strict=True):
+        own = slice(start, start + scan.valid.size)
+        valid[own] = scan.valid
+        for name, component in zip(own_columns[scan.sensor], scan.measurement, strict=True):
+            measured[name][own] = component
+    if hidden:
+        values["detection_probability"] = np.array([scan.detection_probability for scan in scans])[number]
+        values["clutter_density"] = np.array([scan.clutter_density for scan in scans])[number]
+        values["detection"] = pa.array(place, mask=valid == 0)
+    else:
+        values["object"] = pa.array(of_run.objects or (), pa.string()).take(place)
+    values |= {**measured, "valid": valid}
+    return pa.table({name: _nulled(values[name]) for name in scan_columns(sensors, hidden)})
+
+
+def truth_table(scene: int, truth: Truth) -> pa.Table:
+    """What moved in a scene, with the columns of ``TRUTH``: a row an object and instant at which it is there."""
+    runs = truth.px.shape[-1]
+    parts = []
+    for run in range(runs):
+        step, body = np.nonzero(truth.alive)
+        at = step, body, run
+        parts.append(
+            {
+                "scene": np.full(len(step), scene),
+                "run": pa.array(np.full(len(step), run), mask=np.full(len(step), runs == 1)),
+                "time_s": truth.time[step],
+                "object": pa.array(truth.ids, pa.string()).take(body),
+                "target": truth.target[body].astype(np.int8),
+                "x_m": truth.px[at],
+                "y_m": truth.py[at],
+                "heading_rad": truth.heading[at],
+                "vx_mps": truth.vx[at],
+                "vy_mps": truth.vy[at],
+                "length_m": truth.length[body],
+                "width_m": truth.width[body],
+            }
+        )
+    return pa.concat_tables([pa.table(part) for part in parts])
+
+
+def _of_run(key: RunKey, fingerprint: str, rows: int) -> dict[str, Any]:
+    return {
+        "scene": np.full(rows, key.scene),
+        "run": np.full(rows, key.run),
+        "fingerprint": pa.repeat(fingerprint, rows),
+    }
+
+
+def _nulled(values: Any) -> Any:
+    """NaN as a missing value, which CSV leaves empty."""
+    return pa.array(values, from_pandas=True) if isinstance(values, np.ndarray) else values
