@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.doctor.report import Examination
     from trackbench.subjects.export.api import export
+    from trackbench.subjects.history.api import history
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
     from trackbench.subjects.tuning.api import tune
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
         "compare",
         "doctor",
         "export",
+        "history",
         "load",
         "run",
         "sense",

@@ -53,6 +53,11 @@ def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callabl
 
 
 @pytest.mark.docs_pages
+def test_the_page_on_results_over_time_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "history.md", tmp_path) == 6
+
+
+@pytest.mark.docs_pages
 def test_the_page_on_tuning_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(DOCS / "tune.md", tmp_path) == 4
 

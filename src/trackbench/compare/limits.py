@@ -20,7 +20,7 @@ class Limit(NamedTuple):
     percent: float
 
     @classmethod
-    def parse(cls, text: str) -> Limit:
+    def parse(cls, text: str, key: str = OPTION) -> Limit:
         """``position_rmse:5`` or ``position_rmse:5%``.
 
         Raises:
@@ -28,17 +28,17 @@ class Limit(NamedTuple):
         """
         metric, colon, number = text.rpartition(":")
         if not colon:
-            raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=OPTION)
+            raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=key)
         try:
             percent = float(number.removesuffix("%"))
         except ValueError:
             percent = math.nan
         if not 0.0 <= percent < math.inf:
-            raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=OPTION)
+            raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=key)
         return cls(metric, percent)
 
 
-def require_directed(metric: Metric) -> None:
+def require_directed(metric: Metric, key: str = OPTION) -> None:
     """Make sure that a metric can become worse.
 
     Raises:
@@ -46,7 +46,7 @@ def require_directed(metric: Metric) -> None:
     """
     if metric.better is None:
         message = f"neither a larger nor a smaller {metric.path} is better; state expectations instead"
-        raise InputError(message, key=OPTION)
+        raise InputError(message, key=key)
 
 
 def held(

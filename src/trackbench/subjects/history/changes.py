@@ -1,0 +1,160 @@
+"""Where a metric is shown to have changed, and what changed with it.
+
+The results of a tracker are in stretches. Each result is held against the first of its stretch, and a new stretch
+begins where one is shown to differ, or cannot be compared. All these differences are corrected together (Holm).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from trackbench.base.errors import InputError
+from trackbench.compare.comparability import Comparability, comparability, require_same_metric
+from trackbench.compare.comparison import PairDifference
+from trackbench.compare.differences import Match, differences
+from trackbench.metrics import Metric
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
+from trackbench.subjects.history.found import PastResult
+
+#: What a tracker's result is compared with, and how; or why not.
+How = Comparability | str
+
+
+@dataclass(frozen=True)
+class ShownChange:
+    """A metric of a tracker that is shown to differ from the first of its stretch, by more than the margin."""
+
+    since: int
+    """Place of the first of the stretch."""
+    difference: PairDifference
+
+
+@dataclass
+class Stretches:
+    """The stretches of every tracker of a history."""
+
+    changes: list[ShownChange] = field(default_factory=list)
+    breaks: dict[tuple[str, int], tuple[int, str]] = field(default_factory=dict)
+    """By tracker and place of the result: that of the first of the stretch before, and why the two cannot be
+    compared."""
+    looks: int = 0
+    """How many differences were looked at."""
+
+
+def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics: Sequence[Metric]) -> Stretches:
+    """The stretches of some trackers by some metrics.
+
+    Args:
+        entries: the earliest first.
+        trackers: their names.
+        metrics: by which.
+    """
+    found, ways = Stretches(), Ways(entries, metrics)
+    starts: set[tuple[str, int]] = set()
+    while True:
+        looked = [item for tracker in trackers for item in _matches(entries, tracker, starts, ways, found)]
+        since = {(match.pairs[0][0], match.number): begin for begin, match in looked}
+        differing, _ = differences([match for _, match in looked], metrics, over_scenarios=True)
+        found.looks = max(found.looks, len(differing))
+        shown = [item for item in differing if item.verdict not in (EQUIVALENT, UNDECIDED)]
+        shown = [item for item in shown if _key(item) not in starts]
+        first: dict[str, int] = {}
+        for tracker, place in map(_key, shown):
+            first[tracker] = min(first.get(tracker, place), place)
+        found.changes += [ShownChange(since[_key(item)], item) for item in shown if _key(item) in first.items()]
+        if not first:
+            found.changes.sort(key=lambda change: change.difference.entrant.set)
+            return found
+        starts |= {*first.items()}
+
+
+def _key(item: PairDifference) -> tuple[str, int]:
+    """Its tracker, and the place of its result."""
+    return item.entrant.tracker, item.entrant.set
+
+
+class Ways:
+    """How any two results of a history are compared, each pair looked at once."""
+
+    def __init__(self, entries: Sequence[PastResult], metrics: Sequence[Metric]) -> None:
+        self._entries, self._metrics = entries, metrics
+        self._seen: dict[tuple[int, int], How] = {}
+
+    def __call__(self, earlier: int, later: int) -> How:
+        """Of two places."""
+        if (earlier, later) not in self._seen:
+            self._seen[earlier, later] = self._look(self._entries[earlier], self._entries[later])
+        return self._seen[earlier, later]
+
+    def _look(self, earlier: PastResult, later: PastResult) -> How:
+        try:
+            for metric in self._metrics:
+                for entry in (earlier, later):
+                    if metric.path not in entry.metrics:
+                        return f"it has no {metric.path}" if entry is later else f"{earlier.label} has no {metric.path}"
+                require_same_metric(earlier, later, metric.path)
+            return comparability(earlier, later)
+        except InputError as error:
+            return error.message
+
+
+def _matches(
+    entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, found: Stretches
+) -> Iterator[tuple[int, Match]]:
+    """Each result of a tracker with the first of its stretch and the place of that one; a result that begins a new
+    stretch is the last of the one before too."""
+    begin: int | None = None
+    for place, entry in enumerate(entries):
+        if tracker not in entry.trackers or entry.failure(tracker):
+            continue
+        if begin is not None:
+            how = ways(begin, place)
+            if isinstance(how, str):
+                found.breaks[tracker, place] = begin, how
+                begin = place
+                continue
+            yield begin, Match(entry.result.name, entry, entries[begin], place, how, ((tracker, tracker),))
+        if begin is None or (tracker, place) in starts:
+            begin = place
+
+
+def causes(entries: Sequence[PastResult], tracker: str, since: int, place: int) -> list[str]:
+    """What changed with a result of a tracker, after the first of its stretch; the latest first."""
+    found = []
+    for number in range(place, since, -1):
+        where = "" if number == place else f" (at result {number + 1})"
+        found += [f"{text}{where}" for text in _steps(entries[number - 1], entries[number], tracker)]
+    return found
+
+
+def _steps(before: PastResult, after: PastResult, tracker: str) -> Iterator[str]:
+    ours, theirs = before.result.summary, after.result.summary
+    for name, version in _different(ours.versions, theirs.versions):
+        yield f"{name} {version}"
+    yield from (f"{ours.engine_in_words} to {theirs.engine_in_words}" for _ in [0] if ours.engine != theirs.engine)
+    stated = [entry.result[tracker].describe if tracker in entry.result else None for entry in (before, after)]
+    if None not in stated and stated[0] != stated[1]:
+        yield f"{tracker}: {stated[0]} to {stated[1]}"
+    elif scenario_sha256(before) != scenario_sha256(after):
+        yield "the scenario"
+    a, b = ours.provenance, theirs.provenance
+    if a is None or b is None:
+        return
+    if a.code.get(tracker) != b.code.get(tracker):
+        yield f"the code of {tracker}"
+    if (a.commit, a.changed) != (b.commit, b.changed):
+        yield f"commit {a.commit_in_words} to {b.commit_in_words}"
+
+
+def _different(ours: Mapping[str, str], theirs: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    for name in {**ours, **theirs}:
+        if ours.get(name) != theirs.get(name):
+            yield name, f"{ours.get(name, 'none')} to {theirs.get(name, 'none')}"
+
+
+def scenario_sha256(entry: PastResult) -> str:
+    """Of the text of its scenario and what was set over it."""
+    stated = entry.result.summary.scenario
+    return hashlib.sha256("\0".join([stated.text, *stated.overrides]).encode()).hexdigest()

@@ -1,0 +1,97 @@
+"""The results of one scenario in some folders, in the order in which they were made."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from trackbench.base.errors import InputError, counted, nearest
+from trackbench.compare.comparability import compared_metrics
+from trackbench.compare.entries import Entry
+from trackbench.metrics import Interval, Metric
+from trackbench.results import SUMMARY, Result
+
+
+class PastResult(Entry):
+    """A result whose intervals are read once, though it is compared with many."""
+
+    @cached_property
+    def _intervals(self) -> dict[Any, Interval | None]:
+        return {}
+
+    def interval(
+        self, tracker: str, metric: Metric, runs: NDArray[Any] | None = None, *, over_stretches: bool = False
+    ) -> Interval | None:
+        key = tracker, metric.path, None if runs is None else runs.tobytes(), over_stretches
+        if key not in self._intervals:
+            self._intervals[key] = super().interval(tracker, metric, runs, over_stretches=over_stretches)
+        return self._intervals[key]
+
+    @cached_property
+    def metrics(self) -> dict[str, Metric]:
+        """Those that it has a value of in each run, by path."""
+        summary = self.result.summary
+        return compared_metrics(summary.score.metrics, built_in=summary.identities == "known")
+
+    @property
+    def time(self) -> datetime:
+        """When it was made; before all others where it does not say."""
+        made = self.result.summary.provenance
+        return datetime.min.replace(tzinfo=UTC) if made is None else made.time
+
+
+class FoundResults(NamedTuple):
+    """The results of one scenario, the earliest first."""
+
+    scenario: str
+    entries: list[PastResult]
+    notes: list[str]
+    """What of the folders is left out."""
+
+
+def results_of_scenario(folders: Sequence[Path], scenario: str | None = None) -> FoundResults:
+    """The results of a scenario under some folders: of the one that most results are of unless named.
+
+    Raises:
+        InputError: a folder holds none, one cannot be read, or there is none of the scenario.
+    """
+    files = {file.resolve(): file for folder in folders for file in _files(folder)}
+    entries = [PastResult(str(file.parent), Result.load(file)) for file in files.values()]
+    numbers = Counter(entry.result.name for entry in entries)
+    if scenario is not None and scenario not in numbers:
+        raise InputError(f"no result of the scenario {scenario!r}; {nearest(scenario, numbers)}", key="--scenario")
+    chosen = scenario or max(numbers, key=numbers.__getitem__)
+    own = sorted((entry for entry in entries if entry.result.name == chosen), key=lambda entry: entry.time)
+    return FoundResults(chosen, own, list(_notes(chosen, own, numbers)))
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Every result.json in a folder and those in it; the folder of a run has its own alone."""
+    if not folder.is_dir() or (folder / SUMMARY).is_file():
+        yield folder / SUMMARY if folder.is_dir() else folder
+        return
+    inside = sorted(file for file in folder.rglob(SUMMARY) if not _hidden(file.relative_to(folder)))
+    if not inside:
+        raise InputError(f"no {SUMMARY} in this folder, nor in the folders in it", file=folder)
+    yield from inside
+
+
+def _hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def _notes(chosen: str, own: Sequence[PastResult], numbers: Counter[str]) -> Iterator[str]:
+    others = {name: number for name, number in numbers.items() if name != chosen}
+    if others:
+        names = ", ".join(f"{name} ({number})" for name, number in others.items())
+        left_out = counted(sum(others.values()), "result")
+        yield f"{left_out} of other scenarios left out: {names}; --scenario NAME shows those of another"
+    timeless = sum(entry.result.summary.provenance is None for entry in own)
+    if timeless:
+        yield f"{counted(timeless, 'result')} of an earlier version, without a time: placed first, in the order found"
