@@ -32,7 +32,7 @@ class ShownChange:
 
 
 @dataclass
-class Stretches:
+class MarkedStretches:
     """The stretches of every tracker of a history."""
 
     changes: list[ShownChange] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Stretches:
     """How many differences were looked at."""
 
 
-def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics: Sequence[Metric]) -> Stretches:
+def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics: Sequence[Metric]) -> MarkedStretches:
     """The stretches of some trackers by some metrics.
 
     Args:
@@ -51,7 +51,7 @@ def stretches_of(entries: Sequence[PastResult], trackers: Sequence[str], metrics
         trackers: their names.
         metrics: by which.
     """
-    found, ways = Stretches(), Ways(entries, metrics)
+    found, ways = MarkedStretches(), Ways(entries, metrics)
     starts: set[tuple[str, int]] = set()
     while True:
         looked = [item for tracker in trackers for item in _matches(entries, tracker, starts, ways, found)]
@@ -101,7 +101,7 @@ class Ways:
 
 
 def _matches(
-    entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, found: Stretches
+    entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, found: MarkedStretches
 ) -> Iterator[tuple[int, Match]]:
     """Each result of a tracker with the first of its stretch and the place of that one; a result that begins a new
     stretch is the last of the one before too."""

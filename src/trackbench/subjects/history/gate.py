@@ -17,7 +17,7 @@ OPTION = "--gate"
 _ORDER: tuple[GateOutcome, ...] = ("error", "failed", "undecided", "passed")
 
 
-class Held(NamedTuple):
+class HeldLimit(NamedTuple):
     """A limit held against a tracker of the last result: the fields of ``HistoryGate``."""
 
     tracker: str
@@ -28,7 +28,9 @@ class Held(NamedTuple):
     text: str
 
 
-def gates(entries: Sequence[PastResult], trackers: Sequence[str], limits: Sequence[Limit], window: int) -> list[Held]:
+def gates(
+    entries: Sequence[PastResult], trackers: Sequence[str], limits: Sequence[Limit], window: int
+) -> list[HeldLimit]:
     """Each limit against each tracker: it fails where the last result is worse by more than the limit than any result
     of the window, and shown to be worse, all differences corrected together.
 
@@ -60,18 +62,18 @@ def gates(entries: Sequence[PastResult], trackers: Sequence[str], limits: Sequen
     return [
         *(_worst(limit, name, outcomes, refused) for limit in limits for name in there),
         *(
-            Held(name, limit.metric, limit.percent, "error", before[-1] + 1, "is not in the last result")
+            HeldLimit(name, limit.metric, limit.percent, "error", before[-1] + 1, "is not in the last result")
             for limit in limits
             for name in lost
         ),
     ]
 
 
-def _worst(limit: Limit, tracker: str, outcomes: Sequence[GateResult], refused: Sequence[str]) -> Held:
+def _worst(limit: Limit, tracker: str, outcomes: Sequence[GateResult], refused: Sequence[str]) -> HeldLimit:
     """What decides on a tracker: the worst outcome, of equal ones that of the latest result."""
     own = [item for item in outcomes if (item.metric, item.entrant.tracker) == (limit.metric, tracker)]
     if not own:
         why = f"no result of the window can be compared: {refused[-1]}" if refused else "there is no result before it"
-        return Held(tracker, limit.metric, limit.percent, "undecided", None, why)
+        return HeldLimit(tracker, limit.metric, limit.percent, "undecided", None, why)
     item = min(own, key=lambda item: (_ORDER.index(item.outcome), -item.entrant.set))
-    return Held(tracker, limit.metric, limit.percent, item.outcome, item.entrant.set + 1, item.text)
+    return HeldLimit(tracker, limit.metric, limit.percent, item.outcome, item.entrant.set + 1, item.text)

@@ -13,7 +13,7 @@ from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel
-from trackbench.subjects.history.changes import Stretches, causes, scenario_sha256, stretches_of
+from trackbench.subjects.history.changes import MarkedStretches, causes, scenario_sha256, stretches_of
 from trackbench.subjects.history.found import PastResult, results_of_scenario
 from trackbench.subjects.history.gate import OPTION, gates
 
@@ -204,7 +204,7 @@ def _entry(number: int, entry: PastResult, trackers: Sequence[str], metrics: Seq
     )
 
 
-def _changes(entries: Sequence[PastResult], stretches: Stretches) -> list[HistoryChange]:
+def _changes(entries: Sequence[PastResult], stretches: MarkedStretches) -> list[HistoryChange]:
     changes = []
     for change in stretches.changes:
         item = change.difference
@@ -222,7 +222,7 @@ def _changes(entries: Sequence[PastResult], stretches: Stretches) -> list[Histor
     return changes
 
 
-def _breaks(stretches: Stretches) -> list[HistoryBreak]:
+def _breaks(stretches: MarkedStretches) -> list[HistoryBreak]:
     """One for all trackers that it is of."""
     found: dict[tuple[int, int, str], list[str]] = {}
     for (tracker, place), (since, reason) in stretches.breaks.items():
