@@ -11,41 +11,43 @@ import select
 import signal
 import socket
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
 from trackbench.base.descendants import adopt_orphans, descendants, end_descendants, end_with_parent
 from trackbench.base.printed import Shown
-from trackbench.driving import host
-from trackbench.driving.wire import Limits, ProcessReport
+from trackbench.driving import execute, host
+from trackbench.driving.wire import LAST, Launch, ProcessReport
 
 #: Between two looks at the memory, s.
 INTERVAL = 0.1
 
 
-def watch(control: socket.socket, connection: socket.socket, dump: int, limits: Limits, template: int) -> NoReturn:
+def watch(control: socket.socket, descriptors: Sequence[int], launch: Launch, template: int) -> NoReturn:
     """Start the process of a tracker, and report its end, in a process that was just started.
 
     Args:
         control: takes the report.
-        connection: of the tracker's process to the bench.
-        dump: file descriptor to which its traceback goes when it is killed by a fault.
-        limits: what it may take and print.
+        descriptors: files of the tracker's process: of a program its standard input and output; of a tracker in Python
+            its connection to the bench, and the file to which its traceback goes when it is killed by a fault.
+        launch: what is started, and what it may take and print.
         template: number of the process that started this one.
     """
-    guard = _Guard(control, limits, template)
+    guard = _Guard(control, launch, template)
     end_with_parent(template, signal.SIGTERM)
     adopt_orphans()
-    guard.start(connection, dump)
+    guard.start(descriptors)
     guard.wait()
     os._exit(0)
 
 
 class _Guard:
-    def __init__(self, control: socket.socket, limits: Limits, template: int) -> None:
-        self._control, self._limits, self._template = control, limits, template
-        self._shown = Shown(limits.name, limits.lines)
+    def __init__(self, control: socket.socket, launch: Launch, template: int) -> None:
+        self._control, self._launch, self._template = control, launch, template
+        self._shown = Shown(launch.name, launch.lines)
+        self._last = b""
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._memory = self._host = 0
         self._status: int | None = None
@@ -61,7 +63,7 @@ class _Guard:
         signal.signal(signal.SIGABRT, lambda *_: os.kill(self._host, signal.SIGABRT))
         signal.pthread_sigmask(signal.SIG_SETMASK, set())
 
-    def start(self, connection: socket.socket, dump: int) -> None:
+    def start(self, descriptors: Sequence[int]) -> None:
         own = os.getpid()
         self._host = os.fork()
         if self._host == 0:
@@ -72,10 +74,11 @@ class _Guard:
             self._control.close()
             os.dup2(self._printing, 1)
             os.dup2(self._printing, 2)
-            host.serve(connection, dump, self._limits.name)
-        connection.close()
-        os.close(dump)
-        os.close(self._printing)
+            if self._launch.command:
+                execute.become(descriptors, self._launch)
+            host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], self._launch.name)
+        for descriptor in (*descriptors, self._printing):
+            os.close(descriptor)
 
     def wait(self) -> None:
         """Until the process has ended, or is to end, with all that it has started; then report it."""
@@ -101,9 +104,9 @@ class _Guard:
         self._show()
         status = signal.SIGKILL if self._status is None else self._status
         with suppress(OSError):
-            self._control.send(
-                ProcessReport(False, os.getpid(), status, self._memory, self._shown.unshown, self._shown.lines).packed()
-            )
+            shown, last = self._shown, self._last if self._launch.command else b""
+            report = ProcessReport(False, os.getpid(), status, self._memory, shown.unshown, shown.lines, last)
+            self._control.send(report.packed())
 
     def _end(self, *_: object) -> None:
         self._ending = True
@@ -116,6 +119,7 @@ class _Guard:
             for _ in range(16):
                 content = os.read(self._output, 65536)
                 total += len(content)
+                self._last = (self._last + content)[-LAST:]
                 if text := self._shown.admit(self._decoder.decode(content)):
                     with suppress(OSError):
                         os.write(2, text.encode())
@@ -136,11 +140,11 @@ class _Guard:
             return
         self._next_look = time.monotonic() + INTERVAL
         processes = list(descendants(os.getpid()))
-        if sum(map(_resident, processes)) <= self._limits.memory:
+        if sum(map(_resident, processes)) <= self._launch.memory:
             return
         # What several share counts once.
         memory = sum(map(_proportional, processes))
-        if memory > self._limits.memory:
+        if memory > self._launch.memory:
             self._memory, self._ending = memory, True
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from trackbench.base.errors import InputError
 from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import built_in
 
 #: A day, s.
@@ -25,7 +26,12 @@ GIGABYTE = 10**9
 
 def plugged_in(config: FilterConfig | PluginConfig) -> bool:
     """Whether a tracker is not built in."""
-    return isinstance(config, PluginConfig) and not built_in(config.use)
+    return isinstance(config, PluginConfig) and not built_in(config.reference)
+
+
+def is_program(config: FilterConfig | PluginConfig) -> bool:
+    """Whether a tracker is a program in another language."""
+    return isinstance(config, PluginConfig) and isinstance(config.use, Command)
 
 
 @dataclass(frozen=True)
@@ -47,12 +53,12 @@ class Isolation:
             raise InputError(f"{self.memory!r} is no memory; give GB above 0", key="tracker_memory")
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
-        """Whether a tracker gets a process of its own."""
-        return plugged_in(config) and not self.in_process and not lacking()
+        """Whether a tracker gets a process of its own: a program has one in any case."""
+        return is_program(config) or (plugged_in(config) and not self.in_process and not lacking())
 
     def missing(self, name: str, config: FilterConfig | PluginConfig) -> str:
         """A line where this system cannot give a tracker the process of its own that it should have; else empty."""
-        if self.in_process or not plugged_in(config) or not lacking():
+        if self.in_process or not plugged_in(config) or is_program(config) or not lacking():
             return ""
         return (
             f"{name}: {platform.system()} has no {lacking()}, so that this tracker runs in the process of the bench, "

@@ -13,8 +13,9 @@ import threading
 import time
 import weakref
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import IO, Any
+from typing import Any, Protocol
 
 import numpy.typing as npt
 
@@ -23,7 +24,7 @@ from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import KINDS, TrackFault
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import REPORT_SIZE, Limits, Malformed, ProcessReport, receive_answer, send_request
+from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, receive_answer, send_request
 
 TEMPLATE = "trackbench.driving.template"
 #: Whether messages keep their bounds, which macOS does not offer. Nothing here needs them: one launch is under way at a
@@ -40,6 +41,12 @@ SHOWN = 100
 NO_ANSWER = "its process sent what is no answer"
 
 Answer = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
+
+
+class Closeable(Protocol):
+    """A file or socket."""
+
+    def close(self) -> None: ...
 
 
 class Template:
@@ -76,14 +83,12 @@ class Template:
         """Whether it was killed."""
         return self._process.poll() is not None
 
-    def copy(self, connection: socket.socket, dump: IO[bytes], memory: int, name: str) -> int:
-        """Start a process that serves a connection, and writes its traceback to a file where it is killed.
+    def copy(self, launch: Launch, descriptors: Sequence[int]) -> int:
+        """Start the process of a tracker.
 
         Args:
-            connection: to the bench.
-            dump: the file.
-            memory: what it may take, bytes.
-            name: what its output is said to be of.
+            launch: what is started.
+            descriptors: two files of it, as of ``guard.watch``.
 
         Returns:
             The number of the process that guards it.
@@ -94,10 +99,11 @@ class Template:
         with self._lock:
             self._control.settimeout(STARTING)
             # Another process of the tracker shows what this one leaves.
-            limits = Limits(memory, SHOWN - self._lines[name], name)
+            name = launch.name
+            launch = launch._replace(lines=SHOWN - self._lines[name])
             self._lines[name] = SHOWN
             try:
-                socket.send_fds(self._control, [limits.packed()], [connection.fileno(), dump.fileno()])
+                socket.send_fds(self._control, [launch.packed()], descriptors)
                 while not self._started:
                     self._message()
                 process = self._started.pop()
@@ -151,8 +157,54 @@ class Template:
             self.unshown[name] += report.unshown
 
 
-class TrackerProcess:
-    """A process in which one tracker of a scenario lives.
+class GuardedProcess:
+    """A process of a tracker, with its guard.
+
+    Args:
+        isolation: the longest that it may take to answer, and the most memory.
+        launch: what is started.
+        descriptors: two files of it, as of ``guard.watch``.
+        own: files of the bench that are closed with it.
+    """
+
+    def __init__(
+        self, isolation: Isolation, launch: Launch, descriptors: Sequence[int], own: Sequence[Closeable]
+    ) -> None:
+        self.timeout, self._memory = isolation.timeout, isolation.bytes
+        self.fault: TrackFault | None = None
+        """Why it has ended."""
+        self._template = _template()
+        self._number = self._template.copy(launch._replace(memory=self._memory), descriptors)
+        self._end = weakref.finalize(self, _end, self._template, self._number, own)
+
+    def close(self) -> None:
+        """End the process."""
+        if self.fault is None:
+            self.fault = TrackFault("its process was closed", "died")
+            self._end()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the process has ended: what it has started may live on."""
+        return self._template.end_of(self._number, 0.0) is not None
+
+    def _how_it_ended(self) -> str:
+        report = self._template.end_of(self._number, ENDING)
+        if report is None:
+            return "its process closed the connection"
+        if report.memory:
+            taken, most = report.memory / GIGABYTE, self._memory / GIGABYTE
+            return f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
+        return how_it_ended(os.waitstatus_to_exitcode(report.status))
+
+    def _kill(self, by: signal.Signals, seconds: float = DUMPING) -> ProcessReport | None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.kill(self._number, by)
+        return self._template.end_of(self._number, seconds)
+
+
+class TrackerProcess(GuardedProcess):
+    """A process in which one tracker of a scenario lives, in Python.
 
     Args:
         isolation: the longest that it may take to answer, and the most memory.
@@ -161,19 +213,15 @@ class TrackerProcess:
     """
 
     def __init__(self, isolation: Isolation, name: str, members: int = 0) -> None:
-        self.timeout, self._memory = isolation.timeout, isolation.bytes
         self._members = members
         self._exchange = 0
-        self.fault: TrackFault | None = None
-        """Why it has ended."""
         self.dropped: list[int] = []
         """Numbers of trackers in it that are no longer needed."""
         self._dump = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         self._socket, theirs = socket.socketpair()
         with theirs:
-            self._template = _template()
-            self._number = self._template.copy(theirs, self._dump, self._memory, name)
-        self._end = weakref.finalize(self, _end, self._template, self._number, self._socket, self._dump)
+            files = (self._socket, self._dump)
+            super().__init__(isolation, Launch(name), (theirs.fileno(), self._dump.fileno()), files)
 
     def ask(self, do: str, **request: Any) -> Answer:
         """What the process answers to a request.
@@ -222,12 +270,6 @@ class TrackerProcess:
         except (KeyError, TypeError, ValueError):
             raise self._ended(NO_ANSWER, signal.SIGTERM) from None
 
-    def close(self) -> None:
-        """End the process."""
-        if self.fault is None:
-            self.fault = TrackFault("its process was closed", "died")
-            self._end()
-
     def recv_into(self, buffer: memoryview) -> int:
         """As of a socket, until the answer is overdue or the process has ended: what it has started may live on."""
         while True:
@@ -238,23 +280,12 @@ class TrackerProcess:
             try:
                 return self._socket.recv_into(buffer)
             except TimeoutError:
-                if self._template.end_of(self._number, 0.0) is not None:
+                if self.has_ended:
                     raise EOFError from None
-
-    def _how_it_ended(self) -> str:
-        report = self._template.end_of(self._number, ENDING)
-        if report is None:
-            return "its process closed the connection"
-        if report.memory:
-            taken, most = report.memory / GIGABYTE, self._memory / GIGABYTE
-            return f"it took {taken:.3g} GB of memory, where it may take {most:.3g} GB (see --tracker-memory)"
-        return how_it_ended(os.waitstatus_to_exitcode(report.status))
 
     def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
         if by is not None:
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(self._number, by)
-            self._template.end_of(self._number, DUMPING)
+            self._kill(by)
         self._dump.seek(0)
         place = place_in_dump(self._dump.read().decode(errors="replace"))
         self._end()
@@ -280,9 +311,9 @@ def _raise_error(values: dict[str, Any], members: int) -> None:
         raise TrackFault(str(cause), kind, None if place is None else str(place), member)
 
 
-def _end(template: Template, process: int, connection: socket.socket, dump: IO[bytes]) -> None:
-    connection.close()
-    dump.close()
+def _end(template: Template, process: int, files: Sequence[Closeable]) -> None:
+    for file in files:
+        file.close()
     template.end(process)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,15 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate, Indices, Scan
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.isolation import Isolation
+from trackbench.driving.isolation import Isolation, is_program
 from trackbench.driving.processes import NO_ANSWER, TrackerProcess
+from trackbench.driving.program import Program
+from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
+from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import check_options, create
 
 #: Stands for the state of a tracker that has it in its process.
@@ -28,8 +32,9 @@ class TrackerTrial:
     """A tracker of a scenario, tried before it is needed: its module is imported once, in this process or its own."""
 
     def __init__(self, config: PluginConfig, folder: Path | None, isolation: Isolation) -> None:
-        self._config, self._folder = config, folder
-        self._process = TrackerProcess(isolation, config.use) if isolation.of(config) else None
+        self._config, self._folder, self._isolation = config, folder, isolation
+        own = isolation.of(config) and not is_program(config)
+        self._process = TrackerProcess(isolation, str(config.use)) if own else None
 
     def check(self) -> None:
         """Find it and hold its options against what it declares; it is not started.
@@ -38,20 +43,23 @@ class TrackerTrial:
             InputError: it cannot be found, or the options do not fit.
             TrackFault: its process ended.
         """
-        if self._process is None:
+        if isinstance(self._config.use, Command):
+            self._config.use.resolved(self._folder)
+        elif self._process is None:
             check_options(self._config.use, self._config.options, self._folder)
         else:
             self._process.ask("check", **_named(self._config, self._folder))
 
-    def start(self) -> None:
-        """Start it for one member.
+    def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:  # noqa: B006
+        """Start it for one member; a program is told the sensors, and whether there are several objects.
 
         Raises:
             InputError: it does not start.
             TrackFault: its process ended.
         """
         if self._process is None:
-            local(self._config, self._folder, 1, lambda tracker: tracker).close()
+            several = several and is_program(self._config)
+            start(self._config, self._folder, 1, lambda tracker: tracker, self._isolation, several, sensors).close()
         else:
             RemoteStepper(self._process, self._config, self._folder, 1, several=False)
 
@@ -68,6 +76,7 @@ def start(
     prepare: Prepare,
     isolation: Isolation,
     several: bool = False,
+    sensors: Mapping[str, Sensor] = {},
 ) -> Stepper:
     """A fresh tracker for a batch, its answers checked.
 
@@ -78,6 +87,7 @@ def start(
         prepare: sets the engine of a built-in tracker, and its first states where it starts from the truth.
         isolation: whether it gets a process of its own.
         several: whether it follows several objects.
+        sensors: of the scenario, by name, which a program is told.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
@@ -85,7 +95,10 @@ def start(
     """
     if not isolation.of(config):
         return local(config, folder, batch, prepare, several)
-    process = TrackerProcess(isolation, _use(config), batch)
+    assert isinstance(config, PluginConfig)
+    if is_program(config):
+        return ProgramStepper(Program(config, folder, isolation, several, batch, sensors), batch, several)
+    process = TrackerProcess(isolation, config.reference, batch)
     try:
         return RemoteStepper(process, config, folder, batch, several)
     except BaseException:
@@ -103,23 +116,27 @@ def fresh_tracks(
         TrackFault: its process ended.
     """
     make: Callable[[], Stepper] = partial(local, config, folder, 1, lambda tracker: tracker, several=True)
-    if isolation.of(config):
-        make = partial(RemoteStepper, TrackerProcess(isolation, _use(config), 1), config, folder, 1, several=True)
+    if isinstance(config, PluginConfig) and is_program(config):
+        make = partial(ProgramStepper, Program(config, folder, isolation, several=True), 1, several=True)
+    elif isinstance(config, PluginConfig) and isolation.of(config):
+        process = TrackerProcess(isolation, config.reference, 1)
+        make = partial(RemoteStepper, process, config, folder, 1, several=True)
     make()
     return make
 
 
-def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Isolation) -> Callable[[], Tracker]:
+def fresh(config: PluginConfig, folder: Path | None, isolation: Isolation) -> Callable[[], Tracker]:
     """A function that gives fresh trackers as they are, one after the other from one process.
 
     Raises:
         InputError: it cannot be found or does not take its options.
         TrackFault: its process ended.
     """
-    config = PluginConfig(use=use, options=options)
+    if is_program(config):
+        return partial(ProgramTracker, Program(config, folder, isolation, several=False))
     if not isolation.of(config):
-        return create(use, options, folder)
-    process = TrackerProcess(isolation, use)
+        return create(config.reference, config.options, folder)
+    process = TrackerProcess(isolation, config.reference)
     make = partial(RemoteTracker.fresh, process, _named(config, folder))
     make()
     return make
@@ -200,13 +217,8 @@ class RemoteTracker:
             self._process.dropped.append(self._number)
 
 
-def _use(config: FilterConfig | PluginConfig) -> str:
-    assert isinstance(config, PluginConfig)
-    return config.use
-
-
 def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
-    return {"use": config.use, "options": config.options, "folder": folder}
+    return {"use": config.reference, "options": config.options, "folder": folder}
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:

@@ -21,6 +21,8 @@ from trackbench.trackers.answers import NO_TRACK
 #: Largest difference between the two estimates of a member of a batch, relative to the largest entry: rounding that
 #: depends on the column is 1e-16, and a recursion makes little more of it.
 SAME = 1e-9
+#: Number of scans that a process which serves several trackers is given before those that are compared.
+BEFORE = 20
 BATCHED = "asked again with half of the batch replaced by other scenes and all of it permuted"
 UNBATCHED = "asked again in a fresh process, with two runs in another order"
 CAUSES = {
@@ -51,6 +53,11 @@ class Company(NamedTuple):
         measurement = np.concatenate([scan.measurement, other.measurement], axis=-1)
         valid = np.concatenate([scan.valid, other.valid], axis=-1)
         return _columns(scan._replace(measurement=measurement, valid=valid), self.order)
+
+    def before(self) -> list[Scan]:
+        """What a process that serves several trackers is given before: the first scans of the other scenes alone."""
+        width = np.arange(len(self.order))
+        return [_columns(scan, width % scan.valid.shape[-1]) for scan in self.others[:BEFORE]]
 
 
 class Disagreement(NamedTuple):

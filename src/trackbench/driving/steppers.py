@@ -60,6 +60,9 @@ class Stepper(ABC):
         """What computed the steps so far; None of a tracker that is not built in."""
         return None
 
+    def restart(self, scans: Sequence[Scan]) -> None:  # noqa: B027 - a process that serves one tracker has no other
+        """Follow some scans and then start anew, where one process serves several trackers one after the other."""
+
     def close(self) -> None:  # noqa: B027 - in this process nothing is left to end
         """It is no longer needed."""
 
@@ -90,7 +93,7 @@ def local(
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(prepare(build(config)))
-    make = create(config.use, config.options, folder)
+    make = create(config.reference, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker) and not several:
         return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from trackbench.base.descendants import adopt_orphans, end_children, end_descendants
 from trackbench.driving import guard
-from trackbench.driving.wire import INSIDE, LONGEST_LIMITS, Limits, ProcessReport
+from trackbench.driving.wire import INSIDE, LONGEST_LAUNCH, Launch, ProcessReport
 
 #: How often it looks whether the bench is still there, s.
 ORPHANED = 2.0
@@ -44,7 +44,7 @@ def main(descriptor: int) -> None:
         control.settimeout(ORPHANED)
         while True:
             try:
-                limits, descriptors, _, _ = socket.recv_fds(control, LONGEST_LIMITS, 2)
+                launch, descriptors, _, _ = socket.recv_fds(control, LONGEST_LAUNCH, 2)
             except TimeoutError:
                 if os.getppid() != bench:
                     break
@@ -57,8 +57,7 @@ def main(descriptor: int) -> None:
             process = os.fork()
             if process == 0:
                 control.settimeout(None)
-                connection = socket.socket(fileno=descriptors[0])
-                guard.watch(control, connection, descriptors[1], Limits.unpacked(limits), own)
+                guard.watch(control, descriptors, Launch.unpacked(launch), own)
             guards.add(process)
             for number in descriptors:
                 os.close(number)

@@ -42,6 +42,8 @@ class ProcessReport(NamedTuple):
     """Lines that it printed and that were not shown."""
     lines: int = 0
     """How many more would have been shown."""
+    last: bytes = b""
+    """The end of what a program printed."""
 
     def packed(self) -> bytes:
         """As bytes, of which there are always as many."""
@@ -56,31 +58,38 @@ class ProcessReport(NamedTuple):
         """
         if len(content) < _REPORT.size:
             raise EOFError
-        return cls(*_REPORT.unpack(content))
+        *numbers, last = _REPORT.unpack(content)
+        return cls(*numbers)._replace(last=last.rstrip(b"\0"))
 
 
-#: Bytes of limits.
-LONGEST_LIMITS = 8192
-_REPORT = struct.Struct("<?iiQQQ")
+#: Bytes of a launch, and of the end of what a program printed.
+LONGEST_LAUNCH, LAST = 1 << 16, 400
+_REPORT = struct.Struct(f"<?iiQQQ{LAST}s")
 REPORT_SIZE = _REPORT.size
 
 
-class Limits(NamedTuple):
-    """What a tracker may take and print."""
+class Launch(NamedTuple):
+    """The process of a tracker that is to be started: what it may take and print, and the program if it is one."""
 
-    memory: int
-    """Bytes."""
-    lines: int
-    """Shown ones."""
     name: str
     """What its output is said to be of."""
+    memory: int = 0
+    """Bytes."""
+    lines: int = 0
+    """Shown ones."""
+    command: list[str] | None = None
+    """A program and its arguments; None of a tracker in Python."""
+    folder: str = "."
+    """Where a program is started."""
+    python_path: str | None = None
+    """``PYTHONPATH`` as a program finds it."""
 
     def packed(self) -> bytes:
-        """As bytes, at most ``LONGEST_LIMITS``."""
+        """As bytes, at most ``LONGEST_LAUNCH``."""
         return json.dumps(self._replace(name=self.name[:500])).encode()
 
     @classmethod
-    def unpacked(cls, content: bytes) -> Limits:
+    def unpacked(cls, content: bytes) -> Launch:
         """From bytes."""
         return cls(*json.loads(content))
 

@@ -14,7 +14,7 @@ def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str
     """A tracker in a few words; ``late``: names of the sensors whose scans are."""
     if isinstance(tracker, PluginConfig):
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
-        parts = [tracker.use, options]
+        parts = [str(tracker.use), options]
     else:
         parts = [tracker.filter, *([f"{tracker.smoother} smoother"] if tracker.smoother else [])]
         parts += tracker.motion_in_words

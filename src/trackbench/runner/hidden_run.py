@@ -87,7 +87,7 @@ class HiddenRun(TrackerRun[Tracks]):
         self._truth = scene.truth
         with_engine = partial(replace, engine=work.engine_here)
         drive = TrackerDrive[Tracks](
-            lambda: start(config, work.folder, len(piece.runs), with_engine, work.isolation, several=True),
+            lambda: start(config, work.folder, len(piece.runs), with_engine, work.isolation, True, work.sensors),
             hidden.scans,
             config.sensors_used,
             engine=work.engine_here,

@@ -35,7 +35,7 @@ def stepper_of(
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
         return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
-    return start(entry, work.folder, batch, prepare, work.isolation)
+    return start(entry, work.folder, batch, prepare, work.isolation, sensors=work.sensors)
 
 
 def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:

@@ -64,8 +64,10 @@ class SecondDrives:
                 [(np.arange(objects) * runs + run) for run in chosen] + [members + np.arange(objects)]
             )[::-1]
         with_engine = partial(replace, engine=work.engine_here)
-        stepper = start(config, work.folder, len(order), with_engine, work.isolation, several)
-        return SecondDrive(stepper, Company(order, members, self._others(other_runs)), traits.batched)
+        stepper = start(config, work.folder, len(order), with_engine, work.isolation, several, work.sensors)
+        company = Company(order, members, self._others(other_runs))
+        stepper.restart(company.before())
+        return SecondDrive(stepper, company, traits.batched)
 
     def _other_scans(self, count: int) -> list[Scan]:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""

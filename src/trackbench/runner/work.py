@@ -22,6 +22,7 @@ from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.metrics.registry import built_in_metrics, headline
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
@@ -106,6 +107,11 @@ class Work:
     """What computes, wherever it can be had."""
     driven_twice: BlockRuns | None = None
     """The block through which plug-ins are driven a second time."""
+
+    @property
+    def sensors(self) -> Mapping[str, Sensor]:
+        """Of the scenario, by name."""
+        return {sensor.name: sensor.config for sensor in self.scenes[0].sensors}
 
     @property
     def steps(self) -> int:

@@ -71,14 +71,15 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
 def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, PluginConfig):
-            yield partial(_try, name, tracker, loaded.path.resolve().parent, isolation, started)
+            yield partial(_try, loaded, name, tracker, isolation, started)
 
 
-def _try(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation, started: bool) -> None:
+def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolation, started: bool) -> None:
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
     from trackbench.driving.remote import TrackerTrial
 
     use = f"trackers.{name}.use"
+    config, folder = loaded.config, loaded.path.resolve().parent
     with closing(TrackerTrial(tracker, folder, isolation)) as trial:
         try:
             trial.check()
@@ -87,13 +88,13 @@ def _try(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation, s
         except InputError as error:
             raise _placed(error, name) from error
         except TrackFault as fault:
-            raise InputError(f"cannot look at {tracker.use!r}: {fault}", key=use) from fault
+            raise InputError(f"cannot look at {str(tracker.use)!r}: {fault}", key=use) from fault
         if not started:
             return
         try:
-            trial.start()
+            trial.start(config.sensing.identities == "hidden", config.sensors)
         except TrackFault as fault:
-            raise InputError(f"cannot start {tracker.use!r}: {fault}", key=use) from fault
+            raise InputError(f"cannot start {str(tracker.use)!r}: {fault}", key=use) from fault
         except InputError as error:
             raise InputError(error.message, key=error.key or use) from error
 

@@ -292,7 +292,7 @@ def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
         alone = "follows one object each, of which the detections do not say"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
             yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
-        elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.use).startswith("trackbench."):
+        elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.reference).startswith("trackbench."):
             yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
     if any(metric.scores != "tracks" for metric in scenario.score.metrics):
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")

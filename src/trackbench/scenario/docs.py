@@ -43,6 +43,7 @@ HEADINGS = {
     "FilterConfig": "A built-in filter",
     "ImmConfig": "`motion` with several models",
     "PluginConfig": "Your own tracker",
+    "Command": "`use` of a program in any language",
 }
 
 INTRODUCTION = """\

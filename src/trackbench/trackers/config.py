@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.base.config import PROBLEM, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma
+from trackbench.base.config import PROBLEM, WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma
 from trackbench.base.config.key_units import in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
@@ -15,6 +15,7 @@ from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.assume import AssumedEffects, AssumedSensors
+from trackbench.trackers.foreign import Command
 from trackbench.trackers.initial import InitialConfig
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]
@@ -308,14 +309,33 @@ def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
     return [_name(motion), *(in_words(name, value) for name, value in shown.items())]
 
 
+def _language(value: Any) -> str | None:
+    if isinstance(value, str):
+        return WORD
+    return "<command>" if isinstance(value, Command) or (isinstance(value, dict) and "command" in value) else None
+
+
+#: What a tracker of the user's own is: a class of Python, or a program.
+Use = Annotated[
+    Annotated[str, Field(min_length=1), Tag(WORD)] | Annotated[Command, Tag("<command>")],
+    Discriminator(
+        _language,
+        custom_error_type=PROBLEM,
+        custom_error_message='write a published name, "module:Class" or {command: [./my_tracker]}',
+    ),
+]
+
+
 class PluginConfig(Config):
     """A tracker of the user's own, or one published under the entry-point group trackbench.trackers."""
 
-    use: str = Field(
-        min_length=1, description='A published name, such as raw, or "package.module:Class", whose code is run.'
+    use: Use = Field(
+        description='A published name, such as raw, or "package.module:Class", whose code is run; or a program in any '
+        "language: {command: [./my_tracker, --q, '2']}."
     )
     options: dict[str, Any] = Field(
-        default_factory=dict, description="Keyword arguments of the class, passed on as they are."
+        default_factory=dict,
+        description="Keyword arguments of the class, passed on as they are; a program is told them at its start.",
     )
     sensors: list[str] | None = Field(
         None, min_length=1, description="Names of the sensors it reads; all unless given."
@@ -327,6 +347,11 @@ class PluginConfig(Config):
     def sensors_used(self) -> list[str] | None:
         """Names of the sensors whose measurements it is given; None: all."""
         return self.sensors
+
+    @property
+    def reference(self) -> str:
+        """The published name or ``"module:Class"``; empty of what is no Python class."""
+        return self.use if isinstance(self.use, str) else ""
 
     def problems(self) -> Iterator[Problem]:
         yield from _repeated(self.sensors)

@@ -83,10 +83,10 @@ def subject(
         own_subject = _of_scenario(loaded, name, options, None if other is None else sensors, isolation)
         return own_subject if own_subject.multi_object else _observed(own_subject, other or loaded)
     folder = None if scenario is None else scenario.resolve().parent
+    tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
     if identities == "hidden":
-        tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
         return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
-    alone = _startable(ExaminedTracker(target, fresh(target, dict(options), folder, isolation), sensors))
+    alone = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))
     return alone if other is None else _observed(alone, other)
 
 
@@ -129,7 +129,7 @@ def _of_scenario(
     folder = loaded.path.resolve().parent
     if config.sensing.identities == "hidden":
         return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), used, multi_object=True)
-    return _startable(ExaminedTracker(name, fresh(tracker.use, tracker.options, folder, isolation), used))
+    return _startable(ExaminedTracker(name, fresh(tracker, folder, isolation), used))
 
 
 def _startable(of: ExaminedTracker) -> ExaminedTracker:

@@ -114,7 +114,7 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
         stated = node.measurement_noise.get(parts[1], {}).get(parts[2])
         return getattr(config.sensors.get(parts[1]), parts[2], None) if stated is None else stated
     if isinstance(node, PluginConfig) and len(parts) == 2 and parts[0] == "options" and parts[1] not in node.options:
-        return stated_default(node.use, parts[1], loaded.path.resolve().parent)
+        return stated_default(node.reference, parts[1], loaded.path.resolve().parent)
     if (
         isinstance(node, FilterConfig)
         and isinstance(node.motion, MotionModel)

@@ -150,7 +150,8 @@ def require_tunable(loaded: Scenario, tracker: str) -> None:
         problem = f"{tracker!r} is a sweep; name one of its points: {named}"
         raise InputError(problem, key="--trackers", file=loaded.path)
     entry = loaded.config.trackers[tracker]
-    if isinstance(entry, PluginConfig) and built_in(entry.use) and not signature(TRACKERS[entry.use]).parameters:
+    use = entry.reference if isinstance(entry, PluginConfig) else ""
+    if built_in(use) and not signature(TRACKERS[use]).parameters:
         raise InputError(f"{tracker} has no options: there is nothing to tune", key="--trackers", file=loaded.path)
 
 

@@ -145,7 +145,8 @@ def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
     """Of a scenario what one tracker's trials depend on."""
     config, document = bench.scenario.config, bench.scenario.document.value
     entry = config.trackers[tracker]
-    source = source_of(entry.use, bench.scenario.path.resolve().parent) if isinstance(entry, PluginConfig) else None
+    use = entry.reference if isinstance(entry, PluginConfig) else ""
+    source = source_of(use, bench.scenario.path.resolve().parent)
     return {
         **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
         "truth": config.truth.model_dump(mode="json", fallback=str),

@@ -1,0 +1,69 @@
+"""Trackers in another language: programs that a scenario names."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from trackbench.base.config import Config
+from trackbench.base.errors import InputError, nearest
+
+
+class Command(Config):
+    """A program that reads scans and writes estimates or tracks, in any language."""
+
+    command: list[Annotated[str, Field(min_length=1)]] = Field(
+        min_length=1,
+        max_length=100,
+        description="The program and its arguments: [./my_tracker, --q, '2']. No shell reads them. A path starts at "
+        "the scenario's folder, which is the program's working directory; a name without / is looked for on PATH.",
+    )
+
+    def __str__(self) -> str:
+        return shlex.join(self.command)
+
+    @property
+    def name(self) -> str:
+        """The program, in messages."""
+        return self.command[0]
+
+    def resolved(self, folder: Path | None) -> list[str]:
+        """The command with the path of its program.
+
+        Raises:
+            InputError: there is no such program, or it cannot be executed.
+        """
+        return [str(_executable(self.command[0], (folder or Path.cwd()).resolve())), *self.command[1:]]
+
+
+def _executable(name: str, folder: Path) -> Path:
+    if "/" not in name:
+        found = shutil.which(name)
+        if found is not None:
+            return Path(found)
+        here = f"did you mean {'./' + name!r}?" if (folder / name).is_file() else _nearest_on_path(name)
+        raise InputError(f"there is no program {name!r} on PATH: {here}")
+    path = folder / name
+    if not path.is_file():
+        place = path.parent
+        choices = [file.name for file in place.iterdir() if _can_run(file)] if place.is_dir() else []
+        hint = nearest(path.name, choices) if choices else "no program is there"
+        raise InputError(f"there is no program {path.name!r} in {place}: {hint}")
+    if not _can_run(path):
+        raise InputError(f"{path} is not executable: chmod +x makes it so, or name its interpreter before it")
+    return path
+
+
+def _can_run(file: Path) -> bool:
+    return file.is_file() and os.access(file, os.X_OK)
+
+
+def _nearest_on_path(name: str) -> str:
+    places = (Path(place) for place in os.get_exec_path() if place)
+    hint = nearest(name, {file.name for place in places if place.is_dir() for file in place.iterdir()})
+    return hint if hint.startswith("did you mean") else "a path has a /, such as ./my_tracker"
