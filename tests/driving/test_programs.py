@@ -203,7 +203,7 @@ FAULTS = {
     "another shape": (ANSWER + "send(**usual(message) | {'mean': packed(np.ones(3))})", r"mean has the shape \(3,\)"),
     "nan": (ANSWER + "send(**usual(message) | {'mean': packed([1, 2, 3, np.nan])})", "the estimate is not finite"),
     "not symmetric": (ANSWER + "send(**usual(message) | {'covariance': packed(np.tri(4))})", "not symmetric"),
-    "gives up": (ANSWER + "send(**usual(message) if scans == 1 else dict(type='none', id=1))", "None after an estimate"),
+    "gives up": (ANSWER + "send(**usual(message) if scans == 1 else dict(type='none', id=1))", "None after an"),
     "tracks": (ANSWER + "send(type='tracks', id=1)", "it gave tracks"),
 }  # fmt: skip
 

@@ -17,6 +17,7 @@ from trackbench.results.provenance import Provenance
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import is_shipped
 from trackbench.trackers.config import PluginConfig
+from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import TRACKERS
 
 #: How long git may take, s.
@@ -83,10 +84,12 @@ def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
     folder, code = loaded.path.resolve().parent, {}
     for name, tracker in loaded.config.trackers.items():
         modules = {*_modules(loaded.document.value["trackers"][name])}
-        own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(tracker.use).startswith("trackbench.")
+        own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(tracker.reference).startswith("trackbench.")
         if isinstance(tracker, PluginConfig) and own:
-            modules.add(TRACKERS.home_of(tracker.use))
+            modules.add(TRACKERS.home_of(tracker.reference))
         files = {file for module in modules if (file := _source(module, folder))}
+        if isinstance(tracker, PluginConfig) and isinstance(tracker.use, Command):
+            files |= tracker.use.files(folder)
         if own or files:
             code[name] = _sha256(files)
     return code

@@ -50,7 +50,7 @@ class TrackerTrial:
         else:
             self._process.ask("check", **_named(self._config, self._folder))
 
-    def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:  # noqa: B006
+    def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:
         """Start it for one member; a program is told the sensors, and whether there are several objects.
 
         Raises:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
-from pathlib import Path
 
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault

@@ -40,6 +40,10 @@ class Command(Config):
         """
         return [str(_executable(self.command[0], (folder or Path.cwd()).resolve())), *self.command[1:]]
 
+    def files(self, folder: Path) -> set[Path]:
+        """The files of a folder that the command names: a program, a script, its data."""
+        return {folder / name for name in self.command if (folder / name).is_file()}
+
 
 def _executable(name: str, folder: Path) -> Path:
     if "/" not in name:
