@@ -192,7 +192,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     "highd": write_highd,
     "ind": write_ind,
     "osi": write_osi,
-    "osi-mcap": write_mcap,
+    "mcap": write_mcap,
     "parquet": write_parquet,
     "round": write_ind,
     "smarts": write_smarts,

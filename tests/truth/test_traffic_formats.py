@@ -22,7 +22,7 @@ def read(name: str, file: Path) -> list[TrafficTrack]:
 
 
 def written(name: str, folder: Path) -> Path:
-    if name == "osi-mcap":
+    if name == "mcap":
         pytest.importorskip("mcap", reason="needs trackbench[mcap]")
     return WRITERS[name](folder)
 
@@ -170,7 +170,7 @@ def test_without_the_package_mcap_says_what_to_install(tmp_path: Path, monkeypat
     file.write_bytes(b"\x89MCAP0\r\n")
     monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
     with pytest.raises(InputError, match=r"pip install 'trackbench\[mcap\]'"):
-        read("osi-mcap", file)
+        read("mcap", file)
 
 
 def test_the_shipped_recording_is_that_of_the_history() -> None:

@@ -133,6 +133,24 @@ def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
     return TrackRows(names("id"), time, px, py, **more, kind=names("kind"))
 
 
+def bodies_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
+    """The tracks of rows, each with the size and class of its first row.
+
+    Raises:
+        InputError: as of ``tracks_of``.
+    """
+    columns = {"time": rows.time, "x": rows.px, "y": rows.py, "heading": rows.heading, "speed": rows.speed}
+    if rows.vx is not None and rows.vy is not None:
+        columns["speed"] = np.hypot(rows.vx, rows.vy)
+    bodies: dict[str, dict[str, Any]] = {}
+    for row, name in enumerate(rows.id):
+        if name not in bodies:
+            sizes = {"length": rows.length, "width": rows.width}
+            bodies[name] = {key: float(size[row]) for key, size in sizes.items() if size is not None and size[row] > 0}
+            bodies[name]["kind"] = "" if rows.kind is None else rows.kind[row]
+    return tracks_of(file, rows.id, {key: item for key, item in columns.items() if item is not None}, bodies)
+
+
 def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
     """The tracks with at least two rows, from the time of the first row on.
 

@@ -33,7 +33,7 @@ def export(
         scenario: what :func:`load` gave or takes.
         scans: the folder of the scans.
         truth: the folder of the truth; it is not written unless given.
-        format: ``csv`` or ``parquet``.
+        format: ``csv``, ``parquet``, ``mcap`` or ``osi``.
         progress: called with the number of steps simulated and of all.
 
     Raises:

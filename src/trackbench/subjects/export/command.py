@@ -11,7 +11,7 @@ from trackbench.base.errors import counted
 from trackbench.cli.options import NearestChoice, scenario_paths
 from trackbench.cli.terminal import progress, quiet_option
 
-FORMAT_NAMES = ("csv", "parquet")
+FORMAT_NAMES = ("csv", "parquet", "mcap", "osi")
 
 
 @click.command("export")

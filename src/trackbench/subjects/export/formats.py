@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import pyarrow as pa
 
+from trackbench.subjects.export import mcap, osi
 from trackbench.subjects.export.source import ScanSource
 from trackbench.subjects.export.tables import scan_table, truth_table
 
@@ -18,7 +19,6 @@ Files = dict[str, Callable[[Path], object]]
 class ExportFormat(NamedTuple):
     """A format."""
 
-    summary: str
     scans: Callable[[ScanSource], Files]
     """The files of all scans; each run is made when its file is written."""
     truth: Callable[[ScanSource], Files]
@@ -58,15 +58,16 @@ def _write_parquet(tables: Iterable[pa.Table], path: Path) -> None:
         writer.close()
 
 
-def _tables_in(ending: str, write: Callable[[Iterable[pa.Table], Path], None], summary: str) -> ExportFormat:
+def _tables_in(ending: str, write: Callable[[Iterable[pa.Table], Path], None]) -> ExportFormat:
     return ExportFormat(
-        summary,
         lambda source: {f"scans.{ending}": lambda path: write(_scan_tables(source), path)},
         lambda source: {f"truth.{ending}": lambda path: write(_truth_tables(source), path)},
     )
 
 
 FORMATS = {
-    "csv": _tables_in("csv", _write_csv, "one table as text, with a line of names"),
-    "parquet": _tables_in("parquet", _write_parquet, "the same table as Parquet"),
+    "csv": _tables_in("csv", _write_csv),
+    "parquet": _tables_in("parquet", _write_parquet),
+    "mcap": ExportFormat(mcap.scan_files, mcap.truth_files),
+    "osi": ExportFormat(osi.scan_files, osi.truth_files),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,6 +22,11 @@ class RunKey(NamedTuple):
     """From 0."""
     run: int
     """Within the scene, from 0."""
+
+    @property
+    def stem(self) -> str:
+        """Of the name of its file, where it has one of its own."""
+        return f"scene{self.scene}_run{self.run}"
 
 
 class RunScans(NamedTuple):
@@ -53,8 +58,9 @@ class ScanSource:
 
     @cached_property
     def work(self) -> Work:
-        """The scenes with their sensors."""
-        return work_of(self.loaded, self.truths)
+        """The scenes with their sensors; no tracker has to be there."""
+        config = self.loaded.config.model_copy(update={"trackers": {}})
+        return work_of(replace(self.loaded, config=config), self.truths)
 
     @property
     def hidden(self) -> bool:
@@ -69,6 +75,13 @@ class ScanSource:
     def truth(self, scene: int) -> Truth:
         """Of a scene: with hidden identities all objects, else the targets."""
         return self.truths[scene].truth
+
+    def truth_runs(self) -> Iterator[tuple[str, Truth, int]]:
+        """The stem of a file, the truth and the number of the run, once where motion is the same in every run."""
+        for scene, item in enumerate(self.truths):
+            runs = item.truth.px.shape[-1]
+            for run in range(runs):
+                yield f"scene{scene}" if runs == 1 else RunKey(scene, run).stem, item.truth, run
 
     @property
     def scene_names(self) -> list[str]:

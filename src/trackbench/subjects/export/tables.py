@@ -62,7 +62,7 @@ TRUTH = {
 }
 
 
-def component_columns(sensor: Sensor) -> list[str]:
+def component_columns(sensor: Sensor | type[Sensor]) -> list[str]:
     """The column of each component of a measurement, with its SI unit at the end: ``range_rate_mps``."""
     return [f"{name}_{SPELLINGS.get(unit, unit)}" for name, unit in zip(sensor.components, sensor.units, strict=True)]
 

@@ -1,4 +1,4 @@
-"""Traces of the ASAM Open Simulation Interface, and messages of it in MCAP.
+"""Traces of the ASAM Open Simulation Interface, whose messages are also found in MCAP.
 
 A trace needs four messages with twenty fields. They are read from the wire, in 40 lines: ``betterosi`` and ``protobuf``
 bring generated code of all of OSI, and the latter pins the versions of others.
@@ -12,15 +12,15 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
-from trackbench.base.plugins import one_line
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
+from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
 
 #: Numbers of fields.
 GROUND_TRUTH_OF_VIEW = 7
@@ -33,69 +33,54 @@ VEHICLES = {2: "car", 3: "car", 4: "car", 5: "car", 6: "van", 7: "truck", 8: "tr
 VEHICLES |= {10: "motorcycle", 11: "bicycle", 12: "bus", 13: "tram", 14: "train"}
 
 Kind = Literal["SensorView", "GroundTruth"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
-class _Osi(TrafficFormat):
-    """What a trace and an MCAP file have in common."""
-
-    def _tracks(self, file: Path, messages: Iterable[tuple[Kind, memoryview]]) -> list[TrafficTrack]:
-        rows: list[tuple[float, ...]] = []
-        ids: list[str] = []
-        bodies: dict[str, dict[str, Any]] = {}
-        try:
-            for kind, message in messages:
-                for ground_truth in _parts(message, GROUND_TRUTH_OF_VIEW) if kind == "SensorView" else (message,):
-                    for name, row, body in _objects(ground_truth):
-                        ids.append(name)
-                        rows.append(row)
-                        bodies.setdefault(name, body)
-        except (ValueError, IndexError, struct.error, OverflowError) as error:
-            raise InputError(f"a message after {counted(len(rows), 'row')} is damaged: {error}", file=file) from None
-        if not rows:
-            raise InputError("there is no moving object in this file", file=file)
-        time, x, y, heading, vx, vy = np.array(rows).T
-        columns = {"time": time, "x": x, "y": y, "heading": heading}
-        if np.isfinite(vx).all():
-            columns["speed"] = np.hypot(vx, vy)
-        return tracks_of(file, ids, columns, bodies)
-
-
-class OsiTrace(_Osi):
+class OsiTrace(TrafficFormat):
     """ASAM OSI trace, binary (.osi): the moving objects of SensorView or GroundTruth messages."""
 
     endings: ClassVar[tuple[str, ...]] = (".osi",)
-    message: Literal["SensorView", "GroundTruth"] | None = Field(
+    message: Kind | None = Field(
         None, description="The type of the messages; GroundTruth where the file's name has _gt_, else SensorView."
     )
 
     def read(self, file: Path) -> list[TrafficTrack]:
+        return bodies_of(self.rows(file), file)
+
+    def rows(self, file: Path) -> TrackRows:
         kind = self.message or ("GroundTruth" if "_gt_" in file.name else "SensorView")
         content = memoryview(read_bytes(file))
-        return self._tracks(file, ((kind, message) for message in _delimited(content, file)))
+        return moving_objects(file, kind, _delimited(content, file))
 
 
-class OsiMcap(_Osi):
-    """ASAM OSI messages in MCAP: those of the types osi3.SensorView and osi3.GroundTruth. Needs `trackbench[mcap]`."""
+def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> TrackRows:
+    """The rows of the moving objects of messages, in the frame that is fixed to the ground. OSI has no covariance.
 
-    endings: ClassVar[tuple[str, ...]] = (".mcap",)
+    Args:
+        file: for error messages.
+        kind: of the messages.
+        messages: as they are on the wire.
 
-    def read(self, file: Path) -> list[TrafficTrack]:
-        try:
-            from mcap.reader import make_reader
-        except ImportError:
-            raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=file) from None
-        kinds: dict[str, Kind] = {"osi3.SensorView": "SensorView", "osi3.GroundTruth": "GroundTruth"}
-        read_bytes(file, most=2**32)
-        with file.open("rb") as stream:
-            try:
-                messages = [
-                    (kinds[schema.name], memoryview(message.data))
-                    for schema, _, message in make_reader(stream).iter_messages()
-                    if schema is not None and schema.name in kinds
-                ]
-            except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
-                raise InputError(f"not an MCAP file that can be read: {one_line(error)}", file=file) from None
-        return self._tracks(file, messages)
+    Raises:
+        InputError: a message is damaged, or there is no moving object.
+    """
+    rows: list[tuple[float, ...]] = []
+    ids: list[str] = []
+    kinds: list[str] = []
+    try:
+        for message in messages:
+            for ground_truth in _parts(message, GROUND_TRUTH_OF_VIEW) if kind == "SensorView" else (message,):
+                for name, row, of_class in _objects(ground_truth):
+                    ids.append(name)
+                    rows.append(row)
+                    kinds.append(of_class)
+    except (ValueError, IndexError, struct.error, OverflowError) as error:
+        raise InputError(f"a message after {counted(len(rows), 'row')} is damaged: {error}", file=file) from None
+    if not rows:
+        raise InputError("there is no moving object in this file", file=file)
+    time, px, py, heading, vx, vy, length, width = np.array(rows).T
+    velocity = {"vx": vx, "vy": vy} if np.isfinite(vx).all() and np.isfinite(vy).all() else {}
+    return TrackRows(ids, time, px, py, **velocity, heading=heading, length=length, width=width, kind=kinds)
 
 
 def _delimited(content: memoryview, file: Path) -> Iterator[memoryview]:
@@ -109,8 +94,9 @@ def _delimited(content: memoryview, file: Path) -> Iterator[memoryview]:
         at += 4 + size
 
 
-def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...], dict[str, Any]]]:
-    """Name, row (time, x, y, heading, vx, vy) and size of each moving object; NaN where a velocity is missing."""
+def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...], str]]:
+    """Name, row (time, x, y, heading, vx, vy, length, width) and class of each moving object; NaN where a velocity is
+    missing, 0 where a size is."""
     stamp = dict(_fields(_part(ground_truth, TIMESTAMP)))
     time = int(stamp.get(1, 0)) + 1e-9 * int(stamp.get(2, 0))
     for item in _parts(ground_truth, MOVING_OBJECT):
@@ -118,12 +104,12 @@ def _objects(ground_truth: memoryview) -> Iterator[tuple[str, tuple[float, ...],
         x, y = _vector(_part(base, POSITION), 1, 2)
         (yaw,) = _vector(_part(base, ORIENTATION), 3)
         velocity = _vector(_part(base, VELOCITY), 1, 2) if any(_parts(base, VELOCITY)) else (np.nan, np.nan)
-        length, width = (value or None for value in _vector(_part(base, DIMENSION), 1, 2))
+        length, width = _vector(_part(base, DIMENSION), 1, 2)
         of_object = int(dict(_fields(item)).get(OBJECT_TYPE, 0))
         of_vehicle = int(dict(_fields(_part(item, CLASSIFICATION))).get(1, 0))
         kind = OBJECTS.get(of_object) or VEHICLES.get(of_vehicle, "")
         name = str(dict(_fields(_part(item, OBJECT_ID))).get(1, 0))
-        yield name, (time, x, y, yaw, *velocity), {"length": length, "width": width, "kind": kind}
+        yield name, (time, x, y, yaw, *velocity, length, width), kind
 
 
 def _vector(message: memoryview, *numbers: int) -> tuple[float, ...]:

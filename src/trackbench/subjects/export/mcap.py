@@ -1,0 +1,230 @@
+"""Scans, truths and tracks in MCAP, as JSON: Foxglove's schemas for viewers, the bench's own for programs."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Scan, Truth
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.export.schemas import SCHEMAS
+from trackbench.subjects.export.source import RunKey, ScanSource
+from trackbench.subjects.export.tables import component_columns
+from trackbench.truth.formats.foxglove import BOXES, POINTS, SCAN, TRACKS, TRANSFORMS
+from trackbench.truth.track_rows import TrackRows
+
+#: The frame that is fixed to the ground.
+FIXED = "world"
+#: ``foxglove.NumericType``
+FLOAT64 = 8
+#: Height of boxes, which nothing states, m.
+HEIGHT = 1.5
+GREY = {"r": 0.5, "g": 0.5, "b": 0.5, "a": 0.6}
+
+#: ``(topic, schema, log time s, message)``
+Write = Callable[[str, str, float, Any], None]
+
+
+def scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+    """A file for each run."""
+    return {f"{key.stem}.mcap": partial(_write_scans, source, key) for key in source.keys}
+
+
+def truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+    """A file for each scene; where motion is drawn anew, one for each run."""
+    return {f"{name}.mcap": partial(_write_truth, truth, run) for name, truth, run in source.truth_runs()}
+
+
+def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
+    of_run = source.scans(key)
+    common = {**key._asdict(), "fingerprint": of_run.fingerprint}
+    with written(path) as write:
+        for number, scan in enumerate(of_run.scans):
+            arrival = scan.arrival_time
+            write("/tf", TRANSFORMS, arrival, {"transforms": [_transform(scan)]})
+            write(f"/{scan.sensor}/detections", POINTS, arrival, _point_cloud(scan))
+            message = {**common, "scan": number, **_scan(scan, of_run.objects)}
+            write(f"/{scan.sensor}/scan", SCAN, arrival, message)
+
+
+def _write_truth(truth: Truth, run: int, path: Path) -> None:
+    with written(path) as write:
+        for step, time in enumerate(truth.time.tolist()):
+            bodies = np.flatnonzero(truth.alive[step]).tolist()
+            entities = [_entity(truth, step, body, run) for body in bodies]
+            write("/truth", BOXES, time, {"deletions": [], "entities": entities})
+
+
+def write_tracks(rows: TrackRows, path: Path) -> None:
+    """Tracks as ``trackbench.Tracks``, one message for each time; of several runs for each time and run.
+
+    Args:
+        rows: in the order of time.
+        path: the file.
+
+    Raises:
+        InputError: the package is missing.
+    """
+    keys = {name: getattr(rows, name) for name in ("scene", "run", "fingerprint") if getattr(rows, name) is not None}
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for row, time in enumerate(rows.time.tolist()):
+        groups.setdefault((*(column[row] for column in keys.values()), time), []).append(row)
+    with written(path) as write:
+        for (*of_run, time), members in groups.items():
+            tracks = [_track(rows, row) for row in members]
+            message = {
+                **dict(zip(keys, of_run, strict=True)),
+                "time_s": time,
+                "timestamp": stamp_of(time),
+                "tracks": tracks,
+            }
+            write("/tracks", TRACKS, time, message)
+
+
+@contextmanager
+def written(path: Path) -> Iterator[Write]:
+    """A new file; yields what writes a message.
+
+    Raises:
+        InputError: the package is missing.
+    """
+    try:
+        from mcap.writer import Writer
+    except ImportError:
+        raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=path.name) from None
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(library="trackbench")
+        channels: dict[str, int] = {}
+        schemas: dict[str, int] = {}
+
+        def write(topic: str, schema: str, time: float, message: Any) -> None:
+            if schema not in schemas:
+                content = json.dumps({"title": schema, **SCHEMAS[schema]}).encode()
+                schemas[schema] = writer.register_schema(name=schema, encoding="jsonschema", data=content)
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, message_encoding="json", schema_id=schemas[schema])
+            data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+            nanoseconds = round(time * 1e9)
+            writer.add_message(channels[topic], log_time=nanoseconds, data=data, publish_time=nanoseconds)
+
+        yield write
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def stamp_of(time: float) -> dict[str, int]:
+    """A time in s to the nanosecond."""
+    seconds, nanoseconds = divmod(round(time * 1e9), 10**9)
+    return {"sec": seconds, "nsec": nanoseconds}
+
+
+def _rotation(yaw: float) -> dict[str, float]:
+    return {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
+
+
+def _vector(x: float, y: float, z: float = 0.0) -> dict[str, float]:
+    return {"x": float(x), "y": float(y), "z": z}
+
+
+def _transform(scan: Scan) -> dict[str, Any]:
+    x, y, yaw = scan.sensor_pose
+    return {
+        "timestamp": stamp_of(scan.time),
+        "parent_frame_id": FIXED,
+        "child_frame_id": scan.sensor,
+        "translation": _vector(x, y),
+        "rotation": _rotation(yaw),
+    }
+
+
+def _point_cloud(scan: Scan) -> dict[str, Any]:
+    """The detections of a scan, in the sensor's frame: x, y, z and each component of the measurement."""
+    model = SENSOR_MODELS[scan.kind]
+    measurement = scan.measurement[:, scan.valid]
+    dx, dy = model.position(scan._replace(measurement=measurement)).mean - scan.sensor_pose[:2, None]
+    cos, sin = np.cos(scan.sensor_pose[2]), np.sin(scan.sensor_pose[2])
+    points: dict[str, Array] = {"x": cos * dx + sin * dy, "y": cos * dy - sin * dx, "z": np.zeros_like(dx)}
+    points |= dict(zip(model.components, measurement, strict=True))
+    return {
+        "timestamp": stamp_of(scan.time),
+        "frame_id": scan.sensor,
+        "pose": {"position": _vector(0.0, 0.0), "orientation": _rotation(0.0)},
+        "point_stride": 8 * len(points),
+        "fields": [{"name": name, "offset": 8 * place, "type": FLOAT64} for place, name in enumerate(points)],
+        "data": base64.b64encode(np.stack([*points.values()], axis=-1).astype("<f8").tobytes()).decode(),
+    }
+
+
+def _scan(scan: Scan, objects: tuple[str, ...] | None) -> dict[str, Any]:
+    """All that a tracker gets of a scan."""
+    columns = component_columns(SENSOR_MODELS[scan.kind])
+    rows = []
+    for number, (valid, measured) in enumerate(zip(scan.valid.tolist(), scan.measurement.T.tolist(), strict=True)):
+        row: dict[str, Any] = {"detection": number} if objects is None else {"object": objects[number]}
+        rows.append(row | {"valid": valid} | (dict(zip(columns, measured, strict=True)) if valid else {}))
+    stated = {}
+    if objects is None:
+        stated = {"detection_probability": scan.detection_probability, "clutter_density": scan.clutter_density}
+    return {
+        "sensor": scan.sensor,
+        "timestamp": stamp_of(scan.time),
+        "time_s": scan.time,
+        "arrival_time_s": scan.arrival_time,
+        "sensor_pose": scan.sensor_pose.tolist(),
+        "sensor_velocity": scan.sensor_velocity.tolist(),
+        "noise_covariance": scan.noise_covariance.tolist(),
+        **stated,
+        "rows": rows,
+    }
+
+
+def _entity(truth: Truth, step: int, body: int, run: int) -> dict[str, Any]:
+    """A body as a box, with its velocity as metadata."""
+    at = step, body, run
+    metadata = {
+        "vx_mps": repr(float(truth.vx[at])),
+        "vy_mps": repr(float(truth.vy[at])),
+        "target": str(int(truth.target[body])),
+    }
+    cube = {
+        "pose": {
+            "position": _vector(truth.px[at], truth.py[at], HEIGHT / 2),
+            "orientation": _rotation(float(truth.heading[at])),
+        },
+        "size": _vector(truth.length[body], truth.width[body], HEIGHT),
+        "color": GREY,
+    }
+    nothing: dict[str, list[Any]] = {
+        name: [] for name in ("arrows", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+    }
+    return {
+        "timestamp": stamp_of(float(truth.time[step])),
+        "frame_id": FIXED,
+        "id": truth.ids[body],
+        "lifetime": {"sec": 0, "nsec": 0},
+        "frame_locked": False,
+        "metadata": [{"key": key, "value": value} for key, value in metadata.items()],
+        "cubes": [cube],
+        **nothing,
+    }
+
+
+def _track(rows: TrackRows, row: int) -> dict[str, Any]:
+    mean = [rows.px, rows.py, rows.vx, rows.vy]
+    if rows.vx is None or rows.vy is None:
+        raise InputError("the tracks have no velocity, which trackbench.Tracks needs")
+    track: dict[str, Any] = {"id": rows.id[row], "mean": [float(part[row]) for part in mean if part is not None]}
+    if rows.covariance is not None:
+        values = rows.covariance[..., row].tolist()
+        track["covariance"] = [[None if np.isnan(entry) else entry for entry in line] for line in values]
+    if rows.existence is not None:
+        track["existence"] = float(rows.existence[row])
+    return track

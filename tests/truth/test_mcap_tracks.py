@@ -1,0 +1,192 @@
+"""Tracks and boxes in MCAP: what is read, in which frame, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackbench.base.errors import InputError
+from trackbench.subjects.export.mcap import write_tracks, written
+from trackbench.truth.formats.mcap import Mcap
+from trackbench.truth.track_rows import TrackRows
+
+pytest.importorskip("mcap", reason="needs trackbench[mcap]")
+Messages = list[tuple[str, str, Any]]
+
+
+def file_of(folder: Path, messages: Messages) -> Path:
+    file = folder / "tracks.mcap"
+    with written(file) as write:
+        for number, (topic, schema, message) in enumerate(messages):
+            write(topic, schema, 0.1 * number, message)
+    return file
+
+
+def quaternion(yaw: float) -> dict[str, float]:
+    return {"x": 0, "y": 0, "z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}
+
+
+def entity(time: float, x: float = 1.0, y: float = 2.0, yaw: float = 0.0, **more: Any) -> dict[str, Any]:
+    cube = {
+        "pose": {"position": {"x": x, "y": y, "z": 0}, "orientation": quaternion(yaw)},
+        "size": {"x": 4.5, "y": 1.8, "z": 1.5},
+    }
+    stamp = {"sec": math.floor(time), "nsec": round(time % 1 * 1e9)}
+    return {"timestamp": stamp, "frame_id": "map", "id": "7", "cubes": [cube], "metadata": [], **more}
+
+
+def boxes(*entities: dict[str, Any]) -> tuple[str, str, Any]:
+    return "/boxes", "foxglove.SceneUpdate", {"deletions": [], "entities": list(entities)}
+
+
+def move(time: float, parent: str, child: str, x: float, y: float, yaw: float) -> tuple[str, str, Any]:
+    translation = {"x": x, "y": y, "z": 0}
+    stamp = {"sec": int(time), "nsec": round(time % 1 * 1e9)}
+    own = {"timestamp": stamp, "parent_frame_id": parent, "child_frame_id": child}
+    return (
+        "/tf",
+        "foxglove.FrameTransforms",
+        {"transforms": [own | {"translation": translation, "rotation": quaternion(yaw)}]},
+    )
+
+
+def test_tracks_come_back_bit_for_bit(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    factor = random.standard_normal((4, 4, 30))
+    covariance = np.einsum("ikr,jkr->ijr", factor, factor)
+    time = np.sort(random.random(10)).repeat(3)
+    numbers = random.standard_normal((4, 30)) * 1e3
+    texts = {"scene": ["0"] * 30, "run": ["0", "1", "2"] * 10, "fingerprint": ["a", "b", "c"] * 10}
+    rows = TrackRows(
+        [str(k % 5) for k in range(30)], time, *numbers, covariance=covariance, existence=random.random(30), **texts
+    )
+    write_tracks(rows, tmp_path / "tracks.mcap")
+    back = Mcap().rows(tmp_path / "tracks.mcap")
+    for name in ("time", "px", "py", "vx", "vy", "covariance", "existence"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(rows, name))
+    assert (back.id, back.scene, back.run, back.fingerprint) == (rows.id, rows.scene, rows.run, rows.fingerprint)
+
+
+def test_what_is_optional_may_be_left_out(tmp_path: Path) -> None:
+    message = {"time_s": 0.5, "tracks": [{"id": 3, "mean": [1, 2, 3, 4]}]}
+    rows = Mcap().rows(file_of(tmp_path, [("/t", "trackbench.Tracks", message)]))
+    assert (rows.id, rows.px.tolist(), rows.covariance, rows.existence, rows.run) == (["3"], [1], None, None, None)
+
+
+def test_boxes_have_the_time_of_their_entity_and_of_the_clock(tmp_path: Path) -> None:
+    rows = Mcap().rows(file_of(tmp_path, [boxes(entity(1_700_000_000.25)), boxes(entity(1_700_000_001.5, yaw=2.5))]))
+    assert rows.start == Decimal(1_700_000_000)
+    np.testing.assert_allclose(rows.time, [0.25, 1.5], atol=1e-9)
+    assert rows.heading is not None
+    np.testing.assert_allclose(rows.heading, [0, 2.5])
+    assert rows.vx is None
+    assert rows.length is not None
+    assert rows.length.tolist() == [4.5, 4.5]
+
+
+def test_boxes_in_a_moving_frame_are_put_in_the_fixed_one(tmp_path: Path) -> None:
+    """A car that stands at (10, 5), seen from a mount that is turned on a car that drives and turns."""
+    messages: Messages = []
+    for time in np.arange(0, 2.01, 0.5):
+        x, y, yaw = 3 * time, 1.0, 0.2 * time
+        messages.append(move(time, "map", "car", x, y, yaw))
+        messages.append(move(time, "car", "lidar", 2.0, 0.0, 0.5))
+        mount = np.array([x + 2 * np.cos(yaw), y + 2 * np.sin(yaw)])
+        away, turned = np.array([10.0, 5.0]) - mount, yaw + 0.5
+        cos, sin = np.cos(turned), np.sin(turned)
+        own = cos * away[0] + sin * away[1], cos * away[1] - sin * away[0]
+        messages.append(boxes(entity(time, *own, yaw=0.3 - turned, frame_id="lidar")))
+    rows = Mcap().rows(file_of(tmp_path, messages))
+    np.testing.assert_allclose([rows.px, rows.py], [[10] * 5, [5] * 5], atol=1e-9)
+    assert rows.heading is not None
+    np.testing.assert_allclose(rows.heading, 0.3, atol=1e-9)
+
+
+def test_one_of_several_topics_is_named(tmp_path: Path) -> None:
+    other = ("/mine", *boxes(entity(0))[1:])
+    file = file_of(tmp_path, [boxes(entity(0)), other])
+    with pytest.raises(InputError, match=r"2 topics have foxglove\.SceneUpdate: name one in topic: /boxes, /mine"):
+        Mcap().rows(file)
+    assert len(Mcap(topic="/mine").rows(file)) == 1
+    with pytest.raises(InputError, match="there is no topic '/min' with tracks; did you mean '/mine'"):
+        Mcap(topic="/min").rows(file)
+
+
+def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    item = json.loads(json.dumps(entity(0)))
+    change(item)
+    return item
+
+
+BAD_BOXES: list[tuple[dict[str, Any], str]] = [
+    (changed(lambda item: item.pop("id")), "there is no 'id'"),
+    (changed(lambda item: item["cubes"].append(item["cubes"][0])), "entity 7 has 2 cubes; a box has one"),
+    (changed(lambda item: item["cubes"][0]["pose"]["position"].update(x="1")), "1 is not a finite number"),
+    (changed(lambda item: item["cubes"][0]["pose"]["orientation"].update(w=0)), "no unit quaternion"),
+    (changed(lambda item: item["timestamp"].update(sec=-1)), "-1 is no whole number"),
+    (changed(lambda item: item.update(cubes=3)), "3 is no list"),
+    (changed(lambda item: item.update(cubes=[])), "there is no box in this file"),
+    (changed(lambda item: item.update(timestamp=[])), "not of the types of the schema"),
+]
+
+
+@pytest.mark.parametrize(("item", "message"), BAD_BOXES)
+def test_what_is_wrong_with_a_box(item: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        Mcap().rows(file_of(tmp_path, [boxes(item)]))
+    assert message in str(caught.value)
+    assert "tracks.mcap" in str(caught.value)
+
+
+BAD_TRACKS: list[tuple[dict[str, Any], str]] = [
+    ({"tracks": []}, "there is no 'time_s'"),
+    ({"time_s": 0, "tracks": []}, "there is no track in this file"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2]}]}, "a mean has 2 numbers"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, True]}]}, "True is not a finite number"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "covariance": [[1]]}]}, "not 4 by 4"),
+    ({"time_s": 0, "tracks": [{"id": "1", "mean": [1, 2, 3, 4], "existence": 1.5}]}, "no probability"),
+    ({"time_s": 0, "tracks": [{"id": [], "mean": [1, 2, 3, 4]}]}, "[] is no name"),
+    ({"time_s": 0, "tracks": [4]}, "not of the types of the schema"),
+]
+
+
+@pytest.mark.parametrize(("message", "problem"), BAD_TRACKS)
+def test_what_is_wrong_with_tracks(message: dict[str, Any], problem: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        Mcap().rows(file_of(tmp_path, [("/tracks", "trackbench.Tracks", message)]))
+    assert problem in str(caught.value)
+
+
+def test_frames_that_nothing_connects_are_named(tmp_path: Path) -> None:
+    file = file_of(tmp_path, [boxes(entity(0), entity(0, frame_id="odom"))])
+    with pytest.raises(InputError, match="several frames, and no transform says where one is: map, odom"):
+        Mcap().rows(file)
+    circle = [move(0, "odom", "map", 0, 0, 0), move(0, "map", "odom", 0, 0, 0), boxes(entity(0))]
+    with pytest.raises(InputError, match="children of each other"):
+        Mcap().rows(file_of(tmp_path, circle))
+    two = [move(0, "a", "map", 0, 0, 0), move(0, "b", "map", 0, 0, 0), boxes(entity(0))]
+    with pytest.raises(InputError, match="'map' has several parents: a, b"):
+        Mcap().rows(file_of(tmp_path, two))
+
+
+def test_another_encoding_and_a_file_without_tracks_are_named(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    file = tmp_path / "other.mcap"
+    for schema, problem in (("foxglove.SceneUpdate", "encoding 'protobuf'; only json is read"), ("a.B", "no tracks")):
+        with file.open("wb") as stream:
+            writer = Writer(stream)
+            writer.start()
+            number = writer.register_schema(name=schema, encoding="protobuf", data=b"")
+            channel = writer.register_channel("/x", message_encoding="protobuf", schema_id=number)
+            writer.add_message(channel, log_time=0, data=b"\x01", publish_time=0)
+            writer.finish()
+        with pytest.raises(InputError, match=problem):
+            Mcap().rows(file)
