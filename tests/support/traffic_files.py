@@ -6,10 +6,12 @@ import sqlite3
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from shutil import rmtree
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from tests.support.ros_bags import Body, Messages, write_bag
 
 ROWS = 41
 TIME = np.arange(ROWS) * 0.1
@@ -146,6 +148,21 @@ def write_mcap(folder: Path) -> Path:
     return file
 
 
+def write_ros(folder: Path) -> Path:
+    rmtree(folder / "bag", ignore_errors=True)
+    make = Messages()
+    messages = []
+    for step in range(ROWS):
+        bodies = [
+            Body(
+                f"{name:>016}".encode(), number, (length, width), tuple(float(v[step]) for v in (x, y, heading, speed))
+            )
+            for number, (name, (x, y, heading, speed, length, width)) in enumerate(CARS.items(), 1)
+        ]
+        messages.append(("/objects", make.tracked(float(TIME[step]), bodies=bodies)))
+    return write_bag(folder, messages)
+
+
 def sensor_views() -> list[bytes]:
     """SensorView messages of OSI."""
     return [_field(7, _ground_truth(step)) for step in range(ROWS)]
@@ -194,6 +211,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     "osi": write_osi,
     "mcap": write_mcap,
     "parquet": write_parquet,
+    "ros": write_ros,
     "round": write_ind,
     "smarts": write_smarts,
 }

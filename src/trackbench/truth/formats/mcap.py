@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple
 
 from pydantic import Field
 
-from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.errors import InputError, counted, nearest, shortened
 from trackbench.base.files import read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.truth.formats import foxglove, osi
@@ -105,7 +105,7 @@ def messages_of(file: Path, schemas: set[str]) -> list[Message]:
                 if schema is not None and schema.name in schemas
             ]
         except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
-            raise InputError(f"not an MCAP file that can be read: {one_line(error)}", file=file) from None
+            raise InputError(f"not an MCAP file that can be read: {shortened(one_line(error))}", file=file) from None
 
 
 def _decoded(messages: Sequence[Message], file: Path) -> list[object]:

@@ -79,6 +79,9 @@ def moving_objects(file: Path, kind: Kind, messages: Iterable[memoryview]) -> Tr
     if not rows:
         raise InputError("there is no moving object in this file", file=file)
     time, px, py, heading, vx, vy, length, width = np.array(rows).T
+    wrong = ~np.isfinite(px + py + heading)
+    if wrong.any():
+        raise InputError(f"object {ids[int(np.argmax(wrong))]}: a position or heading is not finite", file=file)
     velocity = {"vx": vx, "vy": vy} if np.isfinite(vx).all() and np.isfinite(vy).all() else {}
     return TrackRows(ids, time, px, py, **velocity, heading=heading, length=length, width=width, kind=kinds)
 
