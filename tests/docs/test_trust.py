@@ -8,7 +8,7 @@ from tests.support.places import DOCS
 from trackbench.base import files
 from trackbench.scenario.load import MOST_ERRORS
 from trackbench.scenario.source import MAX_VALUES
-from trackbench.truth.recorded.table import MOST_ROWS
+from trackbench.truth.recorded.rows import MOST_ROWS
 
 #: Words of the page.
 LONGEST = 1200

@@ -13,7 +13,7 @@ from tests.support.udacity import synthetic_lines
 from trackbench.base.errors import InputError
 from trackbench.truth import Draw
 from trackbench.truth.config import logs
-from trackbench.truth.recorded import table
+from trackbench.truth.recorded import rows
 from trackbench.truth.recorded.udacity import parse_line
 from trackbench.truth.sources import ScriptedTruth
 
@@ -95,9 +95,9 @@ def test_a_start_that_cannot_be_meant(start: dict[str, float]) -> None:
 def test_more_rows_than_memory_holds_are_not_read(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / f"log.{form}"
     write(file)
-    monkeypatch.setattr(table, "MOST_ROWS", len(ROWS))
+    monkeypatch.setattr(rows, "MOST_ROWS", len(ROWS))
     load(file)
-    monkeypatch.setattr(table, "MOST_ROWS", len(ROWS) - 1)
+    monkeypatch.setattr(rows, "MOST_ROWS", len(ROWS) - 1)
     with pytest.raises(InputError, match=r"more than .* rows; cut the log"):
         load(file)
 

@@ -10,7 +10,7 @@ from trackbench.base.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth.config.recording import unit_problems
+from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:

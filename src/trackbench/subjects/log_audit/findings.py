@@ -13,7 +13,7 @@ from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
 from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
-from trackbench.truth.config.recording import COMPONENT_QUANTITIES
+from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
 EFFECT = 0.1

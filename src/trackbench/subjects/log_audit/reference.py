@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.subjects.log_audit.robust import clipped_sigma
-from trackbench.truth.config.recording import UNITS
+from trackbench.truth.config.columns import UNITS
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Motion
 

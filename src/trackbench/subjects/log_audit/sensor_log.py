@@ -12,7 +12,7 @@ from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.log_audit.reference import ReferenceNoise
-from trackbench.truth.config.recording import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
+from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Log, RowOrder, carrier, fixed
 from trackbench.truth.sources import RecordingTruth

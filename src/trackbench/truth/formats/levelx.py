@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.truth.recorded import table
+from trackbench.truth.recorded.rows import read
 from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
@@ -36,7 +36,7 @@ class _LevelX(TrafficFormat):
         rate = self._rate(file)
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
-        rows = table.read(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
+        rows = read(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
         ids = rows.names(self.id_column)
         quantities = ("length", "length", "speed", "speed")
         x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
@@ -58,14 +58,14 @@ class _LevelX(TrafficFormat):
     def _rate(self, file: Path) -> float:
         """Frames per second, Hz."""
         beside = _beside(file, RECORDING)
-        rate = float(table.read(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
+        rate = float(read(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
         if not 0.1 <= rate <= 1000:
             raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
         return rate
 
     def _kinds(self, file: Path) -> dict[str, str]:
         """The class of each body by its id."""
-        rows = table.read(_beside(file, BODIES), "csv", [self.id_column, "class"])
+        rows = read(_beside(file, BODIES), "csv", [self.id_column, "class"])
         return dict(zip(rows.names(self.id_column), rows.names("class"), strict=True))
 
 

@@ -11,8 +11,8 @@ from pydantic import Field
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest
 from trackbench.base.types import Array
-from trackbench.truth.config.recording import Units
-from trackbench.truth.recorded import table
+from trackbench.truth.config.columns import Units
+from trackbench.truth.recorded.rows import read
 from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
 
 #: The columns of a table and the quantity in each; None: it is read as it is.
@@ -46,7 +46,7 @@ def tracks(
         InputError: the file cannot be read, lacks a column or has a damaged row.
     """
     needed = [key for key in names if key in REQUIRED or key in stated]
-    rows = table.read(file, form, [names[key] for key in needed], names.values())
+    rows = read(file, form, [names[key] for key in needed], names.values())
     ids = rows.names(names["id"])
     known = {key: name for key, name in names.items() if name in rows.columns}
     columns: dict[str, Array] = {

@@ -16,7 +16,7 @@ from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.table import NUMBER, text_of
+from trackbench.truth.recorded.rows import NUMBER, text_of
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -15,10 +15,11 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.columns import POLAR, MeasurementColumns
 from trackbench.truth.config.logs import find
-from trackbench.truth.config.recording import POLAR, MeasurementColumns
 from trackbench.truth.recorded.drive import carrier, cycles, fixed, row_order, within
-from trackbench.truth.recorded.table import Rows, measured, observer_motion, read, seconds_from, time_stamps
+from trackbench.truth.recorded.rows import Rows, read
+from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
 
 #: A slot that was empty for longer has another object afterwards, s.
 EMPTY_SLOT = 1.0

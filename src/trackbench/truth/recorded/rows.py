@@ -1,0 +1,191 @@
+"""The rows of a table of a recording, as CSV or Parquet."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.files import read_text
+from trackbench.base.types import Array
+from trackbench.truth import jumps
+
+
+def text_of(file: Path) -> str:
+    """The text of a file in UTF-8.
+
+    Raises:
+        InputError: it cannot be read, is empty or is not UTF-8.
+    """
+    text = read_text(file)
+    if not text.strip():
+        raise InputError("the file is empty", file=file)
+    return text
+
+
+#: A name as columns have it.
+_COLUMN = re.compile(r"[\w .()\[\]/%°²#-]{0,64}")
+NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+#: Of times: nanoseconds since 1970 are 2e18.
+LARGEST = 1e30
+#: Of one file. Each takes about 700 bytes of memory.
+MOST_ROWS = 10_000_000
+
+
+class Rows(NamedTuple):
+    """The columns of a table, as the file holds them."""
+
+    file: Path
+    columns: Mapping[str, Sequence[Any]]
+    lines: Sequence[int] | None
+    """The line of each row; None where the file has no lines."""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def error(self, row: int, message: str) -> InputError:
+        """What is wrong with a row (from 0)."""
+        if self.lines is None:
+            return InputError(f"row {row + 1}: {message}", file=self.file)
+        return InputError(message, file=self.file, line=self.lines[row])
+
+    def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
+        """A column of finite numbers in SI units and radians; NaN where it is empty or says so, if it may be.
+
+        Args:
+            column: its name.
+            factor: from its unit.
+            quantity: a key of ``jumps.LARGEST``.
+            optional: whether it may be empty.
+        """
+        values = np.empty(len(self))
+        for row, value in enumerate(self.columns[column]):
+            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value) * factor
+            problem = jumps.why_too_large(values[row], quantity)
+            if problem is not None:
+                raise self.error(row, f"{column} is {str(value)[:20]!r}: {problem}")
+        return values
+
+    def times(self, column: str) -> list[Decimal]:
+        """A column of times, exactly as written."""
+        times = []
+        for row, value in enumerate(self.columns[column]):
+            if abs(self._number(row, column, value)) > LARGEST:
+                raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
+            times.append(Decimal(value.strip() if isinstance(value, str) else value))
+        return times
+
+    def names(self, column: str) -> list[str]:
+        """A column of names, none of them empty."""
+        names = []
+        for row, value in enumerate(self.columns[column]):
+            if _empty(value):
+                raise self.error(row, f"{column} is empty, where the name of an object is expected")
+            names.append(str(value).strip())
+            problem = jumps.why_no_name(names[-1])
+            if problem is not None:
+                raise self.error(row, f"{column}: {problem}")
+        return names
+
+    def _number(self, row: int, column: str, value: Any) -> float:
+        if _empty(value):
+            raise self.error(row, f"{column} is empty, where a number is expected")
+        if isinstance(value, str):
+            number = float(value.strip()) if NUMBER.fullmatch(value.strip()) else math.nan
+        else:
+            number = float(value) if isinstance(value, int | float | Decimal) else math.nan
+        if not math.isfinite(number):
+            raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
+        return number
+
+
+def read(file: Path, form: str, wanted: Iterable[str], optional: Iterable[str] = ()) -> Rows:
+    """The columns of a file of the format "csv" or "parquet" that are wanted, and of the optional ones those it has.
+
+    Raises:
+        InputError: the file cannot be read or has no such column, or no row.
+    """
+    names = list(dict.fromkeys(wanted))
+    more = [name for name in dict.fromkeys(optional) if name not in names]
+    rows = _csv(file, names, more) if form == "csv" else _parquet(file, names, more)
+    if not len(rows):
+        raise InputError("the file has no row of data", file=file)
+    return rows
+
+
+def _csv(file: Path, names: list[str], optional: list[str]) -> Rows:
+    reader = csv.reader(text_of(file).splitlines(keepends=True), strict=True)
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    header: list[str] = []
+    try:
+        for row in reader:
+            if not any(cell.strip() for cell in row):
+                continue
+            if not header:
+                header = [name.strip() for name in row]
+                names = names + [name for name in optional if name in header]
+                _require(names, header, file, reader.line_num)
+                continue
+            if len(row) != len(header):
+                message = f"{len(row)} columns, where the header has {len(header)}"
+                raise InputError(message, file=file, line=reader.line_num)
+            rows.append(row)
+            lines.append(reader.line_num)
+            _require_few(len(rows), file)
+    except csv.Error as error:
+        raise InputError(f"not valid CSV: {error}", file=file, line=reader.line_num) from None
+    columns = {name: [row[header.index(name)] for row in rows] for name in names}
+    return Rows(file, columns, lines)
+
+
+def _parquet(file: Path, names: list[str], optional: list[str]) -> Rows:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        metadata = pq.read_metadata(file)
+        header = metadata.schema.to_arrow_schema().names
+        names = names + [name for name in optional if name in header]
+        _require(names, header, file, None)
+        _require_few(metadata.num_rows, file)
+        table = pq.read_table(file, columns=names)
+        columns = {name: table[name].to_pylist() for name in names}
+    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
+    return Rows(file, columns, None)
+
+
+def _require_few(rows: int, file: Path) -> None:
+    if rows > MOST_ROWS:
+        raise InputError(f"more than {MOST_ROWS} rows; cut the log", file=file)
+
+
+def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
+    # What is no table is not to be shown in a message.
+    if not {*names} & {*header} and not all(_COLUMN.fullmatch(name) for name in header):
+        raise InputError(f"this is no row of column names; expected {', '.join(names)}", file=file, line=line)
+    for name in names:
+        if name not in header:
+            raise InputError(f"there is no column {name!r}; {nearest(name, header)}", file=file, line=line)
+        if header.count(name) > 1:
+            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)
+
+
+def _empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value.strip())
+
+
+def _unknown(value: Any) -> bool:
+    """Empty, or "not a number": as programs write what they do not know."""
+    if isinstance(value, str):
+        return value.strip().lower() in ("", "nan")
+    return value is None or (isinstance(value, float) and math.isnan(value))
