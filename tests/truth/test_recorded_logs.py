@@ -97,7 +97,7 @@ def test_tables_of_several_logs_go_together_by_their_place(tmp_path: Path) -> No
             {"path": "..", "readings": {}, "columns": None, "format": "udacity"},
             "truth.path: .. is a folder without a file",
         ),
-        ({"path": 3}, "truth.path: write a file, a folder of files, or a list of files"),
+        ({"path": 3}, "truth.path: write a file, a folder of files, a pattern, or a list of files"),
     ],
 )
 def test_files_that_do_not_go_together_are_refused(tmp_path: Path, change: dict, message: str) -> None:

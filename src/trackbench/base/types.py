@@ -43,6 +43,8 @@ SAME_TIME = 1e-9
 ABSENT, OPTIONAL, DUE = 0, 1, 2
 #: Object number of a false alarm.
 FALSE_ALARM = -1
+#: In place of an object's number: a recorded detection of which nothing says what caused it.
+UNKNOWN_ORIGIN = -3
 
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")
@@ -175,6 +177,15 @@ class Estimate(NamedTuple):
     Gaussian of the innovation; NaN where there was no prediction."""
 
 
+class RecordedAlarms(NamedTuple):
+    """Detections of one sensor of which a recording says that they are of no object."""
+
+    scan: Indices
+    """``(rows,)`` number of the scan of each."""
+    measurement: Array
+    """``(m, rows)``."""
+
+
 class RecordedMeasurements(NamedTuple):
     """What one sensor read, where its measurements come from a recording instead of being synthesised."""
 
@@ -187,10 +198,12 @@ class RecordedMeasurements(NamedTuple):
     cycle: Indices | None = None
     """``(scans,)`` the number of the sensor's cycle, which may give its detections at several instants; each scan is a
     cycle of its own unless given."""
+    alarms: RecordedAlarms | None = None
+    """What it detected beside the objects."""
 
 
 class RecordedDetections(NamedTuple):
-    """What one sensor detected, where nothing says which objects there were."""
+    """What one sensor detected, where nothing says of which object a detection is."""
 
     steps: Indices
     """``(scans,)`` indices into the truth's times; a scan may have detected nothing."""
@@ -234,6 +247,19 @@ class RecordedNoise(NamedTuple):
 
 
 EXACT = RecordedNoise(0.0, 0.0)
+
+
+class Unscored(NamedTuple):
+    """Where neither an object nor a track counts: outside a region, out of range, and on don't-care boxes."""
+
+    region: Array | None
+    """``(corners, 2)`` of the polygon in which they count, m; None: everywhere."""
+    range_m: float
+    """From the observer, up to which they count; infinite where there is no limit."""
+    boxes: Array
+    """``(7, boxes)`` from when to when, s; x, y, m; heading, rad; half length and half width, m."""
+
+
 #: The arrays of a truth that are ``(steps, objects, runs)``.
 KINEMATICS = ("px", "py", "heading", "course", "speed", "acceleration", "yaw_rate")
 
@@ -287,6 +313,8 @@ class Truth:
     """False where a recording has measurements alone: no object is known then."""
     recorded_noise: RecordedNoise = EXACT
     """The noise of recorded motion; 0 where the motion is exact."""
+    unscored: Unscored | None = None
+    """None where objects and tracks count everywhere."""
 
     def __post_init__(self) -> None:
         if len(self.target) != len(self.ids):

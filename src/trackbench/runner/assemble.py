@@ -239,7 +239,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
             mount=MountSummary.model_validate(config.mount.model_dump()),
             rate_hz=scan_rate(sensor),
             preset=config.preset,
-            detection_rate=float(detected / seen) if seen > 0 else None,
+            detection_rate=float(detected / seen) if seen > 0 and sensor.detections is None else None,
             latency_s=config.latency,
             effects=tuple(effect.type for effect in config.effects),
         )

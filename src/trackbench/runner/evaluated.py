@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate, merge_sums, no_metrics
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
+from trackbench.metrics.traffic import ASSOCIATION_METRICS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure, MetricValue, by_value
 from trackbench.runner.block import Block, failures_and_outcomes
 from trackbench.runner.hidden_run import TrafficScores
@@ -15,6 +15,8 @@ from trackbench.runner.work import Work
 
 #: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
 NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
+#: Why there is no value where a recording does not say which detections are of which object.
+UNLABELLED = "the recording does not say of which object a detection is"
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evalua
         evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics, work.recorded_noise)
         if not work.has_truth:
             evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
+        elif work.scenes[0].unlabelled:
+            evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     evaluation.values["step_time"] = MetricValue(value=1e6 * seconds / max(steps, 1), unit="us")
     return evaluation

@@ -32,6 +32,7 @@ from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements
+from trackbench.sensing.view import unscored
 from trackbench.trackers.answers import NO_TRACK, tracks_of_run
 from trackbench.trackers.config import FilterConfig
 
@@ -161,11 +162,16 @@ class HiddenRun(TrackerRun[Tracks]):
             truth = TruthHistory(self._time, of_runs(state, single)[..., 0], of_runs(self._due.status, single)[..., 0])
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
+            outside = None
             if self._truth.known:
-                scores = score_run(truth, history, options, own)
+                if self._truth.unscored is not None:
+                    # A track is on an object up to half of the cutoff.
+                    x, y = history.mean[:2]
+                    outside = unscored(self._truth, self._due.steps, x, y, margin=options.cutoff / 2)
+                scores = score_run(truth, history, options, own, outside)
             else:
                 scores = without_truth(score_without_truth(self._judged_scans(run)))
-            tracked = TrackedRun(truth, history, own, scores)
+            tracked = TrackedRun(truth, history, own, scores, outside)
             sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
             number = self._work.number(self._piece.scene, runs.start + run)
             outcome.sums.add(number, scores, recorded=run == self._kept)
@@ -177,8 +183,11 @@ class HiddenRun(TrackerRun[Tracks]):
         return outcome
 
     def _associations(self) -> Associations | None:
-        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say."""
-        if not self._taken or any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
+        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say, or
+        where nothing says of which object a detection is."""
+        if not self._taken or self._work.scenes[self._piece.scene].unlabelled:
+            return None
+        if any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
             return None
         runs, objects = len(self._piece.runs), len(self._truth.ids)
         shape = (len(self._taken), max(len(tracks.ids) for _, tracks, _ in self._taken), runs)

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from trackbench.base.distributions import chi_square_quantile
-from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
 from trackbench.metrics.protocol import run_column
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
@@ -107,7 +107,7 @@ def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[In
     return [
         {
             **scan_record(scan),
-            "object": [names[caused] if truth.known else NO_OBJECT for caused in origin],
+            "object": [names[caused] if truth.known and caused != UNKNOWN_ORIGIN else NO_OBJECT for caused in origin],
             "scan": float(number),
             "detection": np.arange(len(origin), dtype=float),
             "valid": np.ones(len(origin), dtype=bool),

@@ -56,6 +56,11 @@ class Scene:
         """By sensor, what its measurements tell of the targets."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
 
+    @property
+    def unlabelled(self) -> list[str]:
+        """The sensors of whose detections nothing says of which object they are."""
+        return [sensor.name for sensor in self.sensors if sensor.detections is not None]
+
     @cached_property
     def due(self) -> Due:
         """Where identities are hidden, which objects should be tracked when."""

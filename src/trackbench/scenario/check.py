@@ -10,6 +10,7 @@ from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario.load import Scenario
+from trackbench.scenario.truth import own_source
 from trackbench.trackers.config import PluginConfig
 
 Step = Callable[[], object]
@@ -30,7 +31,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     notes: list[str] = []
 
     def check_truth() -> None:
-        notes.extend(config.truth.check(folder=folder, sensors=kinds) or ())
+        notes.extend(own_source(loaded).check(folder=folder, sensors=kinds) or ())
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
     return [*notes, *_not_apart(loaded, isolation)]

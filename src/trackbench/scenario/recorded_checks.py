@@ -34,11 +34,12 @@ def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Proble
     kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
     fed = truth.feeds(kinds)
     yield from _columns(truth, kinds)
+    yield from _hidden(scenario, truth)
     yield from _without_truth(scenario, truth, fed)
     if truth.format == "udacity":
         yield from _one_of_each(fed)
     for name in fed:
-        yield from _synthetic(scenario, name)
+        yield from _synthetic(scenario, truth, name)
     if scenario.monte_carlo.runs > 1 and same_every_run(scenario):
         message = (
             f"must be 1, not {scenario.monte_carlo.runs}: all measurements are recorded, so every run would be the same"
@@ -65,24 +66,34 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
             yield Problem((*at, *problem.at), problem.message)
 
 
-def _without_truth(scenario: ScenarioConfig, truth: RecordingTruth, fed: dict[str, str]) -> Iterator[Problem]:
-    if not truth.without_truth:
-        for name, columns in truth.measurements.items():
-            for key in ("slot", "copies_within_m"):
-                if getattr(columns, key) is not None:
-                    message = "only used without a truth, which says of which object a row is; remove"
-                    yield Problem(("truth", "readings", name, key), message)
-        return
-    if scenario.sensing.identities == "known":
+def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
+    """What is only used with hidden identities, and what they need."""
+    known = scenario.sensing.identities == "known"
+    only = "only used with sensing: {identities: hidden}; remove"
+    for key in truth.reference.of_tracks if known else ():
+        yield Problem(("truth", "reference", key), only)
+    if known and truth.stretches is not None:
+        yield Problem(("truth", "stretches"), f"{only}: errors have intervals over stretches without it")
+    if known and truth.without_truth:
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)
-    for name in scenario.sensors:
+    own = truth if known else truth.with_hidden_identities()
+    unlabelled = [name for name in truth.measurements if own.unlabelled(name)]
+    for name, columns in truth.measurements.items():
+        for key in ("slot", "copies_within_m") if name not in unlabelled else ():
+            if getattr(columns, key) is not None:
+                message = "only used with unlabelled detections, and these are of known objects; remove"
+                yield Problem(("truth", "readings", name, key), message)
+    for name, tracker in scenario.trackers.items() if unlabelled and not known else ():
+        if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
+            message = f"oracle is told of which object each detection is; nothing says so of {', '.join(unlabelled)}"
+            yield Problem(("trackers", name, "associate", "method"), message)
+
+
+def _without_truth(scenario: ScenarioConfig, truth: RecordingTruth, fed: dict[str, str]) -> Iterator[Problem]:
+    for name in scenario.sensors if truth.without_truth else ():
         if name not in fed:
             yield Problem(("truth", "readings"), f"{name} is missing: nothing can be synthesised without a truth")
-    for name, tracker in scenario.trackers.items():
-        if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
-            message = "oracle is told of which object each detection is, and there is no truth that says so"
-            yield Problem(("trackers", name, "associate", "method"), message)
 
 
 def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
@@ -93,12 +104,14 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
 
 
-def _synthetic(scenario: ScenarioConfig, name: str) -> Iterator[Problem]:
+def _synthetic(scenario: ScenarioConfig, truth: RecordingTruth, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
     of_preset = presets()[sensor.preset].values if sensor.preset is not None else {}
+    # With hidden identities it says which objects of a truth are due.
+    of_due = {"occlusion"} if scenario.sensing.identities == "hidden" and not truth.without_truth else set()
     for key in (*SYNTHETIC, *biases):
-        if key in sensor.model_fields_set and key not in of_preset:
+        if key not in of_due and key in sensor.model_fields_set and key not in of_preset:
             yield Problem(
                 ("sensors", name, key), f"the measurements of {name} are recorded and taken as they are; remove"
             )

@@ -48,7 +48,13 @@ def source_of(loaded: Scenario) -> TruthSource:
     config = loaded.config
     if config.sensing.identities == "known" and not _hides(loaded):
         return config.truth
-    return config.truth.with_all_objects(min(reach(config.sensors.values()), LARGEST["length"]))
+    return own_source(loaded).with_all_objects(min(reach(config.sensors.values()), LARGEST["length"]))
+
+
+def own_source(loaded: Scenario) -> TruthSource:
+    """The source of the scenario's targets, which knows whether identities are hidden."""
+    truth = loaded.config.truth
+    return truth.with_hidden_identities() if loaded.config.sensing.identities == "hidden" else truth
 
 
 def _hides(loaded: Scenario) -> bool:

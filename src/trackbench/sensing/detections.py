@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.supervised import at_work, plugins_among
-from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
+from trackbench.base.types import FALSE_ALARM, UNKNOWN_ORIGIN, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.models.sensors.detection import ClutterPlace
@@ -122,7 +122,7 @@ class FalseAlarms(NamedTuple):
 
 
 def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
-    """The uniform ones, and those of each place, each drawn from a stream of its own."""
+    """The uniform ones, and those of each place, each drawn from a stream of its own; and recorded ones."""
     name, clutter = sensor.name, sensor.config.clutter
     result = []
     if clutter.per_scan:
@@ -133,6 +133,9 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
         result.append(FalseAlarms(instant, measurement, random.random(len(instant))))
     for i, place in enumerate(clutter.places, 1):
         result.append(_at_place(sensor, place, stream(seed, scenario, run, f"clutter of {name} at place {i}")))
+    if sensor.alarms is not None:
+        random = stream(seed, scenario, run, f"order of the false alarms of {name}")
+        result.append(FalseAlarms(*sensor.alarms, random.random(len(sensor.alarms.scan))))
     if any(effect.has("alarms") for effect in sensor.config.effects):
         result += _of_effects(sensor, seed, scenario, run)
     heard = ~silent(sensor.config, sensor.time)
@@ -185,7 +188,7 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
 #: caused it.
-PADDING, UNKNOWN = -2, -3
+PADDING = -2
 
 
 @dataclass(frozen=True)
@@ -197,8 +200,8 @@ class HiddenMeasurements:
     ``(D, runs)``: in each run its detections first, then columns of NaN that are not valid."""
     origins: list[Indices]
     """For each scan ``(D, runs)``: the number of the object that a detection stems from (of a merged one, the one with
-    the larger share), or ``FALSE_ALARM`` or ``PADDING``. Where there is no truth, the number of the sensor's own track,
-    or ``UNKNOWN``."""
+    the larger share), or ``FALSE_ALARM`` or ``PADDING``; ``UNKNOWN_ORIGIN`` where nothing says so. Where there is no
+    truth, the number of the sensor's own track, or ``UNKNOWN_ORIGIN``."""
     merged: list[Indices]
     """For each scan ``(D, runs)``: the second object of a merged detection, else -1."""
     digests: list[bytes]
@@ -278,7 +281,7 @@ def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _De
     return _Detections(
         instant,
         recorded.measurement[:, order],
-        np.where(own_track >= 0, own_track, UNKNOWN),
+        np.where(own_track >= 0, own_track, UNKNOWN_ORIGIN),
         np.full(len(order), -1),
         np.arange(len(instant)) - np.searchsorted(instant, instant),
     )

@@ -10,7 +10,16 @@ import numpy as np
 
 from trackbench.base.streams import stream
 from trackbench.base.supervised import at_work, plugins_among
-from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
+from trackbench.base.types import (
+    Array,
+    Indices,
+    Mask,
+    RecordedAlarms,
+    RecordedDetections,
+    RecordedMeasurements,
+    Scan,
+    Truth,
+)
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
 from trackbench.models.sensors.effects import Bodies, Sensed, answers
@@ -59,7 +68,9 @@ class IdealSensor:
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
     detections: RecordedDetections | None = None
-    """Those that are recorded where there is no truth."""
+    """Those that are recorded where nothing says of which object they are."""
+    alarms: RecordedAlarms | None = None
+    """Recorded false alarms."""
 
 
 def ideal_sensors(
@@ -178,10 +189,10 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
     if isinstance(measurements, RecordedDetections):
-        scans = len(measurements.steps)
-        none = np.zeros((len(config.components), scans, 0)), np.zeros((scans, 0), dtype=bool)
-        objectless = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
-        return replace(objectless, detections=measurements)
+        shape = len(measurements.steps), len(truth.ids)
+        none = np.full((len(config.components), *shape), np.nan), np.zeros(shape, dtype=bool)
+        unlabelled = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
+        return replace(unlabelled, detections=measurements)
     steps, valid = measurements.steps, measurements.valid
     cycle = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
     _, first, number = np.unique(cycle, return_index=True, return_inverse=True)
@@ -201,6 +212,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
         bodies=None,
         cycle_starts=first,
         recorded=True,
+        alarms=measurements.alarms,
     )
 
 

@@ -134,6 +134,10 @@ class TruthSource(Config, ABC):
             return self
         return self.model_copy(update={"others_within_m": within_m})
 
+    def with_hidden_identities(self) -> Self:
+        """The source where nothing tells trackers of which object a detection is."""
+        return self
+
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements the source has."""
         return {}

@@ -18,7 +18,7 @@ from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.subjects.log_audit.api import ReportableAudit, audit
 from trackbench.subjects.log_audit.blocks import Blocks
-from trackbench.subjects.log_audit.robust import clipped_sigma
+from trackbench.truth.recorded.robust import clipped_sigma
 
 #: What is wrong with a radar, and its names in an audit.
 RADAR = Errors(

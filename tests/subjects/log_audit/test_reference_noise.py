@@ -12,9 +12,9 @@ from tests.support.recorded_log import WALKERS, Errors, write_log
 
 from trackbench.subjects.log_audit.api import audit
 from trackbench.subjects.log_audit.noise import noise_of
-from trackbench.subjects.log_audit.reference import body_sigmas, white_sigma
-from trackbench.subjects.log_audit.robust import clipped
 from trackbench.truth.recorded.drive import Motion
+from trackbench.truth.recorded.noise import body_sigmas, white_sigma
+from trackbench.truth.recorded.robust import clipped
 
 SMALL = Errors(
     time_offset_s=0.03,

@@ -6,9 +6,17 @@ means.
 
 from trackbench.metrics.traffic.assignment import Associations, TrackHistory, TruthHistory
 from trackbench.metrics.traffic.run import RunScores, TrackedRun, TrackScope, TrafficScoreOptions, score_run
-from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS, TRACKS, RunRatio, run_sums
+from trackbench.metrics.traffic.table import (
+    ASSOCIATION_METRICS,
+    DETECTION_METRICS,
+    TRACK_METRICS,
+    TRACKS,
+    RunRatio,
+    run_sums,
+)
 
 __all__ = [
+    "ASSOCIATION_METRICS",
     "DETECTION_METRICS",
     "TRACKS",
     "TRACK_METRICS",

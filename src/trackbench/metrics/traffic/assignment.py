@@ -181,10 +181,12 @@ class Nearby(NamedTuple):
     """Of due objects."""
     optional: NearPairs
     """Of optional ones."""
+    unscored: Mask
+    """``(T, K)`` tracks where nothing counts: such a track is right on a due object, and else does not count."""
 
 
 class Counted(NamedTuple):
-    """What counts in a run: the due objects, and the tracks that are on no optional one."""
+    """What counts in a run: the due objects, and the tracks that are on no optional one, where anything counts."""
 
     cutoff: float
     """m."""
@@ -216,8 +218,8 @@ class Counted(NamedTuple):
         return np.bincount(self.track[self.present], minlength=len(self.ids))
 
 
-def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Nearby:
-    """What may be matched, ``cutoff`` in m."""
+def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: Mask | None = None) -> Nearby:
+    """What may be matched, ``cutoff`` in m; ``unscored`` as in ``Nearby``, none unless given."""
     ids, track = np.unique(tracks.ids, return_inverse=True)
     if len(ids) and ids[0] < 0:
         ids, track = ids[1:], track - 1
@@ -226,7 +228,8 @@ def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Nearby:
     pairs = near_pairs(_where(truth.state[:2], exists), _where(tracks.mean[:2], there), track, cutoff)
     due = truth.status == DUE
     of_due = due[pairs.instant, pairs.object]
-    return Nearby(cutoff, due, there, track, ids, pairs.where(of_due), pairs.where(~of_due))
+    unscored = np.zeros_like(there) if unscored is None else unscored & there
+    return Nearby(cutoff, due, there, track, ids, pairs.where(of_due), pairs.where(~of_due), unscored)
 
 
 def count_by_gospa(near: Nearby) -> Counted:
@@ -241,7 +244,7 @@ def count_by_gospa(near: Nearby) -> Counted:
 
 
 def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
-    """Leave out the tracks that are on optional objects.
+    """Leave out the tracks that are on optional objects, or where nothing counts.
 
     The tracks that no due object has are matched one-to-one with the optional objects within ``reach`` m, so that the
     sum of the distances is smallest. Those with a partner are neither right nor wrong: they do not count.
@@ -258,7 +261,7 @@ def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
     if len(optional.instant):
         gain = reach - optional.distance
         optional = optional.where(best_matching(*optional[:3], gain, near.due.shape[1], near.there.shape[1]))
-    present = near.there.copy()
+    present = near.there & ~(near.unscored & left)
     present[optional.instant, optional.column] = False
     pairs = near.pairs.where(present[near.pairs.instant, near.pairs.column])
     return Counted(near.cutoff, reach, near.due, present, near.track, near.ids, pairs, matched, optional)

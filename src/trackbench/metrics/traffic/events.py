@@ -228,7 +228,8 @@ def _births(line: _Timeline) -> Iterator[TrafficEvent]:
     for track, instant in enumerate((line.column_of != NO_TRACK).argmax(axis=0).tolist()):
         item = int(line.object_of[instant, track])
         optional = line.optional_of[instant, track] != NOBODY
-        why = "on an object" if item != NOBODY else "on an optional object" if optional else "on no object"
+        elsewhere = "on no object" if line.counts[instant, track] else "where nothing counts"
+        why = "on an object" if item != NOBODY else "on an optional object" if optional else elsewhere
         yield line.event("born", instant, track, item, why)
 
 

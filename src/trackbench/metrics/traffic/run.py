@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Mask
 from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
@@ -106,6 +106,8 @@ class TrackedRun(NamedTuple):
     """None where the tracker does not say which detections it used."""
     scores: RunScores
     """What the built-in metrics are made of."""
+    unscored: Mask | None = None
+    """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
 
 
 def score_run(
@@ -113,10 +115,11 @@ def score_run(
     tracks: TrackHistory,
     options: TrafficScoreOptions | None = None,
     associations: Associations | None = None,
+    unscored: Mask | None = None,
 ) -> RunScores:
-    """Every metric of ``TRACK_METRICS`` that the run can tell."""
+    """Every metric of ``TRACK_METRICS`` that the run can tell; ``unscored``: ``(T, K)`` tracks where nothing counts."""
     options = options or TrafficScoreOptions()
-    near = nearby(truth, tracks, options.cutoff)
+    near = nearby(truth, tracks, options.cutoff, unscored)
     of_gospa, counted = count_by_gospa(near), count_by_clear(near)
     matched = counted.matched
     track_of = track_of_each(matched, counted.due.shape)

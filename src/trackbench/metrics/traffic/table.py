@@ -165,6 +165,8 @@ TRACK_METRICS = by_name(
         **OF_ASSOCIATIONS,
     ),
 )
+#: Those of them that need the object of each detection.
+ASSOCIATION_METRICS = [metric for path, metric in TRACK_METRICS.items() if path.startswith("association_")]
 #: Those of runs without one.
 DETECTION_METRICS = by_name(
     of_detections("track_count", "1", "mean number of tracks after a scan"),

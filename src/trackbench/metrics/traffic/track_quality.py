@@ -69,8 +69,8 @@ def purity(counted: Counted) -> tuple[float, float]:
 
 
 def false_tracks(counted: Counted) -> Indices:
-    """Numbers of the tracks that never are on any object, due or optional."""
-    real = np.zeros(len(counted.ids), dtype=bool)
+    """Numbers of the tracks that count at some time and never are on any object, due or optional."""
+    real = counted.track_counts == 0
     real[counted.matched.track] = True
     real[counted.excused.track] = True
     return np.flatnonzero(~real)

@@ -7,45 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.subjects.log_audit.robust import clipped_sigma
 from trackbench.truth.config.columns import UNITS
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Motion
+from trackbench.truth.recorded.noise import THIRD, body_sigmas, travelled, white_sigma
 
-#: Weights of four rows in a third difference, in which neither a place nor a velocity nor an acceleration remains.
-_THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 #: Variance of the mean square of N third differences of white noise, times N: twice the sum of the squares of their
 #: autocorrelation.
-_FREEDOM = 2 * float((np.correlate(_THIRD, _THIRD, "full") ** 2).sum()) / float((_THIRD**2).sum()) ** 2
-
-
-def white_sigma(values: Array) -> float:
-    """Standard deviation of the noise of rows of slow values ``(k, rows)``, by their third differences.
-
-    Source: Rice (1984), "Bandwidth choice for nonparametric regression", with differences of a higher order.
-    """
-    if values.shape[-1] <= 2 * len(_THIRD):
-        return 0.0
-    differences = np.diff(values, 3).reshape(-1) / np.linalg.norm(_THIRD)
-    return float(clipped_sigma(differences))
-
-
-def travelled(motion: Motion) -> Array:
-    """``(2, rows)`` displacement since the first row by the stated velocity (trapezoidal rule)."""
-    velocity = np.stack([motion.vx, motion.vy])
-    steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1]) * np.diff(motion.time)
-    return np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
-
-
-def body_sigmas(motion: Motion) -> tuple[float, float]:
-    """Standard deviation of the noise of position and velocity of a body, m and m/s."""
-    position, velocity = np.stack([motion.px, motion.py]), np.stack([motion.vx, motion.vy])
-    if len(motion.time) > 1 and np.allclose(velocity, np.gradient(position, motion.time, axis=1)):
-        # A velocity that was made of the positions has their noise.
-        sigma = white_sigma(position)
-        return sigma, sigma / float(np.sqrt(2) * np.median(np.diff(motion.time)))
-    # About the motion by the velocity, so that rows may be far apart.
-    return white_sigma(position - travelled(motion)), white_sigma(velocity)
+_FREEDOM = 2 * float((np.correlate(THIRD, THIRD, "full") ** 2).sum()) / float((THIRD**2).sum()) ** 2
 
 
 @dataclass(frozen=True)

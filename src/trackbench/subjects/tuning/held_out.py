@@ -34,6 +34,7 @@ FIRST_SEED = 1001
 SAME_MOTION = "other noise of the same motion"
 SAME_LOG = "other stretches of the same log"
 OTHER_LOGS = "other logs"
+OTHER_STRETCHES = "other stretches of the same logs"
 
 
 @dataclass(frozen=True)
@@ -98,15 +99,15 @@ def halved(loaded: Scenario, split: Split) -> Halves:
 
 
 def _halved_logs(loaded: Scenario) -> Halves:
-    """Every second log is held out; of one log nothing yet, see :func:`halved_in_time`."""
+    """Every second log or stretch is held out; of one log nothing yet, see :func:`halved_in_time`."""
     truth = loaded.config.truth
     if not isinstance(truth, RecordingTruth) or len(truth.scenes()) == 1:
         return Halves(loaded, loaded, "")
     train, test = (
-        replace(loaded, config=loaded.config.model_copy(update={"truth": truth.logs(slice(first, None, 2))}))
+        replace(loaded, config=loaded.config.model_copy(update={"truth": truth.every_second(first)}))
         for first in (0, 1)
     )
-    return Halves(train, test, OTHER_LOGS)
+    return Halves(train, test, OTHER_LOGS if truth.stretches is None else OTHER_STRETCHES)
 
 
 def halved_in_time(bench: Bench, objective: Objective) -> tuple[Bench, Bench, str]:

@@ -22,7 +22,7 @@ UNITS: dict[str, dict[str, float]] = {
 #: The quantity in each column of a motion; that of a measurement's component follows from its unit.
 MOTION_QUANTITIES = {
     "time": "time",
-    **dict.fromkeys(("px", "py"), "length"),
+    **dict.fromkeys(("px", "py", "length", "width"), "length"),
     **dict.fromkeys(("vx", "vy", "speed"), "speed"),
     **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
 }
@@ -121,6 +121,9 @@ class TruthColumns(MotionColumns):
     yaw_rate: str | None = Field(
         None, description="Rate of change of the heading; from the differences of the heading unless given."
     )
+    length: str | None = Field(None, description="Length of the object's box; truth.length_m unless given.")
+    width: str | None = Field(None, description="Width of the object's box; truth.width_m unless given.")
+    kind: str | None = Field(None, alias="class", description="Class of the object, for truth.reference.classes.")
     observer: ObserverColumns | None = Field(
         None, description="Motion of what carries the sensors, where it is recorded; otherwise truth.observer."
     )
@@ -144,16 +147,22 @@ class MeasurementColumns(Config):
 
     path: Paths | None = Field(None, description="The file, of the same format; that of the truth unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
-    object: str | None = Field(None, description="Name of the object; named as in truth.columns unless given.")
+    object: str | None = Field(
+        None,
+        description="Name of the object; named as in truth.columns unless given. Where it is empty, the detection is "
+        "of no object. With hidden identities and a file of its own, detections are unlabelled unless it is given.",
+    )
     slot: str | None = Field(
         None,
-        description="Without a truth: the sensor's own number of a track, which trackers are not told. By it the rows "
-        "of one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
+        description="Of unlabelled detections: the sensor's own number of a track, which trackers are not told. By it "
+        "the rows of one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
     )
-    new_track: str | None = Field(None, description="Without a truth: 1 where the slot took a new object, else 0.")
+    new_track: str | None = Field(
+        None, description="Of unlabelled detections: 1 where the slot took a new object, else 0."
+    )
     copies_within_m: Positive | None = Field(
         None,
-        description="Without a truth: of detections of one cycle nearer to each other than this, m, the one of "
+        description="Of unlabelled detections: of those of one cycle nearer to each other than this, m, the one of "
         "the older slot is kept: some radars list an object twice. All are kept unless given.",
     )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from glob import glob
 from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,11 +30,13 @@ Paths = Annotated[
     Discriminator(
         _text_or_list,
         custom_error_type=PROBLEM,
-        custom_error_message="write a file, a folder of files, or a list of files, such as [monday.csv, tuesday.csv]",
+        custom_error_message="write a file, a folder of files, a pattern, or a list of files, such as "
+        "[monday.csv, tuesday.csv]",
     ),
 ]
 
 
+_PATTERN = re.compile(r"[*?\[]")
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
@@ -68,6 +71,8 @@ def find(path: Paths, folder: Path, key: str) -> Path:
             raise InputError(f"{expanded} is a folder without a file of this format; name a file", key=key)
         if os.path.exists(place):
             return place
+    if _PATTERN.search(path):
+        raise InputError(f"no file has a name like {shortened(str(expanded))}", key=key)
     place = folder / expanded
     names = [entry.name for entry in place.parent.iterdir() if entry.is_file()] if os.path.isdir(place.parent) else []
     hint = f"; {nearest(place.name, names)}" if names else ""
@@ -75,7 +80,7 @@ def find(path: Paths, folder: Path, key: str) -> Path:
 
 
 def files_of(path: Any, folder: Path, form: Any) -> Any:
-    """The files of the format in a folder, in the order of their names; of anything else what it is.
+    """The files of the format in a folder, or those of a pattern, in the order of names; of anything else what it is.
 
     Args:
         path: as a scenario gives it.
@@ -88,6 +93,12 @@ def files_of(path: Any, folder: Path, form: Any) -> Any:
         if place.is_dir():
             names = sorted(file.name for file in place.iterdir() if file.suffix == ENDINGS.get(form))
             return [str(Path(path, name)) for name in names] or path
+        if place.exists():
+            return path
+    if _PATTERN.search(path):
+        start = place_of(path)
+        matches = sorted(glob(str(folder / start))) or sorted(glob(str(start)))
+        return matches or path
     return path
 
 

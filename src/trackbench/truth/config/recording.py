@@ -13,6 +13,7 @@ from trackbench.base.errors import counted
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.columns import MeasurementColumns, ObserverColumns, TruthColumns, Units
 from trackbench.truth.config.logs import Paths, files_of, log_names
+from trackbench.truth.config.reference import POINTS, ReferenceOptions
 from trackbench.truth.jumps import Position, Velocity
 
 
@@ -50,11 +51,12 @@ class RecordingOptions(TruthSource):
     )
     path: Paths | None = Field(
         None,
-        description="The file; of several logs a list of files, or a folder whose files of the format are taken in the "
-        "order of their names. Each log is a scene; other files are then lists or folders too, one file for each log "
-        "in the same order. A relative path starts in the scenario's folder, or in the working directory; "
-        "environment variables such as $TRACKBENCH_DATA are filled in. csv and parquet: may be left out where the "
-        "identities are hidden; then there is no truth, and every sensor's measurements have a file of their own.",
+        description="The file; of several logs a list of files, a folder whose files of the format are taken in the "
+        "order of their names, or a pattern such as logs/*_boxes.csv. Each log is a scene; other files are then lists, "
+        "folders or patterns too, one file for each log in the same order. A relative path starts in the scenario's "
+        "folder, or in the working directory; environment variables such as $TRACKBENCH_DATA are filled in. csv and "
+        "parquet: may be left out where the identities are hidden; then there is no truth, and every sensor's "
+        "measurements have a file of their own.",
     )
     columns: TruthColumns | None = Field(None, description="csv and parquet, required there: names of the columns.")
     units: Units = Field(default_factory=Units, description="csv and parquet: units of the columns.")
@@ -69,9 +71,22 @@ class RecordingOptions(TruthSource):
         "its own; otherwise observer. Beside a truth it is columns.observer.",
     )
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
+    length_m: Positive = Field(4.5, description="Length of every object without columns.length, m.")
+    width_m: Positive = Field(1.8, description="Width of every object without columns.width, m.")
+    reference: ReferenceOptions = Field(
+        default_factory=ReferenceOptions, description="csv and parquet: what of the truth counts."
+    )
+    stretches: int | None = Field(
+        None,
+        ge=2,
+        le=MAX_SCENES,
+        description="With hidden identities: into how many stretches of time each log is cut. Each is a scene in which "
+        "trackers start anew, so that one log gives intervals and can be held out in part.",
+    )
     _log_name: str = PrivateAttr("")
-    length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
-    width_m: Positive = Field(1.8, description="Width of every object, m, to draw it.")
+    _hidden: bool = PrivateAttr(False)
+    _every: slice = PrivateAttr(slice(None))
+    _stretch: int | None = PrivateAttr(None)
 
     @model_validator(mode="before")
     @classmethod
@@ -93,11 +108,44 @@ class RecordingOptions(TruthSource):
 
     @property
     def scene_name(self) -> str:
-        return self._log_name
+        if self._stretch is None:
+            return self._log_name
+        return f"{self._log_name or 'stretch'} {self._stretch + 1}"
+
+    @property
+    def stretch(self) -> int | None:
+        """Which stretch of time of its log this scene is, from 0; None where logs are not cut."""
+        return self._stretch
+
+    @property
+    def hidden(self) -> bool:
+        """Whether nothing tells trackers of which object a detection is."""
+        return self._hidden
+
+    def with_hidden_identities(self) -> Self:
+        return self._with(_hidden=True)
+
+    def every_second(self, first: int) -> Self:
+        """Every second scene, from the one of that number on."""
+        return self._with(_every=slice(first, None, 2))
 
     def scenes(self) -> Sequence[Self]:
         paths = [path for path in self._paths().values() if isinstance(path, list)]
-        return tuple(self.logs(number, name) for number, name in enumerate(log_names(paths[0]))) if paths else (self,)
+        logs = [self._log(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
+        if self.stretches is not None:
+            logs = [log._with(_stretch=number) for log in logs for number in range(self.stretches)]
+        return tuple(logs[self._every])
+
+    def unlabelled(self, sensor: str) -> bool:
+        """Whether nothing says of which object the recorded detections of a sensor are."""
+        entry = self.measurements[sensor]
+        return self.without_truth or (self._hidden and entry.path is not None and entry.object is None)
+
+    def _with(self, **private: Any) -> Self:
+        result = self.model_copy()
+        for key, value in private.items():
+            setattr(result, key, value)
+        return result
 
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """All that are given, by key; that of the truth comes first."""
@@ -110,12 +158,12 @@ class RecordingOptions(TruthSource):
         }
         return {(*key, "path"): entry.path for key, entry in entries.items() if entry is not None and entry.path}
 
-    def logs(self, which: int | slice, name: str = "") -> Self:
-        """One of several logs, or some of them; ``name`` is that of the scene."""
+    def _log(self, number: int, name: str) -> Self:
+        """One of several logs; ``name`` is that of the scene."""
 
         def of_log(entry: Any) -> Any:
             several = entry is not None and isinstance(entry.path, list)
-            return entry.model_copy(update={"path": entry.path[which]}) if several else entry
+            return entry.model_copy(update={"path": entry.path[number]}) if several else entry
 
         columns = self.columns
         update = {
@@ -123,9 +171,7 @@ class RecordingOptions(TruthSource):
             "measurements": {key: of_log(entry) for key, entry in self.measurements.items()},
             "ego": of_log(self.ego),
         }
-        log: Self = of_log(self).model_copy(update=update)
-        log._log_name = name
-        return log
+        return of_log(self).model_copy(update=update)._with(_log_name=name)  # type: ignore[no-any-return]
 
     def _problems_of_logs(self) -> Iterator[Problem]:
         """What is wrong between the files of several logs."""
@@ -162,15 +208,33 @@ class RecordingOptions(TruthSource):
             return
         if self.ego is not None:
             yield Problem(("ego",), "with a truth the observer's columns are columns.observer; move them there")
+        yield from self._problems_of_boxes()
         if self.format in TABLES:
             if self.columns is None:
                 yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
             elif self.columns.observer is not None and "observer" in self.model_fields_set:
                 yield Problem(("observer",), "not used with columns.observer; remove one of them")
             return
-        for name, key in (("columns", "columns"), ("units", "units"), ("measurements", "readings")):
+        for name, key in (
+            ("columns", "columns"),
+            ("units", "units"),
+            ("measurements", "readings"),
+            ("reference", "reference"),
+        ):
             if name in self.model_fields_set:
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
+
+    def _problems_of_boxes(self) -> Iterator[Problem]:
+        columns, point = self.columns, self.reference.point
+        if columns is None:
+            return
+        if columns.length is not None and point is None:
+            what = f"which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
+            yield Problem(("reference", "point"), f"missing: {what}")
+        if point not in (None, "centre") and columns.heading is None:
+            yield Problem(("columns", "heading"), f"missing: along it the {point} is moved to the centre")
+        if self.reference.classes and columns.kind is None:
+            yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
     def _problems_without_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES:
@@ -179,6 +243,8 @@ class RecordingOptions(TruthSource):
         if self.columns is not None:
             yield Problem(("path",), "missing: the file whose columns are named in columns")
             return
+        if "reference" in self.model_fields_set:
+            yield Problem(("reference",), "is of a truth, and there is none; remove")
         if not self.measurements:
             yield Problem(("path",), "missing: the file with the truth; without a truth, readings name measurements")
         for name, entry in self.measurements.items():

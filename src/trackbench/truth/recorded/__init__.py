@@ -20,6 +20,9 @@ from trackbench.truth.recorded.drive import (
     scan_cycles,
     truth_on_grid,
 )
+from trackbench.truth.recorded.reference import judged
+from trackbench.truth.recorded.scans import detections, scan_notes
+from trackbench.truth.recorded.stretches import stretch
 
 __all__ = ["Drive", "Recording", "load", "read"]
 
@@ -48,20 +51,33 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     from trackbench.truth.recorded import unlabelled
 
     if config.without_truth:
-        return Recording(*unlabelled.load(config, kinds, folder))
+        return _stretch(config, Recording(*unlabelled.load(config, kinds, folder)))
     drive = read(config, kinds, folder)
     clipped = drive.clipped()
     require_measurements(drive, clipped)
     looked = scan_cycles(clipped)
     times = grid(clipped, looked)
-    counts = left_out(drive, clipped)
+    counts = left_out(drive, clipped, hidden=config.hidden)
     truth = truth_on_grid(config, clipped, times)
     truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
     result: dict[str, Recorded] = {
         name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
-    return Recording(truth, result, tuple(notes(drive, counts)))
+    lines = [*notes(drive, counts)]
+    if config.hidden:
+        truth = judged(truth, config, clipped)
+        # Objects have numbers of their own.
+        result |= {name: detections(of.without_slots(), times) for name, of in drive.detections.items()}
+        lines += scan_notes(drive.detections, times, "truth")
+    return _stretch(config, Recording(truth, result, tuple(lines)))
+
+
+def _stretch(config: RecordingOptions, recording: Recording) -> Recording:
+    if config.stretch is None or config.stretches is None:
+        return recording
+    cut = stretch(recording.truth, recording.measurements, config.stretch, config.stretches)
+    return Recording(*cut, recording.notes if config.stretch == 0 else ())
 
 
 def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:

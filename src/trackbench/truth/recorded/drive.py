@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedMeasurements, Truth
+from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedAlarms, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingOptions
+
+if TYPE_CHECKING:
+    from trackbench.truth.recorded.scans import Scans
 
 #: Of the intervals between two detections of one object this share is not longer than one period, even where
 #: detections are few.
@@ -39,13 +42,14 @@ class Cycles(NamedTuple):
     """s; None where the detections have no regular one."""
 
 
-def cycles(time: Array, owner: Indices, scans: Array) -> Cycles:
+def cycles(time: Array, owner: Indices, scans: Array, most_missed: float = MOST_MISSED) -> Cycles:
     """The cycles between the first and the last row.
 
     Args:
         time: ``(rows,)`` s, of the detections, sorted.
         owner: ``(rows,)`` number of the object of each.
         scans: ``(scans,)`` s, all times at which the sensor is known to have looked; sorted.
+        most_missed: cycles without a detection for each with one, at most.
     """
     instants = np.unique(np.concatenate([time, scans]))
     intervals = np.concatenate([np.diff(time[owner == number]) for number in np.unique(owner)] or [np.empty(0)])
@@ -61,7 +65,7 @@ def cycles(time: Array, owner: Indices, scans: Array) -> Cycles:
     near = np.abs(periods - np.round(periods))[periods < LONGEST + 0.5]
     missed = np.maximum(np.round(periods).astype(np.intp) - 1, 0)
     regular = len(near) >= FEWEST and (near < TOLERANCE).mean() >= REGULAR
-    if not regular or missed.sum() > MOST_MISSED * len(starts):
+    if not regular or missed.sum() > most_missed * len(starts):
         return Cycles(instants, number, None)
     added = [
         np.linspace(start, end, count + 2)[1:-1]
@@ -96,6 +100,10 @@ class Motion(NamedTuple):
     """rad; None: the course."""
     yaw_rate: Array | None = None
     """rad/s; None: from the heading."""
+    length: Array | None = None
+    """m; None: not stated."""
+    width: Array | None = None
+    """m; None: not stated."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +131,10 @@ class Log(NamedTuple):
     scans: Array
     """``(scans,)`` all times at which the file says that the sensor looked, those without a detection too; sorted."""
     order: RowOrder
+    alarm_time: Array = np.zeros(0)
+    """``(alarms,)`` s, of the rows of no object, sorted."""
+    alarm_measurement: Array = np.zeros((0, 0))
+    """``(m, alarms)``"""
 
 
 @dataclass(frozen=True)
@@ -139,6 +151,19 @@ class Drive:
     """By sensor."""
     source: dict[str, Any]
     """What the result says of the files."""
+    detections: dict[str, Scans] = field(default_factory=dict)
+    """By sensor whose rows nobody labelled."""
+    frames: Array = field(default_factory=lambda: np.zeros(0))
+    """``(frames,)`` s, all times of the truth's rows; sorted."""
+    boxes: Array = field(default_factory=lambda: np.zeros((6, 0)))
+    """``(6, boxes)`` don't-care boxes: time, x, y, heading, half length and half width."""
+    kinds: dict[str, str] = field(default_factory=dict)
+    """The class of each object, where classes count."""
+
+    @property
+    def sensors(self) -> list[str]:
+        """Those with recorded measurements."""
+        return [*self.logs, *self.detections]
 
     def span(self, number: int) -> tuple[float, float]:
         """From when to when the truth of an object, and of the observer, is known, s."""
@@ -151,9 +176,19 @@ class Drive:
         kept = (log.time >= spans[log.object, 0]) & (log.time <= spans[log.object, 1])
         first, last = spans[:, 0].min(), spans[:, 1].max()
         scans = log.scans[(log.scans >= first) & (log.scans <= last)]
+        alarms = (log.alarm_time >= first) & (log.alarm_time <= last)
         return log._replace(
-            time=log.time[kept], object=log.object[kept], measurement=log.measurement[:, kept], scans=scans
+            time=log.time[kept],
+            object=log.object[kept],
+            measurement=log.measurement[:, kept],
+            scans=scans,
+            alarm_time=log.alarm_time[alarms],
+            alarm_measurement=log.alarm_measurement[:, alarms],
         )
+
+    def framed(self, time: Array) -> Array:
+        """Those of the times within the time of the truth's rows."""
+        return np.asarray(time[(time >= self.frames[0]) & (time <= self.frames[-1])])
 
     def clipped(self) -> Drive:
         """The drive without measurements outside the span of the truth."""
@@ -203,10 +238,10 @@ def truth_on_grid(config: RecordingOptions, drive: Drive, times: Array) -> Truth
         ids=tuple(motions),
         **kinematics,
         alive=alive,
-        length=np.full(len(motions), config.length_m),
-        width=np.full(len(motions), config.width_m),
+        length=np.array([config.length_m if m.length is None else np.median(m.length) for m in motions.values()]),
+        width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
         observer=fixed(config.observer, len(times)) if drive.observer is None else carrier(drive.observer, times),
-        source={"source": "recording", "format": config.format, "recorded": list(drive.logs), **drive.source},
+        source={"source": "recording", "format": config.format, "recorded": drive.sensors, **drive.source},
     )
 
 
@@ -221,9 +256,8 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     Raises:
         InputError: the observer is known at none of them.
     """
-    times = np.unique(
-        np.concatenate([m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()])
-    )
+    own = [m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()]
+    times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
     return times if drive.observer is None else within(times, drive.observer, "truth", "truth.columns.observer")
 
 
@@ -260,11 +294,21 @@ def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, obje
     for i in model.angular:
         measurement[i] = wrap_angle(measurement[i])
     valid = np.isfinite(measurement).all(axis=0)
-    return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there])
+    alarms = None
+    if len(log.alarm_time):
+        kept = np.isin(log.alarm_time, instants)
+        values = log.alarm_measurement[:, kept]
+        for i in model.angular:
+            values[i] = wrap_angle(values[i])
+        alarms = RecordedAlarms(np.searchsorted(instants, log.alarm_time[kept]), values)
+    return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there], alarms)
 
 
-def left_out(drive: Drive, clipped: Drive) -> dict[str, dict[str, int]]:
-    """How many rows of the truth and of each sensor were put in order or left out; what did not occur is not named."""
+def left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
+    """How many rows of the truth and of each sensor were put in order or left out; what did not occur is not named.
+
+    With ``hidden`` identities those of no object are false alarms.
+    """
     seen = drive.observer
     unknown = (
         0
@@ -283,6 +327,7 @@ def left_out(drive: Drive, clipped: Drive) -> dict[str, dict[str, int]]:
             "out_of_order": log.order.backwards,
             "duplicates": log.order.duplicates,
             "outside_truth": len(log.time) - len(clipped.logs[name].time),
+            "of_no_object": 0 if hidden else len(log.alarm_time),
         }
     counts = {name: {what: count for what, count in of.items() if count} for name, of in result.items()}
     return {name: of for name, of in counts.items() if of}
@@ -294,6 +339,7 @@ def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str
         "out_of_order": "out of the order of time (sorted)",
         "duplicates": "of an object and a time that came before (left out)",
         "outside_truth": "outside the time of the truth (left out)",
+        "of_no_object": "of no object (left out)",
         "outside_observer": "outside the time of the observer (left out)",
     }
     for name, of in counts.items():
@@ -309,15 +355,22 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
         InputError: one has none.
     """
     spans = [drive.span(number) for number in range(len(drive.motions))]
+    first, last = min(first for first, _ in spans), max(last for _, last in spans)
     for name, log in drive.logs.items():
-        if len(clipped.logs[name].time):
+        if len(clipped.logs[name].time) + len(clipped.logs[name].alarm_time):
             continue
         if drive.observer is not None and all(first > last for first, last in spans):
             grid(drive, {})
-        span = f"from {min(first for first, _ in spans):g} to {max(last for _, last in spans):g} s"
-        own = f"from {log.time[0]:g} to {log.time[-1]:g} s"
-        message = f"no measurement of {name} ({own}) lies within the time of its object's truth ({span})"
-        raise InputError(f"{message}: check the units of time", key=f"truth.readings.{name}")
+        raise _none_within(name, np.concatenate([log.time, log.alarm_time]), "its object's truth", first, last)
+    for name, of in drive.detections.items():
+        if not len(drive.framed(of.time)):
+            raise _none_within(name, of.time, "the truth", float(drive.frames[0]), float(drive.frames[-1]))
+
+
+def _none_within(name: str, time: Array, whose: str, first: float, last: float) -> InputError:
+    own, span = f"from {time.min():g} to {time.max():g} s", f"from {first:g} to {last:g} s"
+    message = f"no measurement of {name} ({own}) lies within the time of {whose} ({span}): check the units of time"
+    return InputError(message, key=f"truth.readings.{name}")
 
 
 def fixed(observer: FixedObserver, steps: int) -> Observer:

@@ -14,7 +14,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.files import read_text
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
 
 
@@ -46,6 +46,15 @@ class Rows(NamedTuple):
     columns: Mapping[str, Sequence[Any]]
     lines: Sequence[int] | None
     """The line of each row; None where the file has no lines."""
+    places: Indices | None = None
+    """Of some rows of a file, the number of each in it, from 0; None: all rows."""
+
+    def only(self, chosen: Mask) -> Rows:
+        """Some of the rows."""
+        places = np.flatnonzero(chosen)
+        columns = {name: [values[row] for row in places.tolist()] for name, values in self.columns.items()}
+        lines = None if self.lines is None else [self.lines[row] for row in places.tolist()]
+        return Rows(self.file, columns, lines, places)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -53,6 +62,7 @@ class Rows(NamedTuple):
     def error(self, row: int, message: str) -> InputError:
         """What is wrong with a row (from 0)."""
         if self.lines is None:
+            row = row if self.places is None else int(self.places[row])
             return InputError(f"row {row + 1}: {message}", file=self.file)
         return InputError(message, file=self.file, line=self.lines[row])
 
@@ -82,10 +92,13 @@ class Rows(NamedTuple):
             times.append(Decimal(value.strip() if isinstance(value, str) else value))
         return times
 
-    def names(self, column: str) -> list[str]:
-        """A column of names, none of them empty."""
+    def names(self, column: str, *, optional: bool = False) -> list[str]:
+        """A column of names; an empty one is "", if it may be."""
         names = []
         for row, value in enumerate(self.columns[column]):
+            if optional and _unknown(value):
+                names.append("")
+                continue
             if _empty(value):
                 raise self.error(row, f"{column} is empty, where the name of an object is expected")
             names.append(str(value).strip())
@@ -189,3 +202,14 @@ def _unknown(value: Any) -> bool:
     if isinstance(value, str):
         return value.strip().lower() in ("", "nan")
     return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def time_stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
+    """A column of times in s, exactly, so that nanoseconds since 1970 keep their differences."""
+    scale = Decimal(str(factor))
+    return [stamp * scale for stamp in table.times(column)]
+
+
+def seconds_from(start: Decimal, stamps: list[Decimal]) -> Array:
+    """To the nanosecond, below which no clock of a vehicle tells rows apart."""
+    return np.array([round(float(stamp - start), 9) for stamp in stamps])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,9 @@ from trackbench.truth.config.columns import (
 )
 from trackbench.truth.config.logs import find
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
-from trackbench.truth.recorded.rows import Rows, read
+from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
+from trackbench.truth.recorded.rows import Rows, read, seconds_from, time_stamps
+from trackbench.truth.recorded.scans import Scans, columns_of, measured, scans_of
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -38,10 +40,10 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     assert config.columns is not None
     assert config.path is not None
     columns, units = config.columns, config.units
-    observer = columns.observer
+    observer, ignore = columns.observer, config.reference.ignore
     inside = [entry for entry in config.measurements.values() if entry.path is None]
     wanted = [columns.time, columns.object, *columns.given.values(), *(c for e in inside for c in _own(e, columns))]
-    wanted += list(observer.given.values()) if observer is not None and observer.path is None else []
+    wanted += [columns.kind, *ignore, *(observer.given.values() if observer is not None and not observer.path else ())]
     table = read(find(config.path, folder, "truth.path"), config.format, [name for name in wanted if name is not None])
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
@@ -49,7 +51,12 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     if seconds.max() > jumps.LONGEST:
         row = int(np.argmax(seconds))
         raise table.error(row, f"{columns.time}: {jumps.why_too_long(seconds[row])}")
-    motions, order = _motions(table, columns, seconds, units)
+    dropped = ignored_rows(table, ignore)
+    if dropped.all():
+        raise InputError("every row is a don't-care box, so there is no object", key="truth.reference.ignore")
+    own = table.only(~dropped) if dropped.any() else table
+    motions, order = _motions(own, columns, seconds[~dropped], config)
+    boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
     carrier = None
     if observer is not None and observer.path is not None:
         time = observer.time or columns.time
@@ -60,35 +67,38 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
         carrier = observer_motion(table, observer, seconds, units)
-    logs = {}
+    logs: dict[str, Log] = {}
+    detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, own_file = table, entry.path is not None
+        source, unlabelled = own, config.unlabelled(name)
         if entry.path is not None:
             file = find(entry.path, folder, f"truth.readings.{name}.path")
-            source = read(file, config.format, _own(entry, columns))
+            needed = columns_of(entry) if unlabelled else _own(entry, columns)
+            source = read(file, config.format, [entry.time or columns.time, *needed])
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
+        if unlabelled:
+            detections[name] = scans_of(source, entry, times, units, kinds[name])
+            continue
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
         # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
-        logs[name] = log._replace(scans=np.unique(times)) if own_file else log
-    return Drive(motions, order, carrier, logs, {"file": table.file.name, "rows": len(table)})
+        logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
+    said = {"file": table.file.name, "rows": len(table)}
+    classes: dict[str, str] = {}
+    if columns.kind is not None:
+        for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
+            classes.setdefault(item, kind)
+    return Drive(motions, order, carrier, logs, said, detections, np.unique(seconds), boxes, classes)
+
+
+def _names(table: Rows, columns: TruthColumns) -> list[str]:
+    return [OBJECT] * len(table) if columns.object is None else table.names(columns.object)
 
 
 def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str]:
     named = [entry.time or columns.time, entry.object or columns.object, *entry.components.values()]
     return [name for name in named if name is not None]
-
-
-def time_stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
-    """A column of times in s, exactly, so that nanoseconds since 1970 keep their differences."""
-    scale = Decimal(str(factor))
-    return [stamp * scale for stamp in table.times(column)]
-
-
-def seconds_from(start: Decimal, stamps: list[Decimal]) -> Array:
-    """To the nanosecond, below which no clock of a vehicle tells rows apart."""
-    return np.array([round(float(stamp - start), 9) for stamp in stamps])
 
 
 def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:
@@ -103,17 +113,23 @@ def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str,
     return value
 
 
-def _motions(table: Rows, columns: TruthColumns, seconds: Array, units: Units) -> tuple[dict[str, Motion], RowOrder]:
-    value = _values(table, columns, units, columns.units)
-    names = [OBJECT] * len(table) if columns.object is None else table.names(columns.object)
+def _motions(
+    table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions
+) -> tuple[dict[str, Motion], RowOrder]:
+    value = _values(table, columns, config.units, columns.units)
+    for key in ("length", "width"):
+        sizes = value.get(key, np.ones(1))
+        for row in np.flatnonzero((sizes <= 0) | (sizes > LARGEST_M)).tolist():
+            size = f"{getattr(columns, key)} is {sizes[row]:g} m"
+            raise table.error(row, f"{size}, where more than 0 and at most {LARGEST_M:g} is expected")
+    names = _names(table, columns)
     ids = list(dict.fromkeys(names))
     number = {name: i for i, name in enumerate(ids)}
     owner = np.array([number[name] for name in names], dtype=np.intp)
     kept, order = row_order(seconds, owner)
     members = {name: kept[owner[kept] == i] for i, name in enumerate(ids)}
-    return {
-        name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()
-    }, order
+    motions = {name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()}
+    return {name: moved_to_centre(motion, config) for name, motion in motions.items()}, order
 
 
 def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units: Units) -> Motion:
@@ -148,48 +164,28 @@ def _log(
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
-    measurement, detected = measured(table, entry, units, sensor)
-    owner = _owners(table, entry.object or columns.object, detected, ids)
-    kept, order = row_order(at[detected], owner)
-    time = at[detected][kept]
-    return Log(time, owner[kept], measurement[:, kept], np.unique(time), order)
+    measurement, rows = measured(table, entry, units, sensor)
+    owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
+    alarm = np.flatnonzero(owner < 0)
+    alarm = alarm[np.argsort(at[rows[alarm]], kind="stable")]
+    measured_rows, own = rows[owner >= 0], owner[owner >= 0]
+    kept, order = row_order(at[measured_rows], own)
+    time = at[measured_rows][kept]
+    of_objects, alarms = measurement[:, owner >= 0][:, kept], measurement[:, alarm]
+    order = replace(order, rows=len(rows))
+    return Log(time, own[kept], of_objects, np.unique(time), order, at[rows[alarm]], alarms)
 
 
-def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]) -> tuple[Array, Indices]:
-    """The measurements ``(m, n)`` in SI units and radians, and the rows ``(n,)`` that have one.
-
-    Raises:
-        InputError: a number is damaged, or no row has a measurement.
-    """
-    named, quantities = entry.components, entry.quantities(sensor.components, sensor.units)
-    values = []
-    for name, quantity in quantities.items():
-        factor = units.factor(quantity, entry.units.get(name))
-        bias = entry.bias.get(name, 0.0) * factor
-        values.append(table.numbers(named[name], factor, quantity, optional=True) - bias)
-    there = np.isfinite(values)
-    for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
-        missing = named[list(quantities)[int(np.argmin(there[:, row]))]]
-        raise table.error(row, f"{missing} is empty, but other columns of the same measurement are not")
-    rows = np.flatnonzero(there.all(axis=0))
-    if not len(rows):
-        raise InputError(f"there is no measurement in {', '.join(named.values())}", file=table.file)
-    measurement = np.stack(values)[:, rows]
-    if tuple(quantities) != sensor.components:
-        x, y = measurement[:2]
-        measurement = np.stack([np.hypot(x, y), np.arctan2(y, x), *measurement[2:]])
-    return measurement, rows
-
-
-def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str]) -> Indices:
-    """The number of the object of each of the rows.
+def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str], *, blank: bool) -> Indices:
+    """The number of the object of each of the rows; -1 where it is ``blank``, if it may be.
 
     Raises:
         InputError: the truth does not have it.
     """
     if column is None:
         return np.zeros(len(rows), dtype=np.intp)
-    names, number = table.names(column), {name: i for i, name in enumerate(ids)}
+    names, number = table.names(column, optional=blank), {name: i for i, name in enumerate(ids)}
+    number |= {"": -1} if blank else {}
     for row in rows.tolist():
         if names[row] not in number:
             raise table.error(row, f"the truth has no object {names[row]!r}; {nearest(names[row], ids)}")

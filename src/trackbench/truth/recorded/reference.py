@@ -1,0 +1,122 @@
+"""What of a recorded truth counts where tracks are scored: its boxes, classes, region and gaps, and its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Mask, Truth, Unscored
+from trackbench.base.units import wrap_angle
+from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.columns import TruthColumns
+from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
+from trackbench.truth.recorded.drive import Drive, Motion
+from trackbench.truth.recorded.noise import noise_of
+from trackbench.truth.recorded.rows import Rows
+
+#: Of a box, m.
+LARGEST_M = 1000.0
+#: An object without a row for longer is absent in between: s, and rows at the usual rate of its own.
+LONGEST_GAP_S, LONGEST_GAP_ROWS = 0.5, 3
+
+
+def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
+    """``(rows,)`` which rows are don't-care boxes: by column, the values that make them so."""
+    result = np.zeros(len(table), dtype=bool)
+    for column, values in ignore.items():
+        numbers = {number for value in values if (number := _number(value)) is not None}
+        for row, cell in enumerate(table.columns[column]):
+            text = "" if cell is None else str(cell).strip()
+            result[row] |= text in values or _number(text) in numbers
+    return result
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def moved_to_centre(motion: Motion, config: RecordingOptions) -> Motion:
+    """The motion of the centre of a box, from that of the point that the reference has."""
+    ahead = _to_centre(config.reference, config.length_m if motion.length is None else motion.length)
+    if motion.heading is None or not np.any(ahead):
+        return motion
+    heading = np.unwrap(motion.heading)
+    turning = np.gradient(heading, motion.time) if len(motion.time) > 1 else np.zeros(1)
+    turning = turning if motion.yaw_rate is None else motion.yaw_rate
+    x, y = ahead * np.cos(heading), ahead * np.sin(heading)
+    return motion._replace(px=motion.px + x, py=motion.py + y, vx=motion.vx - turning * y, vy=motion.vy + turning * x)
+
+
+def _to_centre(reference: ReferenceOptions, length: Array | float) -> Array:
+    """How far the centre is ahead of the reference's point, m."""
+    if reference.point in (None, "centre"):
+        return np.zeros(np.shape(length))
+    return np.asarray(length) / 2 - (reference.rear_overhang_m or 0.0)
+
+
+def dont_care_boxes(table: Rows, columns: TruthColumns, seconds: Array, config: RecordingOptions) -> Array:
+    """``(6, boxes)`` as in ``Drive.boxes``; rows without a place or a size are of none."""
+
+    def column(key: str, quantity: str, otherwise: float) -> Array:
+        name = getattr(columns, key)
+        if name is None:
+            return np.full(len(table), otherwise)
+        return table.numbers(name, config.units.factor(quantity, columns.units.get(key)), quantity, optional=True)
+
+    x, y = column("px", "length", 0.0), column("py", "length", 0.0)
+    heading, length = column("heading", "angle", 0.0), column("length", "length", config.length_m)
+    ahead = _to_centre(config.reference, length)
+    half_length, half_width = length / 2, column("width", "length", config.width_m) / 2
+    boxes = np.stack(
+        [seconds, x + ahead * np.cos(heading), y + ahead * np.sin(heading), heading, half_length, half_width]
+    )
+    return np.asarray(boxes[:, np.isfinite(boxes).all(axis=0) & (half_length > 0) & (half_width > 0)])
+
+
+def judged(truth: Truth, config: RecordingOptions, drive: Drive) -> Truth:
+    """The truth of hidden identities: which objects count and where, while they have rows, and its noise."""
+    reference, kinds = config.reference, drive.kinds
+    alive = truth.alive.copy()
+    for number, motion in enumerate(drive.motions.values()):
+        alive[:, number] &= ~_in_gap(motion.time, truth.time)
+    target = truth.target
+    if reference.classes is not None:
+        target = np.array([kinds.get(name) in reference.classes for name in truth.ids])
+    region = reference.region
+    if isinstance(region, BoxRegion):
+        (x, right), (y, top) = region.x_m, region.y_m
+        region = [[x, y], [right, y], [right, top], [x, top]]
+    unscored = None
+    if region is not None or reference.range_m is not None or drive.boxes.size:
+        limit = np.inf if reference.range_m is None else reference.range_m
+        corners = None if region is None else np.array(region, dtype=float)
+        unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames))
+    noise = noise_of(drive.motions.values())
+    source = {**truth.source, "recorded_noise": noise._asdict()}
+    return replace(truth, alive=alive, target=target, unscored=unscored, recorded_noise=noise, source=source)
+
+
+def _in_gap(rows: Array, time: Array) -> Mask:
+    """``(steps,)`` whether a time is in a gap between rows."""
+    steps = np.diff(rows)
+    if not len(steps):
+        return np.zeros(len(time), dtype=bool)
+    longest = max(LONGEST_GAP_S, LONGEST_GAP_ROWS * float(np.median(steps)))
+    after = np.clip(np.searchsorted(rows, time), 1, len(rows) - 1)
+    between = (time > rows[after - 1]) & (time < rows[after])
+    return np.asarray(between & (steps[after - 1] > longest))
+
+
+def _lasting(boxes: Array, frames: Array) -> Array:
+    """``(7, boxes)`` as in ``Unscored.boxes``: each until half way to the rows before and after, but no gap long."""
+    number: Indices = np.searchsorted(frames, boxes[0])
+    steps = np.diff(frames)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    half = np.minimum(np.concatenate([[usual], steps, [usual]]), max(LONGEST_GAP_S, LONGEST_GAP_ROWS * usual)) / 2
+    x, y, heading = boxes[1:4]
+    return np.stack([boxes[0] - half[number], boxes[0] + half[number + 1], x, y, wrap_angle(heading), *boxes[4:]])

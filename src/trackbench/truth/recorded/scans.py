@@ -1,0 +1,194 @@
+"""The measurements of a sensor's table, and the scans that unlabelled ones make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError, counted
+from trackbench.base.types import Array, Indices, Mask, RecordedDetections
+from trackbench.base.units import wrap_angle
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.truth.config.columns import POLAR, MeasurementColumns, Units
+from trackbench.truth.recorded.drive import cycles, row_order
+from trackbench.truth.recorded.rows import Rows
+
+#: A slot that was empty for longer has another object afterwards, s.
+EMPTY_SLOT = 1.0
+#: Cycles without a row for each with one, at most, where rows have no slots: rows of one scan that are some ms apart
+#: would be taken for many scans.
+FEW_MISSED = 0.5
+
+
+class Scans(NamedTuple):
+    """Of one sensor, sorted by time."""
+
+    time: Array
+    """``(scans,)`` the first instant of each cycle, s."""
+    scan: Indices
+    """``(rows,)``"""
+    measurement: Array
+    """``(m, rows)``, angles wrapped."""
+    own_track: Indices
+    """``(rows,)``"""
+    own_tracks: tuple[str, ...]
+    rows: int
+    """In the file."""
+    duplicates: int
+    """Rows of the same slot at the same time as a row before, which are left out."""
+    copies: int = 0
+    """Detections beside another of the same object, which are left out."""
+
+    def without_slots(self) -> Scans:
+        """The same without the sensor's own tracks."""
+        return self._replace(own_track=np.full(len(self.scan), -1), own_tracks=())
+
+
+def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]) -> tuple[Array, Indices]:
+    """The measurements ``(m, n)`` in SI units and radians, and the rows ``(n,)`` that have one.
+
+    Raises:
+        InputError: a number is damaged, or no row has a measurement.
+    """
+    named, quantities = entry.components, entry.quantities(sensor.components, sensor.units)
+    values = []
+    for name, quantity in quantities.items():
+        factor = units.factor(quantity, entry.units.get(name))
+        bias = entry.bias.get(name, 0.0) * factor
+        values.append(table.numbers(named[name], factor, quantity, optional=True) - bias)
+    there = np.isfinite(values)
+    for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
+        missing = named[list(quantities)[int(np.argmin(there[:, row]))]]
+        raise table.error(row, f"{missing} is empty, but other columns of the same measurement are not")
+    rows = np.flatnonzero(there.all(axis=0))
+    if not len(rows):
+        raise InputError(f"there is no measurement in {', '.join(named.values())}", file=table.file)
+    measurement = np.stack(values)[:, rows]
+    if tuple(quantities) != sensor.components:
+        x, y = measurement[:2]
+        measurement = np.stack([np.hypot(x, y), np.arctan2(y, x), *measurement[2:]])
+    return measurement, rows
+
+
+def columns_of(entry: MeasurementColumns) -> list[str]:
+    """The columns of a file of unlabelled measurements."""
+    named = [entry.time, entry.slot, entry.new_track, *entry.components.values()]
+    return [name for name in named if name is not None]
+
+
+def scans_of(table: Rows, entry: MeasurementColumns, at: Array, units: Units, kind: str) -> Scans:
+    """The scans of unlabelled measurements.
+
+    Args:
+        table: of one sensor.
+        entry: what its columns are called.
+        at: ``(rows,)`` times, s.
+        units: of the columns.
+        kind: of the sensor.
+
+    Raises:
+        InputError: a row is damaged.
+    """
+    model = SENSOR_MODELS[kind]
+    measurement, detected = measured(table, entry, units, model)
+    names = [""] * len(table) if entry.slot is None else table.names(entry.slot)
+    slots = list(dict.fromkeys(names[row] for row in detected.tolist()))
+    number = {name: i for i, name in enumerate(slots)}
+    slot = np.array([number[names[row]] for row in detected.tolist()], dtype=np.intp)
+    new = np.zeros(len(detected), dtype=bool)
+    if entry.new_track is not None:
+        flags = table.numbers(entry.new_track, 1.0, None)
+        for row in np.flatnonzero((flags != 0) & (flags != 1)).tolist():
+            raise table.error(row, f"{entry.new_track} is {flags[row]:g}, where 0 or 1 is expected")
+        new = flags[detected] == 1
+    if entry.slot is None:
+        # Two equal rows are two detections.
+        kept, duplicates = np.argsort(at[detected], kind="stable"), 0
+    else:
+        kept, order = row_order(at[detected], slot)
+        duplicates = order.duplicates
+    time, slot, new = at[detected][kept], slot[kept], new[kept]
+    if entry.slot is None:
+        instants = np.unique(time)
+        looked = cycles(instants, np.zeros(len(instants), dtype=np.intp), np.unique(at), most_missed=FEW_MISSED)
+    else:
+        looked = cycles(time, slot, np.unique(at))
+    _, first, of_instant = np.unique(looked.cycle, return_index=True, return_inverse=True)
+    instants = looked.instants
+    scan = of_instant[np.searchsorted(instants, time)]
+    values = measurement[:, kept]
+    for i in model.angular:
+        values[i] = wrap_angle(values[i])
+    own_track, own_tracks = np.full(len(time), -1), list[str]()
+    if entry.slot is not None:
+        own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
+    result = Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), duplicates)
+    return result if entry.copies_within_m is None else _without_copies(result, time, model, entry.copies_within_m)
+
+
+def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
+    """The number of the sensor's own track of each row, and their names: the slot and how many it had before.
+
+    A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
+    """
+    result, tracks = np.full(len(time), -1), list[str]()
+    for number, name in enumerate(names):
+        own = np.flatnonzero(slot == number)
+        begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
+        result[own] = len(tracks) + np.cumsum(begins) - 1
+        tracks += [f"{name}-{count + 1}" for count in range(int(begins.sum()))]
+    return result, tracks
+
+
+def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) -> Scans:
+    """Of detections of one scan that are near each other, only that of the sensor's older track."""
+    first, second = of.measurement[:2]
+    polar = model.components[:2] == POLAR
+    position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
+    began = np.full(len(time), 0.0)
+    for track in range(len(of.own_tracks)):
+        own = of.own_track == track
+        began[own] = time[own][0]
+    order = np.lexsort((began, of.scan))
+    kept = np.ones(len(time), dtype=bool)
+    for rows_of_scan in np.split(order, np.flatnonzero(np.diff(of.scan[order])) + 1):
+        older: list[int] = []
+        for row in rows_of_scan.tolist():
+            away = position[:, older] - position[:, [row]]
+            kept[row] = not np.any(np.hypot(*away) < within)
+            older += [row] if kept[row] else []
+    return of._replace(
+        scan=of.scan[kept],
+        measurement=of.measurement[:, kept],
+        own_track=of.own_track[kept],
+        copies=int((~kept).sum()),
+    )
+
+
+def scan_notes(result: Mapping[str, Scans], times: Array, whose: str) -> Iterator[str]:
+    """A line for each sensor and what of its rows was left out; ``times`` are those of what is named in ``whose``."""
+    for name, of in result.items():
+        outside = int((~np.isin(of.time, times))[of.scan].sum())
+        if of.duplicates:
+            what = "of a slot and a time that came before (left out)"
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.duplicates} {what}"
+        if of.copies:
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.copies} copies of another of their cycle (left out)"
+        if outside:
+            yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the {whose} (left out)"
+
+
+def detections(of: Scans, times: Array) -> RecordedDetections:
+    """The detections of the scans at some times, which are those of the truth."""
+    kept = np.isin(of.time, times)
+    number = np.cumsum(kept) - 1
+    there = kept[of.scan]
+    return RecordedDetections(
+        np.searchsorted(times, of.time[kept]),
+        number[of.scan[there]],
+        of.measurement[:, there],
+        of.own_track[there],
+        of.own_tracks,
+    )
