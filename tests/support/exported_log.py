@@ -83,9 +83,10 @@ def write_scenes(folder: Path, loaded: Scenario, *, labelled: bool = False, **ch
 def write_truth(folder: Path, name: str, truth: Truth) -> None:
     """Boxes of all objects while they are there, and the motion of the observer, to the last digit."""
     values = [truth.px, truth.py, truth.vx, truth.vy, truth.heading]
+    sizes = np.stack([truth.length, truth.width]).T.tolist()
+    kinds = ["car" if target else "other" for target in truth.target]
     rows = [
-        [truth.time[k], who, "car" if truth.target[i] else "other", *(float(v[k, i, 0]) for v in values)]
-        + [float(truth.length[i]), float(truth.width[i])]
+        [truth.time[k], who, kinds[i], *(float(v[k, i, 0]) for v in values), *sizes[i]]
         for k in range(len(truth.time))
         for i, who in enumerate(truth.ids)
         if truth.alive[k, i]

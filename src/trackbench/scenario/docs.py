@@ -37,6 +37,8 @@ HEADINGS = {
     "TrafficTruth": "Recorded traffic",
     "VehicleObserver": "`observer` of recorded traffic as a vehicle",
     "ObserverColumns": "`columns.observer`",
+    "ReferenceOptions": "`reference` of recorded motion",
+    "BoxRegion": "`region` as a rectangle",
     "Radar": "Radar",
     "SpeedRadar": "Speed radar",
     "Lidar": "Lidar",

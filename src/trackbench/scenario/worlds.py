@@ -56,6 +56,8 @@ def _sensors(sensors: Mapping[str, Any], world: World) -> Iterator[str]:
 
 
 def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
+    if truth.get("source") == "recording" and (truth.get("readings") or truth.get("format") == "udacity"):
+        raise NoSuchWorld("none, for its measurements are recorded, and no world changes them", key="world")
     simulated = truth.get("source") == "highway-env"
     if world == "recorded":
         if not simulated or truth.get("env") not in MOTORWAYS:

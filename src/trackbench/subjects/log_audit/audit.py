@@ -19,6 +19,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
+from trackbench.scenario.truth import own_source
 from trackbench.subjects.log_audit.findings import (
     FAMILY,
     LogFinding,
@@ -260,7 +261,7 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
 
 
 def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
-    truth = loaded.config.truth
+    truth = own_source(loaded)
     if not isinstance(truth, RecordingTruth):
         message = (
             "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}; "
@@ -271,8 +272,12 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     try:
         if truth.without_truth:
             raise InputError("missing: an audit holds the measurements against a truth", key="truth.path")
-        if len(truth.scenes()) > 1:
-            message = f"an audit looks at one log, and these are {len(truth.scenes())}; name one file"
+        for name in truth.measurements:
+            if truth.unlabelled(name):
+                message = "missing: an audit holds each measurement against its object, which nothing says here"
+                raise InputError(message, key=f"truth.readings.{name}.object")
+        if truth.number_of_logs > 1:
+            message = f"an audit looks at one log, and these are {truth.number_of_logs}; name one file"
             raise InputError(message, key="truth.path")
         drive = read(truth, kinds, loaded.path.resolve().parent)
         if not drive.logs:

@@ -129,12 +129,17 @@ class RecordingOptions(TruthSource):
         """Every second scene, from the one of that number on."""
         return self._with(_every=slice(first, None, 2))
 
+    @property
+    def number_of_logs(self) -> int:
+        """Each of which has a file of each kind."""
+        return max((len(path) for path in self._paths().values() if isinstance(path, list)), default=1)
+
     def scenes(self) -> Sequence[Self]:
         paths = [path for path in self._paths().values() if isinstance(path, list)]
         logs = [self._log(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
-        if self.stretches is not None:
+        if self.stretches is not None and self._stretch is None:
             logs = [log._with(_stretch=number) for log in logs for number in range(self.stretches)]
-        return tuple(logs[self._every])
+        return tuple(scene._with(_every=slice(None)) for scene in logs[self._every])
 
     def unlabelled(self, sensor: str) -> bool:
         """Whether nothing says of which object the recorded detections of a sensor are."""

@@ -46,8 +46,8 @@ def stretch(truth: Truth, recorded: dict[str, Recorded], number: int, count: int
 
 def _cut(truth: Truth, chosen: Mask) -> Truth:
     time, unscored = truth.time[chosen], truth.unscored
-    arrays = {item.name: getattr(truth.observer, item.name) for item in fields(Observer)}
-    observer: dict[str, Any] = {name: values[chosen] for name, values in arrays.items() if isinstance(values, np.ndarray)}
+    arrays = [(item.name, getattr(truth.observer, item.name)) for item in fields(Observer)]
+    observer: dict[str, Any] = {name: values[chosen] for name, values in arrays if isinstance(values, np.ndarray)}
     if unscored is not None:
         boxes = unscored.boxes.copy()
         boxes[:2] -= time[0]
