@@ -37,7 +37,8 @@ from trackbench.subjects.log_audit.sensor_log import (
     wrong_units,
 )
 from trackbench.truth.recorded import Drive, read
-from trackbench.truth.recorded.drive import Cycles, Motion, require_measurements, scan_cycles
+from trackbench.truth.recorded.cycles import Cycles
+from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles
 from trackbench.truth.sources import RecordingTruth
 
 

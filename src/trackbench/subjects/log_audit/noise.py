@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.subjects.log_audit.blocks import BlockInterval, blocks_of
 from trackbench.subjects.log_audit.joint_fit import JointFit
 from trackbench.subjects.log_audit.sensor_log import SensorLog
-from trackbench.truth.recorded.drive import Cycles
+from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.robust import KEPT, clipped
 
 #: Measurements in a band of the range, at least, and bands at most.

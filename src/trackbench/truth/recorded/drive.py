@@ -1,4 +1,4 @@
-"""A recorded drive, the cycles of its sensors, and the grid of times on which it becomes a truth."""
+"""A recorded drive, and the grid of times on which it becomes a truth."""
 
 from __future__ import annotations
 
@@ -13,78 +13,10 @@ from trackbench.base.types import KINEMATICS, Array, Indices, Observer, Recorded
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingOptions
+from trackbench.truth.recorded.cycles import Cycles, cycles
 
 if TYPE_CHECKING:
     from trackbench.truth.recorded.scans import Scans
-
-#: Of the intervals between two detections of one object this share is not longer than one period, even where
-#: detections are few.
-SHORT = 0.05
-#: A sensor is regular if this share of its intervals are whole numbers of periods, within the tolerance.
-REGULAR = 0.9
-TOLERANCE = 0.25
-#: Longer gaps, in periods, do not show whether a sensor is regular.
-LONGEST = 5
-#: Intervals without which no period is known.
-FEWEST = 5
-#: Cycles without a detection for each with one, at most; with more the sensor was rather off.
-MOST_MISSED = 20
-
-
-class Cycles(NamedTuple):
-    """When a sensor looked."""
-
-    instants: Array
-    """``(instants,)`` the times of all rows, and of the cycles that left none; sorted."""
-    cycle: Indices
-    """``(instants,)`` the number of the cycle of each: a sensor may give its detections some ms apart."""
-    period: float | None
-    """s; None where the detections have no regular one."""
-
-
-def cycles(time: Array, owner: Indices, scans: Array, most_missed: float = MOST_MISSED) -> Cycles:
-    """The cycles between the first and the last row.
-
-    Args:
-        time: ``(rows,)`` s, of the detections, sorted.
-        owner: ``(rows,)`` number of the object of each.
-        scans: ``(scans,)`` s, all times at which the sensor is known to have looked; sorted.
-        most_missed: cycles without a detection for each with one, at most.
-    """
-    instants = np.unique(np.concatenate([time, scans]))
-    intervals = np.concatenate([np.diff(time[owner == number]) for number in np.unique(owner)] or [np.empty(0)])
-    if len(intervals) < FEWEST or len(instants) < 2:
-        return Cycles(instants, np.arange(len(instants)), None)
-    period = float(np.quantile(intervals, SHORT))
-    number = _numbers(instants, period / 2)
-    starts = instants[np.searchsorted(number, np.arange(number[-1] + 1))]
-    steps = np.diff(starts)
-    single = steps[steps < 1.5 * period]
-    period = float(np.median(single)) if len(single) else period
-    periods = steps / period
-    near = np.abs(periods - np.round(periods))[periods < LONGEST + 0.5]
-    missed = np.maximum(np.round(periods).astype(np.intp) - 1, 0)
-    regular = len(near) >= FEWEST and (near < TOLERANCE).mean() >= REGULAR
-    if not regular or missed.sum() > most_missed * len(starts):
-        return Cycles(instants, number, None)
-    added = [
-        np.linspace(start, end, count + 2)[1:-1]
-        for start, end, count in zip(starts[:-1], starts[1:], missed, strict=True)
-        if count
-    ]
-    instants = np.unique(np.concatenate([instants, *added]))
-    return Cycles(instants, _numbers(instants, period / 2), period)
-
-
-def _numbers(instants: Array, apart: float) -> Indices:
-    """Instants that are not more than ``apart`` after the first of a cycle belong to it."""
-    number = np.empty(len(instants), dtype=np.intp)
-    count, start = -1, -np.inf
-    for i, instant in enumerate(instants.tolist()):
-        if instant - start > apart:
-            count, start = count + 1, instant
-        number[i] = count
-    return number
 
 
 class Motion(NamedTuple):

@@ -12,7 +12,8 @@ from trackbench.base.types import Array, Indices, Mask, RecordedDetections
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth.config.columns import POLAR, MeasurementColumns, Units
-from trackbench.truth.recorded.drive import cycles, row_order
+from trackbench.truth.recorded.cycles import cycles
+from trackbench.truth.recorded.drive import row_order
 from trackbench.truth.recorded.rows import Rows
 
 #: A slot that was empty for longer has another object afterwards, s.

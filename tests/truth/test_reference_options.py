@@ -1,0 +1,324 @@
+"""What of the reference of a log counts, and what is refused of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+from tests.support.recorded_log import write_table
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
+from trackbench.cli.commands import cli
+from trackbench.runner.work import Scene, work_of
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.sensing.detections import sense_hidden
+from trackbench.sensing.view import unscored, within_polygon
+
+HEAD = ["t", "who", "type", "conf", "x", "y", "vx", "vy", "yaw", "l", "w"]
+COLUMNS = {
+    "time": "t",
+    "object": "who",
+    "class": "type",
+    **{key: key.removeprefix("p") for key in ("px", "py", "vx", "vy")},
+    "heading": "yaw",
+    "length": "l",
+    "width": "w",
+}
+RADAR = {"type": "radar", "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
+GNN = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 1, "associate": {"method": "gnn"}}
+#: Place, class and confidence of four objects at rest.
+OBJECTS = {"near": (20, 0, "car", 1), "far": (80, 0, "car", 1), "left": (20, 30, "car", 1), "bike": (40, 0, "bike", 1)}
+
+
+def box(t: float, who: str, x: float, y: float, kind: str = "car", conf: Any = 1) -> list[Any]:
+    return [t, who, kind, conf, x, y, 0, 0, 0, 4, 2]
+
+
+def boxes(times: Array) -> list[list[Any]]:
+    return [box(float(t), who, x, y, kind, conf) for t in times for who, (x, y, kind, conf) in OBJECTS.items()]
+
+
+TIMES = np.arange(101) / 10
+
+
+def write(
+    folder: Path,
+    rows: list[list[Any]] | None = None,
+    radar: list[list[Any]] | None = None,
+    reference: dict[str, Any] | None = None,
+    columns: dict[str, Any] | None = None,
+    **sections: Any,
+) -> Path:
+    """A log at 10 Hz with a detection of the object ``near`` at each time, and its scenario; keys of None are not."""
+    write_table(folder / "boxes.csv", HEAD, boxes(TIMES) if rows is None else rows)
+    write_table(folder / "radar.csv", ["t", "who", "r", "az", "rr"], detections() if radar is None else radar)
+    readings = {"path": "radar.csv", "range": "r", "azimuth": "az", "range_rate": "rr", **sections.pop("readings", {})}
+    given = {"point": "centre", **(reference or {})}
+    content = {
+        "name": "log",
+        "truth": {
+            "source": "recording",
+            "format": "csv",
+            "path": "boxes.csv",
+            "columns": _given({**COLUMNS, **(columns or {})}),
+            "readings": {"radar": readings},
+            "reference": _given(given),
+            **sections.pop("truth", {}),
+        },
+        "sensing": {"identities": "hidden"},
+        "sensors": {"radar": {**RADAR, "fov_deg": 180, "max_range_m": 100}},
+        "trackers": {"gnn": GNN},
+        "monte_carlo": {"runs": 1},
+        **sections,
+    }
+    file = folder / "log.yaml"
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return file
+
+
+def _given(keys: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in keys.items() if value is not None}
+
+
+def detections(who: str = "near") -> list[list[Any]]:
+    return [[float(t), who, 20, 0, 0] for t in TIMES]
+
+
+def scene(file: Path) -> Scene:
+    loaded = load_scenario(file)
+    return work_of(loaded, truths_of(loaded)).scenes[0]
+
+
+def truth_in(file: Path) -> Truth:
+    return truths_of(load_scenario(file))[0].truth
+
+
+def statuses(file: Path) -> dict[str, int]:
+    """Of each object at the last instant."""
+    read = scene(file)
+    return dict(zip(read.truth.ids, read.due.status[-1, :, 0].tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("reference", "optional"),
+    [
+        ({}, set()),
+        ({"range_m": 50}, {"far"}),
+        ({"region": {"x_m": [0, 100], "y_m": [-10, 10]}}, {"left"}),
+        ({"region": [[10, -10], [30, -10], [30, 40], [10, 40]]}, {"far", "bike"}),
+        ({"classes": ["car"]}, {"bike"}),
+        ({"classes": ["tram"]}, {*OBJECTS}),
+        ({"classes": ["car"], "range_m": 25}, {"bike", "far", "left"}),
+    ],
+)
+def test_what_does_not_count_is_optional(tmp_path: Path, reference: dict[str, Any], optional: set[str]) -> None:
+    expected = {name: OPTIONAL if name in optional else DUE for name in OBJECTS}
+    assert statuses(write(tmp_path, reference=reference)) == expected
+
+
+def test_a_dont_care_box_is_of_no_object_and_lasts_half_way_to_the_next_rows(tmp_path: Path) -> None:
+    rows = [*boxes(TIMES), *(box(float(t), "-1", 79, 1, "DontCare") for t in TIMES[20:40])]
+    read = scene(write(tmp_path, rows, reference={"ignore": {"type": ["DontCare"]}}))
+    assert set(read.truth.ids) == {*OBJECTS}
+    far = read.due.status[:, read.truth.ids.index("far"), 0]
+    # The centre of "far" is in the box, 4 m by 2 m, from 2 s to 3.9 s.
+    np.testing.assert_array_equal(far == OPTIONAL, (TIMES > 1.95) & (TIMES < 3.95))
+    steps, x = np.array([30, 50]), np.array([[81.5, 83.5, 0.0]] * 2)
+    at = unscored(read.truth, steps, x, np.zeros((2, 3)), margin=2.5)
+    np.testing.assert_array_equal(at, [[True, True, False], [False, False, False]])
+
+
+@pytest.mark.parametrize("conf", [0, "0.0", " 0 "])
+def test_values_to_ignore_are_compared_as_numbers_where_they_are(tmp_path: Path, conf: Any) -> None:
+    rows = [*boxes(TIMES), *(box(float(t), "", 79, 0, conf=conf) for t in TIMES)]
+    assert statuses(write(tmp_path, rows, reference={"ignore": {"conf": [0]}}))["far"] == OPTIONAL
+
+
+def test_dont_care_rows_without_a_place_or_a_size_cover_nothing(tmp_path: Path) -> None:
+    extra = [[float(t), -1, "DontCare", 1, "", -1000, "", "", -10, -1, -1] for t in TIMES]
+    file = write(tmp_path, boxes(TIMES) + extra, reference={"ignore": {"type": ["DontCare"]}})
+    assert statuses(file) == dict.fromkeys(OBJECTS, DUE)
+
+
+def test_an_object_is_absent_in_a_gap(tmp_path: Path) -> None:
+    rows = [row for row in boxes(TIMES) if row[1] != "far" or not (2 < row[0] < 2.3 or 4 < row[0] < 6)]
+    read = scene(write(tmp_path, rows))
+    status = read.due.status[:, read.truth.ids.index("far"), 0]
+    np.testing.assert_array_equal(status == ABSENT, (TIMES > 4) & (TIMES < 6))
+
+
+@pytest.mark.parametrize(
+    ("reference", "behind"), [({"point": "rear_bumper"}, 2), ({"point": "rear_axle", "rear_overhang_m": 0.8}, 1.2)]
+)
+def test_positions_and_velocities_are_moved_to_the_centre(
+    tmp_path: Path, reference: dict[str, Any], behind: float
+) -> None:
+    # A circle of radius 20 m at 0.5 rad/s.
+    angle = 0.5 * TIMES
+    centre = np.stack([20 * np.cos(angle), 20 * np.sin(angle)])
+    velocity, heading = 10 * np.stack([-np.sin(angle), np.cos(angle)]), angle + np.pi / 2
+    ahead = behind * np.stack([np.cos(heading), np.sin(heading)])
+    turning = 0.5 * np.stack([-ahead[1], ahead[0]])
+    columns = [*(centre - ahead), *(velocity - turning), heading]
+    rows = [[t, "a", "car", 1, *values, 4, 2] for t, *values in zip(TIMES.tolist(), *columns, strict=True)]
+    truth = truth_in(write(tmp_path, rows, detections("a"), reference))
+    np.testing.assert_allclose([truth.px[:, 0, 0], truth.py[:, 0, 0]], centre, atol=1e-9)
+    np.testing.assert_allclose([truth.vx[:, 0, 0], truth.vy[:, 0, 0]], velocity, atol=1e-9)
+    np.testing.assert_array_equal([truth.length, truth.width], [[4], [2]])
+
+
+def test_the_noise_of_the_reference_is_found_and_carried(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    rows = [
+        [t, "a", "car", 1, 20 + t + 0.2 * random.normal(), 0.2 * random.normal(), 1, 0, 0, 4, 2]
+        for t in np.arange(0, 60, 0.1).round(1).tolist()
+    ]
+    truth = truth_in(write(tmp_path, rows, detections("a")))
+    assert truth.recorded_noise.position_m == pytest.approx(0.2, rel=0.1)
+    assert truth.recorded_noise.velocity_mps == pytest.approx(0, abs=1e-9)
+    assert truth.source["recorded_noise"] == truth.recorded_noise._asdict()
+
+
+def test_a_blank_object_is_a_false_alarm_where_identities_are_hidden(tmp_path: Path) -> None:
+    clutter = [[float(t), "", 50, 0.5, 3] for t in TIMES]
+    read = scene(write(tmp_path, radar=detections() + clutter, readings={"object": "who"}))
+    hidden = sense_hidden(read.sensors, 1, "log", range(1))
+    near = read.truth.ids.index("near")
+    for scan, origin in zip(hidden.scans, hidden.origins, strict=True):
+        of_scan = {int(number): scan.measurement[0, i, 0] for i, number in enumerate(origin[:, 0])}
+        assert of_scan == {near: 20, -1: 50}
+
+
+def test_a_blank_object_is_left_out_where_identities_are_known(tmp_path: Path) -> None:
+    radar = [*detections(), [5.0, "", 50, 0.5, 3]]
+    file = write(tmp_path, radar=radar, sensing={"identities": "known"}, trackers={"raw": {"use": "raw"}}, reference={})
+    (read,) = truths_of(load_scenario(file))
+    assert read.notes == ("radar: of 102 rows, 1 of no object (left out)",)
+    assert read.measurements is not None
+    measurements = read.measurements["radar"]
+    assert isinstance(measurements, RecordedMeasurements)
+    assert measurements.valid.sum() == 101
+
+
+def test_scans_without_a_row_are_empty_ones(tmp_path: Path) -> None:
+    (read,) = truths_of(load_scenario(write(tmp_path, radar=[row for row in detections() if not 3 < row[0] < 3.4])))
+    assert read.measurements is not None
+    found = read.measurements["radar"]
+    assert isinstance(found, RecordedDetections)
+    counts = np.bincount(found.scan, minlength=len(found.steps))
+    np.testing.assert_array_equal(np.flatnonzero(counts == 0), [31, 32, 33])
+    np.testing.assert_allclose(read.truth.time[found.steps], TIMES, atol=1e-9)
+
+
+def test_stretches_are_the_log_in_parts(tmp_path: Path) -> None:
+    whole = truth_in(write(tmp_path))
+    loaded = load_scenario(write(tmp_path, truth={"stretches": 2}))
+    parts = truths_of(loaded)
+    assert [scene.scene_name for scene in loaded.config.truth.scenes()] == ["stretch 1", "stretch 2"]
+    assert [part.truth.time[0] for part in parts] == [0, 0]
+    assert sum(len(part.truth.time) for part in parts) == len(whole.time)
+    measured = [part.measurements["radar"] for part in parts if part.measurements is not None]
+    assert [len(own.steps) for own in measured] == [50, 51]
+    np.testing.assert_array_equal(np.concatenate([part.truth.px for part in parts]), whole.px)
+
+
+def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    for name in ("b", "a"):
+        for kind in ("boxes", "radar"):
+            (tmp_path / f"{name}_{kind}.csv").write_text((tmp_path / f"{kind}.csv").read_text())
+    text = file.read_text().replace("path: boxes.csv", "path: '*_boxes.csv'").replace("radar.csv", "'[ab]_radar.csv'")
+    file.write_text(text)
+    scenes = load_scenario(file).config.truth.scenes()
+    assert [scene.scene_name for scene in scenes] == ["a_boxes", "b_boxes"]
+    file.write_text(text.replace("*_boxes", "*_boxen"))
+    with pytest.raises(InputError, match=r"truth.path: .*where there must be|no file has a name like \*_boxen.csv"):
+        truths_of(load_scenario(file))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"reference": {"point": None}},
+            "truth.reference.point: missing: which point of the box x and y are: centre | rear_axle | rear_bumper",
+        ),
+        ({"reference": {"point": "front"}}, "truth.reference.point: "),
+        ({"reference": {"point": "rear_axle"}}, "truth.reference.rear_overhang_m: missing"),
+        ({"reference": {"rear_overhang_m": 1}}, "truth.reference.rear_overhang_m: only used with point: rear_axle"),
+        (
+            {"reference": {"point": "rear_bumper"}, "columns": {"heading": None}},
+            "truth.columns.heading: missing: along it the rear_bumper is moved to the centre",
+        ),
+        ({"reference": {"region": [[0, 0], [1, 1]]}}, "truth.reference.region: "),
+        ({"reference": {"region": 5}}, "truth.reference.region: write the corners [[x, y], ...]"),
+        ({"reference": {"region": {"x_m": [5, 1], "y_m": [0, 1]}}}, "truth.reference.region.x_m: must be [low, high]"),
+        ({"reference": {"range_m": -1}}, "truth.reference.range_m: "),
+        ({"reference": {"classes": ["car"]}, "columns": {"class": None}}, "truth.columns.class: missing"),
+        ({"reference": {"ignore": {"nope": [1]}}}, "there is no column 'nope'"),
+        ({"reference": {"ignore": {"type": ["car", "bike"]}}}, "every row is a don't-care box"),
+        ({"readings": {"slot": "who", "object": "who"}}, "truth.readings.radar.slot: only used with unlabelled"),
+        ({"readings": {"object": "whom"}}, "there is no column 'whom'"),
+        (
+            {"trackers": {"best": {**GNN, "associate": {"method": "oracle"}}}},
+            "trackers.best.associate.method: oracle is told of which object each detection is; nothing says",
+        ),
+        ({"truth": {"stretches": 40}}, "40 stretches of 10 s are shorter than 4 s each; at most 2"),
+        ({"truth": {"stretches": 1}}, "truth.stretches: "),
+        ({"sensing": {"identities": "known"}, "reference": {"range_m": 5}}, "truth.reference.range_m: only used with"),
+        ({"sensing": {"identities": "known"}, "truth": {"stretches": 2}}, "truth.stretches: only used with"),
+        (
+            {"sensors": {"radar": {**RADAR, "detection_probability": 0.9}}},
+            "sensors.radar.detection_probability: the measurements of radar are recorded",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_named_in_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    trackers = {"raw": {"use": "raw"}} if changes.get("sensing") else {"gnn": GNN}
+    with pytest.raises(InputError) as caught:
+        truths_of(load_scenario(write(tmp_path, **{"trackers": trackers, **changes})))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, 0, 2], "boxes.csv:2: l is 0 m, where more than 0 and at most 1000 is"),
+        ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, 4, -2], "boxes.csv:2: w is -2 m"),
+        ([1.0, "near", "car", 1, 20, 0, 0, 0, 0, "", 2], "boxes.csv:2: l is empty"),
+        ([1.0, "", "car", 1, 20, 0, 0, 0, 0, 4, 2], "boxes.csv:2: who is empty"),
+    ],
+)
+def test_a_damaged_box_is_named(tmp_path: Path, row: list[Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        truth_in(write(tmp_path, [row, *boxes(TIMES)]))
+    assert message in str(caught.value)
+
+
+def test_times_of_another_epoch_are_said(tmp_path: Path) -> None:
+    late = [[row[0] + 5000, *row[1:]] for row in detections()]
+    with pytest.raises(InputError, match=r"no measurement of radar \(from 5000 to 5010 s\) lies within the time of"):
+        truth_in(write(tmp_path, radar=late))
+
+
+def test_what_an_audit_and_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    done = CliRunner().invoke(cli, ["audit", str(file)], standalone_mode=False)
+    assert "truth.readings.radar.object: missing: an audit holds each measurement against its object" in str(
+        done.exception
+    )
+    done = CliRunner().invoke(cli, ["run", str(file), "--worlds", "typical"], standalone_mode=False)
+    assert "none, for its measurements are recorded" in str(done.exception) + done.output
+
+
+def test_within_a_polygon_that_is_not_convex() -> None:
+    corners = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], dtype=float)
+    x, y = np.array([[1.0, 2.0, 2.0, 3.5, 5.0, np.nan]]), np.array([[1.0, 0.5, 3.0, 2.0, 1.0, 1.0]])
+    np.testing.assert_array_equal(within_polygon(corners, x, y), [[True, True, False, True, False, False]])
