@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import matplotlib.figure
+import matplotlib.image
 import numpy as np
 import pytest
 from tests.runner.test_traffic_runs import SCENARIO
 
 import trackbench as tb
+import trackbench.results
+from trackbench.document.drawing import WIDTH
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
@@ -229,6 +234,7 @@ def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -
         ("tex", {"x.tex", "ranking.tex", "nees.pdf"}),
         ("csv", {"x-ranking.csv", "x-sensors.csv"}),
         ("svg", {"x-nees.svg", "x-map.svg"}),
+        ("png", {"x-nees.png", "x-map.png"}),
     ],
 )
 def test_a_report_is_saved_by_the_ending(result: tb.Result, tmp_path: Path, ending: str, files: set[str]) -> None:
@@ -243,6 +249,49 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
     result.figure("map").save(tmp_path / "map.svg")
     assert (tmp_path / "map.pdf").read_bytes().startswith(b"%PDF")
     assert (tmp_path / "map.svg").read_text(encoding="utf-8").startswith("<svg")
+    result.figure("map").save(tmp_path / "map.png")
+    height, width, _ = matplotlib.image.imread(tmp_path / "map.png").shape
+    assert width == 3 * WIDTH
+    assert height > 3 * result.figure("map").figure.height - 1
+
+
+def test_a_figure_goes_on_in_matplotlib(result: tb.Result, tmp_path: Path) -> None:
+    figure = result.figure("position-error").to_matplotlib()
+    assert isinstance(figure, matplotlib.figure.Figure)
+    figure.axes[0].set_title("mine")
+    # Outside the settings it was drawn in, its colours are still known.
+    figure.savefig(tmp_path / "mine.png")
+    red, green, blue = matplotlib.image.imread(tmp_path / "mine.png")[0, 0, :3]
+    assert (red, green, blue) == (1, 1, 1)
+    assert result.figure("position-error").to_matplotlib() is not figure
+
+
+def test_metrics_and_differences_are_data_frames(result: tb.Result) -> None:
+    metrics = result.to_pandas().set_index(["tracker", "metric"])
+    error = result["ekf_cv"].position_rmse
+    assert tuple(metrics.loc[("ekf_cv", "position_rmse"), ["value", "low", "high"]]) == (error.value, *error.ci95)
+    assert len(metrics) == sum(len(tracker.metrics) for tracker in result.summary.trackers)
+    compared = tb.compare(result, metrics=["position_rmse", "velocity_rmse"])
+    table = compared.to_pandas()
+    assert len(table) == len(compared.differences) == 2
+    assert table["verdict"].tolist() == [item.verdict for item in compared.differences]
+    assert table["difference"].tolist() == [item.difference for item in compared.differences]
+
+
+def test_values_show_themselves_in_a_line(result: tb.Result) -> None:
+    scenario = tb.load("traffic/cut_in")
+    scan = tb.sense(scenario)[0]
+    assert re.fullmatch(r"<scan of \w+ \(\w+\) at 0 s: measurement \(\d, \d+\), \d+ of \d+ valid>", repr(scan))
+    assert repr(scan._replace(arrival_time=0.3)).count("arrived at 0.3 s") == 1
+    assert re.fullmatch(r"<truth: \d+ objects \(.*\), \d+ steps over [\d.]+ s>", repr(tb.truth(scenario)))
+    single = tb.Estimate(np.array([1.0, 2.0, 3.0, 4.0]), np.eye(4) * 0.25)
+    assert repr(single) == "<estimate: px 1 ±0.5, py 2 ±0.5, vx 3 ±0.5, vy 4 ±0.5>"
+    assert repr(tb.Estimate(np.ones((4, 9)), np.ones((4, 4, 9)))) == "<estimate: mean (4, 9), covariance (4, 4, 9)>"
+    tracks = tb.Tracks(np.array([1, 7]), np.ones((4, 2)), np.ones((4, 4, 2)), existence=np.ones(2))
+    assert repr(tracks) == "<tracks [1, 7], existence>"
+    plain = trackbench.results.Result(result.summary, result.tables)
+    assert repr(plain) == "<result highway: 20 runs, 2 trackers, best ekf_cv>"
+    assert len(repr(tb.compare(result)).splitlines()) == 1
 
 
 @pytest.mark.parametrize(

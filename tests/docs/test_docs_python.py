@@ -23,7 +23,8 @@ def test_the_page_runs_from_top_to_bottom(fenced: Callable[[Path], list[Any]], t
     blocks = [block.text for block in fenced(DOCS / "python.md") if block.language == "python"]
     assert blocks
     python("\n".join(blocks), tmp_path)
-    assert {"cut_in.html", "position-error.pdf", "objects.pdf", "results"} <= {file.name for file in tmp_path.iterdir()}
+    written = {file.name for file in tmp_path.iterdir()}
+    assert {"cut_in.html", "position-error.pdf", "objects.pdf", "own.png", "results"} <= written
 
 
 @pytest.mark.docs_pages

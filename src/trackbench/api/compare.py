@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from trackbench import results
 from trackbench.api.result import Report
@@ -12,6 +13,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.compare import Limit, ResultSet, comparison, find
 from trackbench.compare import compare as compare_sets
 from trackbench.report.comparison.document import document
+from trackbench.results.metric_value import data_frame
 
 #: A result, or the folder of one or of several.
 Compared = results.Result | Path | str
@@ -23,6 +25,26 @@ class ReportableComparison(comparison.Comparison):
     def report(self) -> Report:
         """The comparison as ``trackbench compare`` shows it."""
         return Report(document(self, times=True))
+
+    def to_pandas(self) -> Any:
+        """A data frame with a row for each difference, of every group of scenarios."""
+        return data_frame(
+            {
+                **item.model_dump(include={"scenario", "metric", "unit", "value", "reference", "difference"}),
+                "low": item.ci95 and item.ci95[0],
+                "high": item.ci95 and item.ci95[1],
+                "percent": item.percent,
+                "p_value": item.p_value,
+                "verdict": item.verdict,
+                "paired_runs": item.paired_runs,
+                "tracker": item.entrant.tracker,
+                "set": self.sets[item.entrant.set],
+                "against": item.against.tracker,
+                "against_set": self.sets[item.against.set],
+            }
+            for group in self.groups
+            for item in group.differences
+        )
 
     def __repr__(self) -> str:
         scenarios, differences = (

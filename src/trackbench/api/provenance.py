@@ -6,12 +6,13 @@ import hashlib
 import os
 import re
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+from trackbench.base import at_hand
 from trackbench.base.plugins import searched
 from trackbench.results.provenance import Provenance
 from trackbench.scenario import Scenario
@@ -76,50 +77,54 @@ def _git(folder: Path, *arguments: str) -> str:
 
 
 #: How a module and what is in it are named.
-_REFERENCE = re.compile(r"([^\W\d][\w.]*):[^\W\d][\w.]*")
+_REFERENCE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
 
 
 def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
     """By name of each tracker with code that is not part of trackbench, the sha256 of that code."""
     folder, code = loaded.path.resolve().parent, {}
     for name, tracker in loaded.config.trackers.items():
-        modules = {*_modules(loaded.document.value["trackers"][name])}
-        own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(tracker.reference).startswith("trackbench.")
-        if isinstance(tracker, PluginConfig) and own:
-            modules.add(TRACKERS.home_of(tracker.reference))
-        files = {file for module in modules if (file := _source(module, folder))}
+        references = {*_references(loaded.document.value["trackers"][name])}
+        use = tracker.reference if isinstance(tracker, PluginConfig) else ""
+        own = isinstance(tracker, PluginConfig) and not TRACKERS.home_of(use).startswith("trackbench.")
+        if own and use:
+            references.add(use if at_hand.source_of(use) else f"{TRACKERS.home_of(use)}:")
+        sources = dict(filter(None, (_source(reference, folder) for reference in references)))
         if isinstance(tracker, PluginConfig) and isinstance(tracker.use, Command):
-            files |= tracker.use.files(folder)
-        if own or files:
-            code[name] = _sha256(files)
+            sources |= {str(file): file.read_bytes() for file in tracker.use.files(folder)}
+        if own or sources:
+            code[name] = _sha256(sources)
     return code
 
 
-def _modules(stated: Any) -> Iterator[str]:
-    """Those that the texts of a tracker's entry name, but for trackbench's own."""
+def _references(stated: Any) -> Iterator[str]:
+    """Those in the texts of a tracker's entry that name something of a module that is not part of trackbench."""
     waiting = [stated]
     while waiting:
         node = waiting.pop()
         if isinstance(node, dict | list):
             waiting += node.values() if isinstance(node, dict) else node
-        elif isinstance(node, str) and (match := _REFERENCE.fullmatch(node)) and not node.startswith("trackbench."):
-            yield match[1]
+        elif isinstance(node, str) and _REFERENCE.fullmatch(node) and not node.startswith("trackbench."):
+            yield node
 
 
-def _sha256(files: Iterable[Path]) -> str | None:
-    """Of a file; of several, that of their sha256 one after the other; None of none."""
-    digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(files)]
+def _sha256(sources: Mapping[str, bytes]) -> str | None:
+    """Of one source; of several, by their names, that of their sha256 one after the other; None of none."""
+    digests = [hashlib.sha256(content).hexdigest() for _, content in sorted(sources.items())]
     return hashlib.sha256("".join(digests).encode()).hexdigest() if len(digests) > 1 else next(iter(digests), None)
 
 
-def _source(module: str, folder: Path) -> Path | None:
-    """The file of a module, which is not imported."""
+def _source(reference: str, folder: Path) -> tuple[str, bytes] | None:
+    """What a reference names, as a file and its content, or a class at hand and its text; nothing is imported."""
+    if text := at_hand.source_of(reference):
+        return reference, text.encode()
     places, name, spec = None, "", None
     with searched(folder):
-        for part in module.split("."):
+        for part in reference.partition(":")[0].split("."):
             name = f"{name}.{part}" if name else part
             spec = PathFinder.find_spec(name, places)
             if spec is None:
                 return None
             places = spec.submodule_search_locations
-    return Path(spec.origin) if spec and spec.origin and Path(spec.origin).is_file() else None
+    file = spec.origin if spec else None
+    return (file, Path(file).read_bytes()) if file and Path(file).is_file() else None

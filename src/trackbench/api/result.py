@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from trackbench import results
-from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.errors import InputError, nearest
 from trackbench.document import Cell, Document, Figure, Table
 from trackbench.document.files import files_by_ending, require_ending, text
 
@@ -54,13 +54,6 @@ class ReportableResult(results.Result):
 
         return Report(result_document(self))
 
-    def __repr__(self) -> str:
-        summary = self.summary
-        best = f", best {self.contenders[0].name}" if self.scored else ""
-        return (
-            f"<result {self.name}: {counted(summary.runs, 'run')}, {counted(len(summary.trackers), 'tracker')}{best}>"
-        )
-
     def _repr_html_(self) -> str:
         from trackbench.report.tables import ranking
 
@@ -69,7 +62,7 @@ class ReportableResult(results.Result):
 
 #: Of a report in a notebook, pixels; it scrolls.
 HEIGHT = 640
-FIGURE_ENDINGS = (".svg", ".pdf")
+FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 
 class Report:
@@ -96,8 +89,8 @@ class Report:
 
         Args:
             path: ``.html``, ``.md``, ``.txt`` or ``.tex`` for the report (with LaTeX, its tables and figures go into
-                folders beside it); ``.csv`` for its tables; ``.svg`` or ``.pdf`` for its figures. Several tables or
-                figures each get a file, named after this one: ``x-ranking.csv``.
+                folders beside it); ``.csv`` for its tables; ``.svg``, ``.pdf`` or ``.png`` for its figures. Several
+                tables or figures each get a file, named after this one: ``x-ranking.csv``.
 
         Raises:
             InputError: the ending is none of these.
@@ -124,17 +117,23 @@ class ReportFigure:
         return svg_file(self.figure)
 
     def save(self, path: Path | str) -> None:
-        """Write it, with its legend, as ``.svg`` or ``.pdf``.
+        """Write it, with its legend, as ``.svg``, ``.pdf`` or ``.png``.
 
         Raises:
             InputError: the ending is another one.
             TrackbenchError: the file cannot be written.
         """
-        from trackbench.document.drawing import pdf_file, svg_file
+        from trackbench.document.drawing import FILES
 
         file = Path(path)
         require_ending(file, FIGURE_ENDINGS)
-        results.write_bytes(file, pdf_file(self.figure) if file.suffix == ".pdf" else svg_file(self.figure).encode())
+        results.write_bytes(file, FILES[file.suffix.removeprefix(".")](self.figure))
+
+    def to_matplotlib(self) -> Any:
+        """A ``matplotlib.figure.Figure`` of it, with its legend, to be changed or saved."""
+        from trackbench.document.drawing import matplotlib_figure
+
+        return matplotlib_figure(self.figure)
 
 
 def table_html(table: Table) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
+from trackbench.base import at_hand
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.scenario import Scenario, load_scenario
@@ -32,7 +34,8 @@ def load(
 
     Args:
         scenario: a YAML file; the name of a scenario that comes with trackbench, such as ``highway``; the text of a
-            scenario file (with a line break); or the same as a mapping.
+            scenario file (with a line break); or the same as a mapping, in which a class may stand for its name:
+            ``{"use": Mine}``.
         set: keys to change: ``{"sensors.lidar.rate_hz": 5}`` or ``["sensors.lidar.rate_hz=5"]``.
         runs: number of Monte-Carlo runs instead of the scenario's.
         seed: of the noise, instead of the scenario's.
@@ -120,10 +123,16 @@ def listed(texts: Iterable[str]) -> list[str]:
 def _yaml(value: Any, key: str | None = None) -> str:
     """A value as YAML, of which JSON is a part that says what is text."""
     try:
-        # Numbers and arrays of NumPy have tolist().
-        return json.dumps(value, default=lambda item: item.tolist(), indent=None if key else 2, allow_nan=False)
+        return json.dumps(value, default=_plain, indent=None if key else 2, allow_nan=False)
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"cannot be written as YAML: {error}", key=key) from None
+
+
+def _plain(value: Any) -> Any:
+    """A class as the text that names it; numbers and arrays of NumPy have ``tolist()``."""
+    if isinstance(value, type | FunctionType):
+        return at_hand.reference_to(value)
+    return value.tolist()
 
 
 def truth(scenario: Scenario | Named) -> Truth:

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
+from trackbench.base.at_hand import HOME, class_at_hand
 from trackbench.base.errors import InputError, nearest, printable, text_of
 from trackbench.base.supervised import at_work, tell_plugin
 
@@ -37,8 +38,9 @@ def named(reference: str) -> Any:
 def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
     """Import a module and take an attribute of it; ``choices`` gives the names that a message may suggest."""
     module, _, path = reference.partition(":")
-    if module == "__main__":
-        raise InputError("a class of a script or notebook has no module that others can import: put it into a file")
+    if module == HOME:
+        problem = "a class of a script or notebook has no module that others can import"
+        raise InputError(f"{problem}: put it into a file, or give tb.load the class itself")
     if module.endswith(".py") or "/" in module:
         dotted = module.removesuffix(".py").strip("./").replace("/", ".")
         raise InputError(f"{module!r} is no module; did you mean {dotted + ':' + path!r}?")
@@ -143,7 +145,9 @@ class Registry(Generic[T]):
         """
         own = not self.home_of(reference).startswith("trackbench.")
         with searched(folder), explained(reference, folder), at_work(repr(reference) if own else ""):
-            plugin = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
+            plugin = class_at_hand(reference)
+            if plugin is None:
+                plugin = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
         if own:
             tell_plugin(reference)
         try:

@@ -116,6 +116,12 @@ class Scan(NamedTuple):
     place: int = 0
     """Of the sensor in the scenario, from 0. Scans of one time are in this order where none is late."""
 
+    def __repr__(self) -> str:
+        valid = np.asarray(self.valid)
+        late = f", arrived at {self.arrival_time:g} s" if self.arrival_time != self.time else ""
+        seen = f"measurement {np.shape(self.measurement)}, {int(valid.sum())} of {valid.size} valid"
+        return f"<scan of {self.sensor} ({self.kind}) at {self.time:g} s{late}: {seen}>"
+
     def prompt(self) -> Scan:
         """The same scan, arrived when it was taken."""
         return self._replace(arrival_time=self.time)
@@ -150,6 +156,11 @@ class Tracks(NamedTuple):
     used: Indices | None = None
     """``(K,)`` the detection's column that the track took in; -1 where it took none."""
 
+    def __repr__(self) -> str:
+        shown = np.array2string(np.asarray(self.ids), threshold=12, separator=", ", max_line_width=1000)
+        given = [name for name in ("existence", "used") if getattr(self, name) is not None]
+        return f"<tracks {shown}{''.join(f', {name}' for name in given)}>"
+
 
 class Estimate(NamedTuple):
     """What a tracker says after a scan. Only ``mean`` and ``covariance`` are required."""
@@ -175,6 +186,14 @@ class Estimate(NamedTuple):
     log_likelihood: Array | None = None
     """``(...)`` logarithm of the density of the measurement given all that arrived before it, where that is not the
     Gaussian of the innovation; NaN where there was no prediction."""
+
+    def __repr__(self) -> str:
+        mean = np.asarray(self.mean)
+        if mean.shape != (len(COMMON_STATE),):
+            return f"<estimate: mean {mean.shape}, covariance {np.shape(self.covariance)}>"
+        sigma = np.sqrt(np.diagonal(self.covariance))
+        parts = (f"{n} {m:.4g} ±{s:.2g}" for n, m, s in zip(COMMON_STATE, mean, sigma, strict=True))
+        return f"<estimate: {', '.join(parts)}>"
 
 
 class RecordedAlarms(NamedTuple):
@@ -315,6 +334,11 @@ class Truth:
     """The noise of recorded motion; 0 where the motion is exact."""
     unscored: Unscored | None = None
     """None where objects and tracks count everywhere."""
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.ids[:6]) + (", ..." if len(self.ids) > 6 else "")
+        over = f"{len(self.time)} steps over {self.time[-1]:g} s" if len(self.time) else "no steps"
+        return f"<truth: {len(self.ids)} objects ({names}), {over}>"
 
     def __post_init__(self) -> None:
         if len(self.target) != len(self.ids):

@@ -18,10 +18,24 @@ from trackbench.engine.choice import ENGINE_NAMES
 
 if TYPE_CHECKING:
     from trackbench.api.plan import Listener
+    from trackbench.report.junit import Suite
     from trackbench.scenario import Scenario
 
 #: Exit status where an expectation or a limit was not met.
 FAILED_EXPECTATION = 1
+
+
+github_option = click.option(
+    "--github", is_flag=True, help="Print what is not met as GitHub annotations too; to stderr with --json."
+)
+
+
+def print_annotations(suites: Iterable[Suite], as_json: bool) -> None:
+    """Those of ``--github``."""
+    from trackbench.report.annotations import to_annotations
+
+    for line in to_annotations(suites):
+        click.echo(line, err=as_json)
 
 
 class NearestChoice(click.Choice[str]):

@@ -14,7 +14,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of, offered, resolve
-from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice
+from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, print_annotations
 from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:
@@ -44,11 +44,11 @@ Examples:
 @click.option(
     "--format",
     "format",
-    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "mot", "events"]),
+    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png", "mot", "events"]),
     default="terminal",
     show_default=True,
-    help="svg and pdf: every figure; csv: every table. Of runs with hidden identities also mot: MOTChallenge text of "
-    "the recorded run, and events: what happened, as CSV.",
+    help="svg, pdf and png: every figure; csv: every table. Of runs with hidden identities also mot: MOTChallenge text "
+    "of the recorded run, and events: what happened, as CSV.",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
 def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -> None:
@@ -108,7 +108,7 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
         return (run if run.is_dir() else run.parent), name
     if out.suffix and out.suffix == MAIN_ENDINGS.get(format):
         return out.parent, out.stem
-    if out.suffix in (".csv", ".svg", ".pdf") or out.is_file():
+    if out.suffix in (".csv", ".svg", ".pdf", ".png") or out.is_file():
         raise InputError(f"{out}: name a folder, for there are several files", key="--out")
     return out, name
 
@@ -125,11 +125,12 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
     help="Exit with 1 if really worse by more.",
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the regressions as JUnit XML.")
+@github_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write it too: .md, .html, .txt, .tex, .csv, .json, .svg or .pdf.",
+    help="Write it too: .md, .html, .txt, .tex, .csv, .json, .svg, .pdf or .png.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def compare_command(
@@ -138,6 +139,7 @@ def compare_command(
     metrics: tuple[str, ...],
     limits: tuple[str, ...],
     junit: Path | None,
+    github: bool,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -164,8 +166,9 @@ def compare_command(
     from trackbench.report.junit import suites_of_comparison, to_xml
 
     parsed = [Limit.parse(text) for text in limits]
-    if junit is not None and not parsed:
-        raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
+    for given, key in ((junit is not None, "--junit"), (github, "--github")):
+        if given and not parsed:
+            raise InputError("says which regressions there are: give --fail-on-regression too", key=key)
     if out is not None:
         require_ending(out, ENDINGS, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):
@@ -179,6 +182,8 @@ def compare_command(
         written.append(file)
     if junit is not None:
         results.write_text(junit, to_xml(suites_of_comparison(comparison)))
+    if github:
+        print_annotations(suites_of_comparison(comparison), as_json)
     if as_json:
         click.echo(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:

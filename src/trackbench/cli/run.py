@@ -24,8 +24,10 @@ from trackbench.cli.options import (
     check_options,
     engine_option,
     followers,
+    github_option,
     isolation_options,
     names_in,
+    print_annotations,
     scenarios_argument,
     subject_options,
     trackers_of_scenarios,
@@ -93,6 +95,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 @isolation_options
 @artifact_options
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
+@github_option
 @subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 @quiet_option("One line a scenario, and what failed.")
@@ -114,6 +117,7 @@ def run_command(
     isolation: Isolation,
     left_out: frozenset[str],
     junit: Path | None,
+    github: bool,
     as_json: bool,
     quiet: bool,
     **of_subjects: Any,
@@ -139,10 +143,14 @@ def run_command(
         prepared = prepare(loaded, plan, chosen, output)
         with followers(of_subjects) as output.followers:
             finished = run(prepared, plan, chosen, output)
-            if junit is not None:
+            if junit is not None or github:
                 from trackbench.report.junit import suite_of_run, to_xml
 
-                results.write_text(junit, to_xml([suite_of_run(result) for result in finished]))
+                suites = [suite_of_run(result, item.scenario) for result, item in zip(finished, prepared, strict=True)]
+                if junit is not None:
+                    results.write_text(junit, to_xml(suites))
+                if github:
+                    print_annotations(suites, as_json)
             if as_json:
                 summaries: Any = [result.json() for result in finished]
                 click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))

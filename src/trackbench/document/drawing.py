@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal
 from xml.etree import ElementTree
@@ -120,11 +120,49 @@ def pdf_file(figure: Figure) -> bytes:
     return _draw(figure, "pdf", _ON_WHITE, legend=True)
 
 
+def png_file(figure: Figure) -> bytes:
+    """The content of a PNG file, on white and with the legend."""
+    return _draw(figure, "png", _ON_WHITE, legend=True)
+
+
+def matplotlib_figure(figure: Figure) -> Canvas:
+    """The figure with its legend, on white, for a program that goes on with it."""
+    with _drawn(figure, _ON_WHITE, legend=True) as canvas:
+        canvas.set_facecolor("white")
+    return canvas
+
+
+#: The content of a file of a figure, by its kind.
+FILES: Mapping[str, Callable[[Figure], bytes]] = {
+    "svg": lambda figure: svg_file(figure).encode(),
+    "pdf": pdf_file,
+    "png": png_file,
+}
+
+#: What of a file is left out, by its kind: another on each day, or with another version of matplotlib.
+_UNSTATED = {
+    "svg": ("Creator", "Date", "Format", "Type"),
+    "pdf": ("Creator", "CreationDate", "Producer"),
+    "png": ("Software",),
+}
+#: Pixels of a PNG to a point.
+_PNG_SCALE = 3
+
+
 def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool) -> bytes:
+    buffer = io.BytesIO()
+    look: dict[str, Any] = {"dpi": 72 * _PNG_SCALE, "facecolor": "white"} if kind == "png" else {}
+    with _drawn(figure, colours, legend=legend) as canvas:
+        canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(_UNSTATED[kind]), **look)
+    return buffer.getvalue()
+
+
+@contextmanager
+def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
+    """The drawn figure, while its colours and the settings of matplotlib hold."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
     height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
-    keys = ("Creator", "Date", "Format", "Type") if kind == "svg" else ("Creator", "CreationDate", "Producer")
     with _colours(colours), matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
@@ -141,21 +179,18 @@ def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool
                 ncols=columns,
                 handlelength=1.6,
             )
-        buffer = io.BytesIO()
-        canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(keys))
-    return buffer.getvalue()
+        yield canvas
 
 
 @contextmanager
 def _colours(colours: Mapping[str, str]) -> Iterator[None]:
-    """Names of colours for matplotlib, while a figure is drawn."""
+    """Names of colours for matplotlib, while a figure is drawn; afterwards they are those on white."""
     known = get_named_colors_mapping()
     known.update(colours)
     try:
         yield
     finally:
-        for name in colours:
-            del known[name]
+        known.update(_ON_WHITE)
 
 
 def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:

@@ -17,11 +17,11 @@ from trackbench.document import Document, Table
 from trackbench.document.latex import table_to_latex, to_latex
 from trackbench.document.markdown import to_markdown
 
-Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]
+Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "png"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 #: Of the main file of a format; the other formats have none.
 MAIN_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
-ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")
+ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf", ".png")
 #: Columns of a text for a terminal.
 TEXT_WIDTH = 80
 
@@ -46,14 +46,12 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
         ending, render = ("tex", table_to_latex) if format == "latex" else ("csv", to_csv)
         for table in document.tables:
             yield f"{_TABLES}/{table.name}.{ending}", partial(_encoded, render, table)
-    if format in ("markdown", "svg", "latex", "pdf"):
-        from trackbench.document.drawing import pdf_file, svg_file
+    if format in ("markdown", "svg", "latex", "pdf", "png"):
+        from trackbench.document.drawing import FILES
 
+        ending = {"markdown": "svg", "latex": "pdf"}.get(format, format)
         for figure in document.figures:
-            if format in ("markdown", "svg"):
-                yield f"{_FIGURES}/{figure.name}.svg", partial(_encoded, svg_file, figure)
-            else:
-                yield f"{_FIGURES}/{figure.name}.pdf", partial(pdf_file, figure)
+            yield f"{_FIGURES}/{figure.name}.{ending}", partial(FILES[ending], figure)
 
 
 def _main_file(document: Document, format: Format, tables: str, figures: str) -> bytes:
@@ -104,7 +102,7 @@ def files_by_ending(document: Document, path: Path) -> Iterator[tuple[Path, byte
     ``x-ranking.csv``, and in the folders ``tables/x`` and ``figures/x`` for LaTeX.
     """
     formats: dict[str, Format] = {ending: format for format, ending in MAIN_ENDINGS.items()}
-    formats |= {".csv": "csv", ".svg": "svg", ".pdf": "pdf"}
+    formats |= {".csv": "csv", ".svg": "svg", ".pdf": "pdf", ".png": "png"}
     format = formats[path.suffix]
     if format == "latex":
         folders = {kind: f"{kind}/{path.stem}" for kind in (_TABLES, _FIGURES)}

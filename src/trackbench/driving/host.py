@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.printed import say_stray_errors
 from trackbench.base.types import Estimate, Scan, Tracks
@@ -28,7 +29,7 @@ from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
 
 #: The keys of a request that are no arguments of its method.
-PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd")
+PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd", "classes")
 
 
 class Host:
@@ -43,6 +44,7 @@ class Host:
         arguments = {key: value for key, value in request.items() if key not in PROCESS_KEYS}
         if "path" in request:
             sys.path[:] = request["path"]
+            at_hand.receive(request["classes"])
             with suppress(OSError):
                 os.chdir(request["cwd"] or ".")
         for number in request["drop"]:

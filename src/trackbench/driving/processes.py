@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
+from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError
 from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
@@ -238,7 +239,7 @@ class TrackerProcess(GuardedProcess):
             self._exchange += 1
             request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
             if self._exchange == 1:
-                request |= {"cwd": None, "path": sys.path}
+                request |= {"cwd": None, "path": sys.path, "classes": at_hand.pickled()}
                 # It may have been deleted.
                 with suppress(FileNotFoundError):
                     request["cwd"] = os.getcwd()

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from xml.etree import ElementTree as ET
 
+from trackbench.base.config import KeyPath
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import GateOutcome
 from trackbench.report.sentences import value_and_limit
-from trackbench.results import Result
+from trackbench.results import SUMMARY, ExpectationResult, Result
+from trackbench.scenario import Scenario
 
 #: Characters that XML 1.0 cannot hold.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -33,6 +35,9 @@ class Case:
     outcome: GateOutcome = "passed"
     """An undecided one is shown as skipped."""
     message: str = ""
+    file: str = ""
+    """Where it is stated, or else what it was found in."""
+    line: int | None = None
 
 
 @dataclass(frozen=True)
@@ -43,18 +48,39 @@ class Suite:
     cases: list[Case]
 
 
-def suite_of_run(result: Result) -> Suite:
-    """The trackers (an error where one could not go on) and the expectations of a run."""
+def suite_of_run(result: Result, loaded: Scenario | None = None) -> Suite:
+    """The trackers (an error where one could not go on) and the expectations of a run.
+
+    Args:
+        result: of the run.
+        loaded: the scenario, whose file the cases name then.
+    """
     cases = []
     for tracker in result.summary.trackers:
         outcome: GateOutcome = "error" if tracker.failed else "passed"
         name, message = f"{tracker.name} runs to the end", str(tracker.failed or "")
-        cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message))
+        place = _place(loaded, ("trackers", tracker.name))
+        cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message, *place))
     for item in result.summary.expectations:
         # The exit status is 1 where one is undecided too.
         outcome, message = ("passed", "") if item.passed else ("failed", f"{item.outcome}: {value_and_limit(item)}")
-        cases.append(Case(item.text, f"{result.name}.{item.tracker}", outcome, message))
+        place = _place(loaded, ("expect", _number(loaded, item)))
+        cases.append(Case(item.text, f"{result.name}.{item.tracker}", outcome, message, *place))
     return Suite(result.name, cases)
+
+
+def _place(loaded: Scenario | None, path: KeyPath) -> tuple[str, int | None]:
+    """The file and the line of a key; the line is None of what stands in no file."""
+    if loaded is None:
+        return "", None
+    return str(loaded.path), loaded.document.origin(path).line
+
+
+def _number(loaded: Scenario | None, item: ExpectationResult) -> int:
+    """Which of the scenario's expectations it is; those of other worlds and trackers are not judged."""
+    stated = loaded.document.value.get("expect", []) if loaded else []
+    wanted = {"tracker": item.tracker, "metric": item.metric, item.operator: item.limit}
+    return next((i for i, entry in enumerate(stated) if wanted.items() <= entry.items()), 0)
 
 
 def suites_of_comparison(comparison: Comparison) -> list[Suite]:
@@ -70,12 +96,18 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
                     f"{scenario.name}.{item.entrant.tracker}",
                     item.outcome,
                     item.text,
+                    result_file(result.label),
                 )
                 for item in gates
                 if item.scenario == scenario.name and item.entrant.set == result.set
             ]
             suites.append(Suite(f"{result.label} against {baseline.label}", cases))
     return suites
+
+
+def result_file(label: str) -> str:
+    """The file of a result, of which the folder or the file itself is named."""
+    return label if label.endswith(".json") else f"{label}/{SUMMARY}"
 
 
 def to_xml(suites: Sequence[Suite]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -20,6 +20,14 @@ class ResultModel(BaseModel):
     """A part of a result: frozen, and without keys that are not known."""
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
+    """A pandas data frame of rows with the same keys."""
+    # Takes its time to import.
+    import pyarrow as pa
+
+    return pa.Table.from_pylist([dict(row) for row in rows]).to_pandas()
 
 
 class PartVerdict(ResultModel):
@@ -146,3 +154,9 @@ def by_value(values: Mapping[K, float]) -> list[K]:
         first = first if math.isclose(values[key], value, rel_tol=ROUNDING) else values[key]
         least[key], value = first, values[key]
     return sorted(values, key=least.__getitem__)
+
+
+def value_columns(value: MetricValue) -> Json:
+    """A metric as columns of a data frame."""
+    low, high = value.ci95 or (None, None)
+    return {"value": value.value, "low": low, "high": high, "unit": value.unit, "reason": value.reason}

@@ -12,10 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import ValidationError
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, counted, nearest
 from trackbench.base.files import read_json
 from trackbench.results.differences import Difference, differences_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
+from trackbench.results.metric_value import data_frame, value_columns
 from trackbench.results.summary import READABLE, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import TrackerResult
@@ -33,6 +34,13 @@ class Result:
 
     summary: Summary
     tables: Tables
+
+    def __repr__(self) -> str:
+        summary = self.summary
+        best = f", best {self.contenders[0].name}" if self.scored else ""
+        return (
+            f"<result {self.name}: {counted(summary.runs, 'run')}, {counted(len(summary.trackers), 'tracker')}{best}>"
+        )
 
     def __getitem__(self, tracker: str) -> TrackerResult:
         """One tracker.
@@ -113,12 +121,21 @@ class Result:
         """The summary as JSON values."""
         return self.summary.model_dump(mode="json")
 
-    def to_pandas(self, table: str) -> Any:
-        """A table as a pandas data frame; ``result.tables`` has the names.
+    def to_pandas(self, table: str | None = None) -> Any:
+        """A table as a pandas data frame.
+
+        Args:
+            table: one of ``result.tables``; unless given, a row for each tracker and metric, with its interval.
 
         Raises:
             InputError: there is none of this name.
         """
+        if table is None:
+            return data_frame(
+                {"tracker": tracker.name, "metric": path, **value_columns(value)}
+                for tracker in self.summary.trackers
+                for path, value in tracker.metrics.items()
+            )
         if table not in self.tables:
             raise InputError(f"no table {table!r} in this result; {nearest(table, self.tables)}")
         return self.tables[table].to_pandas()

@@ -17,6 +17,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from trackbench.base import at_hand
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.plugins import one_line
 from trackbench.base.process import FAULT
@@ -46,11 +47,11 @@ class Task:
         return self._function(self._constant, *args)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _SentTask, (self._function, self._content, self._places)
+        return _SentTask, (self._function, self._content, self._places, at_hand.pickled())
 
     @cached_property
     def _content(self) -> bytes:
-        return pickle.dumps(self._constant)
+        return at_hand.dumps(self._constant)
 
 
 class Here:
@@ -77,11 +78,14 @@ class _SentTask:
     function: Callable[..., Any]
     content: bytes
     places: tuple[Path, ...]
+    classes: dict[str, bytes]
+    """Those that no process can import."""
 
     def __call__(self, *args: Any) -> _Result:
+        at_hand.receive(self.classes)
         with _ONE_AT_A_TIME, redirect_stdout(sys.stderr), one_blas_thread(), _modules_of(self.places):
             try:
-                return _Result(pickle.dumps(self.function(pickle.loads(self.content), *args)))
+                return _Result(at_hand.dumps(self.function(pickle.loads(self.content), *args)))
             except (TrackbenchError, ModuleNotFoundError):
                 raise
             except BaseException as error:

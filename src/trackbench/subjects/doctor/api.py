@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from trackbench import results
+from trackbench.base import at_hand
 from trackbench.base.errors import InputError
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
@@ -55,7 +56,7 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
 
 
 def doctor(
-    tracker: str,
+    tracker: str | Callable[..., Any],
     *,
     options: Mapping[str, Any] | None = None,
     scenario: Path | str | None = None,
@@ -72,7 +73,7 @@ def doctor(
     """Find the faults of a tracker, with evidence.
 
     Args:
-        tracker: ``SCENARIO#NAME``, ``module:Class`` or a published name.
+        tracker: ``SCENARIO#NAME``, ``module:Class``, a published name, or the class itself.
         options: arguments of the class; not with ``SCENARIO#NAME``.
         scenario: the file whose sensors and observer are used, instead of those of the tracker's own scenario, or else
             of a radar and a lidar that stand still and move.
@@ -92,6 +93,8 @@ def doctor(
         TrackFault: the tracker's process ended before anything could be asked.
         TrackbenchError: the folder cannot be written.
     """
+    if not isinstance(tracker, str):
+        tracker = at_hand.reference_to(tracker)
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
     path = None if scenario is None else Path(scenario)
     # What the tracker prints goes to stderr, and its warnings are dropped: the checks look for the same faults.

@@ -12,6 +12,7 @@ from trackbench.api.scenario import listed
 from trackbench.compare.limits import Limit
 from trackbench.document.files import files
 from trackbench.results import to_json
+from trackbench.results.metric_value import data_frame, value_columns
 from trackbench.subjects.history.gate import OPTION
 from trackbench.subjects.history.history import WINDOW, History, history_of
 from trackbench.subjects.history.report import history_document
@@ -26,25 +27,19 @@ class ReportableHistory(History):
 
     def to_pandas(self) -> Any:
         """A data frame: a row for each result, tracker and metric."""
-        import pyarrow as pa
-
-        rows = [
+        return data_frame(
             {
                 "result": entry.number,
                 "made_at": entry.made_at and datetime.fromisoformat(entry.made_at),
                 "commit": entry.commit,
                 "tracker": tracker,
                 "metric": metric,
-                "unit": value.unit,
-                "value": value.value,
-                "low": value.ci95 and value.ci95[0],
-                "high": value.ci95 and value.ci95[1],
+                **value_columns(value),
             }
             for entry in self.results
             for tracker, values in entry.values.items()
             for metric, value in values.items()
-        ]
-        return pa.Table.from_pylist(rows).to_pandas()
+        )
 
     def __repr__(self) -> str:
         return f"<history of {self.scenario}: {len(self.results)} results, {len(self.changes)} changes>"

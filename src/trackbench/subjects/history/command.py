@@ -9,7 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.cli.options import FAILED_EXPECTATION, names_in
+from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, print_annotations
 
 
 @click.command("history")
@@ -33,6 +33,7 @@ from trackbench.cli.options import FAILED_EXPECTATION, names_in
     help="Results before the last one that it is held against.",
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the limits as JUnit XML.")
+@github_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
@@ -48,6 +49,7 @@ def history_command(
     limits: tuple[str, ...],
     window: int,
     junit: Path | None,
+    github: bool,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -75,9 +77,10 @@ def history_command(
     from trackbench.subjects.history.report import history_document, suite_of_history
 
     parsed = [Limit.parse(text, OPTION) for text in limits]
+    for given, key in ((junit is not None, "--junit"), (github, "--github")):
+        if given and not parsed:
+            raise InputError(f"says which limits are kept: give {OPTION} too", key=key)
     if junit is not None:
-        if not parsed:
-            raise InputError(f"says which limits are kept: give {OPTION} too", key="--junit")
         results.require_file(junit, "--junit")
     if out is not None:
         results.require_writable(out)
@@ -93,6 +96,8 @@ def history_command(
         results.write_bytes(file, content)
     if junit is not None:
         results.write_text(junit, to_xml([suite_of_history(found)]))
+    if github:
+        print_annotations([suite_of_history(found)], as_json)
     if as_json:
         click.echo(results.to_json(found.json()), nl=False)
     else:

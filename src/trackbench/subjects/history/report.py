@@ -30,7 +30,7 @@ from trackbench.document import (
 )
 from trackbench.document.drawing import INK, fit_value_axis
 from trackbench.document.palette import tracker_colours, tracker_figure, tracker_styles
-from trackbench.report.junit import Case, Suite
+from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
 from trackbench.report.tables import unit_of
 from trackbench.results import MetricValue
@@ -275,6 +275,7 @@ def suite_of_history(history: History) -> Suite:
             f"{history.scenario}.{gate.tracker}",
             gate.outcome,
             gate.text if gate.against is None else f"against result {gate.against}: {gate.text}",
+            result_file(history.results[-1].folder),
         )
         for gate in history.gates
     ]
