@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from shutil import rmtree
 
@@ -201,6 +201,32 @@ def _varint(value: int) -> bytes:
     return result + bytes([value])
 
 
+def write_motchallenge(folder: Path) -> Path:
+    """Frames from 1, boxes in the picture that mean nothing here, and positions on the ground."""
+    return _lines(
+        folder / "gt.txt",
+        (f"{k + 1},{name},1,2,3,4,1,{x[k]},{y[k]},0" for name, (x, y, *_) in CARS.items() for k in range(ROWS)),
+    )
+
+
+def write_kitti(folder: Path) -> Path:
+    """Frames from 0, in the frame of the camera, with a region to be ignored in each."""
+    lines = []
+    for name, (x, y, heading, _, length, width) in CARS.items():
+        for k in range(ROWS):
+            place = f"{-y[k]} 1.5 {x[k]} {-heading[k] - np.pi / 2}"
+            lines.append(f"{k} {name} Car 0 0 0 1 2 3 4 1.5 {width} {length} {place}")
+    lines += [f"{k} -1 DontCare -1 -1 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10" for k in range(ROWS)]
+    return _lines(folder / "0001.txt", lines)
+
+
+def _lines(file: Path, lines: Iterable[str]) -> Path:
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+#: What has to be said of a format's files.
+OPTIONS = {"motchallenge": {"rate_hz": 10}}
 #: What writes a file, by format.
 WRITERS: dict[str, Callable[[Path], Path]] = {
     "commonroad": write_commonroad,
@@ -208,6 +234,8 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     "exid": write_ind,
     "highd": write_highd,
     "ind": write_ind,
+    "kitti": write_kitti,
+    "motchallenge": write_motchallenge,
     "osi": write_osi,
     "mcap": write_mcap,
     "parquet": write_parquet,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -334,6 +335,8 @@ class Truth:
     """The noise of recorded motion; 0 where the motion is exact."""
     unscored: Unscored | None = None
     """None where objects and tracks count everywhere."""
+    start: Decimal = Decimal(0)
+    """s of the recording's clock at time 0: other files may state times of the same clock."""
 
     def __repr__(self) -> str:
         names = ", ".join(self.ids[:6]) + (", ..." if len(self.ids) > 6 else "")

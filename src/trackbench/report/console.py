@@ -21,6 +21,7 @@ from trackbench.report.sentences import (
     duration,
     expectations_met,
     failure,
+    made_elsewhere,
     missing_estimates,
     precision_reached,
     reused_identities,
@@ -130,6 +131,7 @@ def _notes_on_tracks(result: Result) -> list[str]:
         *(values_of_few_scenes(result) or [f"intervals, which the report shows: {basis_of_intervals(result)}"]),
         *([reused] if (reused := reused_identities(result)) else []),
         *contradicted_starts(result),
+        *made_elsewhere(result),
     ]
 
 

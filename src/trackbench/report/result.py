@@ -59,6 +59,7 @@ from trackbench.report.sentences import (
     facts,
     failure,
     headline,
+    made_elsewhere,
     missing_estimates,
     other_switch_costs,
     reused_identities,
@@ -215,7 +216,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
     random = drawing_random(result)
     basis += f" {random}." if random else ""
-    basis += "".join(f" {sentence}." for sentence in contradicted_starts(result))
+    basis += "".join(f" {sentence}." for sentence in [*contradicted_starts(result), *made_elsewhere(result)])
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":

@@ -155,6 +155,25 @@ def drawing_random(result: Result) -> str:
     return f"{joined(names)}: random = True, so not asked again in another batch" if names else ""
 
 
+def made_elsewhere(result: Result) -> list[str]:
+    """Which tracks were made elsewhere, what follows, and the offset of their time stamps; empty where none were."""
+    trackers = [tracker for tracker in result.scored if tracker.offline]
+    if not trackers:
+        return []
+    names = joined([tracker.name for tracker in trackers])
+    sentences = [f"{names}: offline, made elsewhere: nothing shows that they did not see the future"]
+    for tracker in trackers:
+        offset = tracker.time_offset
+        if offset is None or offset.value is None:
+            sentences.append(f"{tracker.name}: time offset n/a: nothing that it is on moves")
+            continue
+        ends = "" if offset.ci95 is None else f" (95 %: {1e3 * offset.ci95[0]:+.1f} to {1e3 * offset.ci95[1]:+.1f})"
+        shown = offset.ci95 is not None and offset.ci95[0] * offset.ci95[1] > 0
+        remedy = f"; --time-offset or time_offset_s adds it, {offset.value:.3g} s" if shown else ""
+        sentences.append(f"{tracker.name}: time stamps fit best with {1e3 * offset.value:+.1f} ms{ends} added{remedy}")
+    return sentences
+
+
 def contradicted_starts(result: Result) -> list[str]:
     """Of each standard deviation of a first velocity that the first scans contradict, which trackers state it."""
     names: dict[float, list[str]] = {}

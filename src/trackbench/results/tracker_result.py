@@ -128,6 +128,10 @@ class TrackerResult(ResultModel):
     """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     random: bool = False
     """Whether it says that it draws random numbers: it was not driven a second time."""
+    offline: bool = False
+    """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
+    time_offset: MetricValue | None = None
+    """Of tracks made elsewhere, what has to be added to their time stamps for the least position error, s."""
     first_velocity: FirstVelocity | None = None
     """Where what it assumes of a track's first velocity is contradicted by what it measures; else None."""
     failed: Failure | None
@@ -163,7 +167,8 @@ class TrackerResult(ResultModel):
     @property
     def marks(self) -> tuple[str, ...]:
         """What a reader must know beside its name, in words."""
-        return tuple(filter(None, (self.reference_kind, "random" if self.random else "")))
+        words = self.reference_kind, "random" if self.random else "", "offline" if self.offline else ""
+        return tuple(filter(None, words))
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

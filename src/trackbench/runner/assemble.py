@@ -21,7 +21,7 @@ from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import Sensor
-from trackbench.results import Health, Result, Summary, Tables, TrackerResult, difference_table
+from trackbench.results import Health, MetricValue, Result, Summary, Tables, TrackerResult, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
     MountSummary,
@@ -37,7 +37,9 @@ from trackbench.runner.describe import describe
 from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
+from trackbench.runner.filed_tracks import offset_of
 from trackbench.runner.first_velocity import contradiction
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import labelled_tables
 from trackbench.runner.traffic_tables import hidden_tables
 from trackbench.runner.work import Work
@@ -158,6 +160,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "sensors": config.sensors_used,
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
+        "offline": name in work.filed,
         "engine": None if engine is None else engine.engine,
         **stated,
         "failed": failure,
@@ -171,9 +174,18 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
     evaluation = scores.evaluations[name]
     entry |= {"metrics": evaluation.values, "scene_share": _scene_share(work, evaluation)}
     if work.cutoff is not None:
+        entry["time_offset"] = _time_offset(scores.tracks[name])
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
+
+
+def _time_offset(blocks: Sequence[TrafficScores]) -> MetricValue | None:
+    sums = [block.offset for block in blocks if block.offset is not None]
+    if not sums:
+        return None
+    offset = offset_of(np.concatenate(sums, axis=1))
+    return MetricValue(unit="s", reason="nothing moves") if offset is None else offset.as_value("s")
 
 
 def _headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from trackbench.driving.processes import take_unshown
 from trackbench.engine.choice import draw_comparisons
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.results import Failure
+from trackbench.runner.filed_run import FiledRun
 from trackbench.runner.first_velocity import first_velocities
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
@@ -116,8 +117,12 @@ def run_block(
         )
         detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
     else:
-        measurements = sense_hidden(scene.sensors, work.seed, noise, runs)
-        start = partial(HiddenRun, work, piece, hidden=measurements, kept=kept, second_drives=second_drives)
+        hidden = measurements = sense_hidden(scene.sensors, work.seed, noise, runs)
+
+        def start(name: str) -> HiddenRun:
+            kind = FiledRun if name in work.filed else HiddenRun
+            return kind(work, piece, name, hidden, kept, second_drives)
+
         detections = _detections(measurements)
     recorded = None if kept is None else _recorded_scans(work, measurements, kept)
     observe = on_recorded_run if work.cutoff is None and recorded is not None else None

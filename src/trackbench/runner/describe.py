@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from pathlib import PurePath
 from typing import Any
 
 from trackbench.base.config.key_units import in_words
+from trackbench.scenario.config import TrackerEntry
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig
+from trackbench.truth.config.filed import TracksConfig
 
 
-def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str:
+def describe(tracker: TrackerEntry, late: Collection[str]) -> str:
     """A tracker in a few words; ``late``: names of the sensors whose scans are."""
+    if isinstance(tracker, TracksConfig):
+        moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""
+        return f"made elsewhere, {PurePath(tracker.path).name}{moved}"
     if isinstance(tracker, PluginConfig):
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [str(tracker.use), options]

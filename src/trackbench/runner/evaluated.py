@@ -18,6 +18,9 @@ NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, 
 #: Why there is no value where a recording does not say which detections are of which object.
 UNLABELLED = "the recording does not say of which object a detection is"
 
+#: Why there is no computing time.
+NO_STEPS = "nothing was driven"
+
 
 @dataclass(frozen=True)
 class Evaluated:
@@ -74,7 +77,10 @@ def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evalua
         elif work.scenes[0].unlabelled:
             evaluation.values |= no_metrics(UNLABELLED, ASSOCIATION_METRICS)
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
-    evaluation.values["step_time"] = MetricValue(value=1e6 * seconds / max(steps, 1), unit="us")
+    step_time = (
+        MetricValue(value=1e6 * seconds / steps, unit="us") if steps else MetricValue(unit="us", reason=NO_STEPS)
+    )
+    evaluation.values["step_time"] = step_time
     return evaluation
 
 

@@ -11,10 +11,11 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.motion import ConstantVelocity
 from trackbench.results.tracker_result import FirstVelocity
+from trackbench.scenario.config import TrackerEntry
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.assume import AssumedSensors
-from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.initial import TentativeTrack, first_measurement, start, two_measurements
 
 #: Standard deviations within which a velocity is expected, and the share of tracks of which more are a contradiction.
@@ -26,7 +27,7 @@ CARTESIAN = ConstantVelocity(acceleration_sigma_mps2=1.0)
 
 
 def first_velocities(
-    trackers: Mapping[str, FilterConfig | PluginConfig], measurements: Measurements | HiddenMeasurements, objects: int
+    trackers: Mapping[str, TrackerEntry], measurements: Measurements | HiddenMeasurements, objects: int
 ) -> dict[str, Array]:
     """For each tracker that starts from one measurement, what the first few of each object say of the velocity.
 
@@ -105,7 +106,7 @@ def _distances(config: FilterConfig, scans: Iterable[Scan]) -> Array:
     return apart[:, done]
 
 
-def contradiction(config: FilterConfig | PluginConfig, velocities: Sequence[Array]) -> FirstVelocity | None:
+def contradiction(config: TrackerEntry, velocities: Sequence[Array]) -> FirstVelocity | None:
     """What to say of a tracker's first velocity; None where most of its tracks do not contradict it."""
     sigmas, speed = np.concatenate(velocities, axis=1) if velocities else np.empty((2, 0))
     if not len(sigmas) or not isinstance(config, FilterConfig):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -60,6 +60,8 @@ class TrafficScores:
     """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
+    offset: Array | None = None
+    """``(2, blocks)`` sums of a time offset, of tracks made elsewhere: see :func:`offset_sums`."""
 
 
 class HiddenRun(TrackerRun[Tracks]):
@@ -86,9 +88,12 @@ class HiddenRun(TrackerRun[Tracks]):
         config, scene = work.trackers[name], work.scenes[piece.scene]
         self._hidden, self._due, self._kept = hidden, scene.due, kept
         self._truth = scene.truth
+        self._motion = scene.truth.px, scene.truth.py, scene.truth.vx, scene.truth.vy
         with_engine = partial(replace, engine=work.engine_here)
         drive = TrackerDrive[Tracks](
-            lambda: start(config, work.folder, len(piece.runs), with_engine, work.isolation, True, work.sensors),
+            lambda: start(
+                work.driven(name), work.folder, len(piece.runs), with_engine, work.isolation, True, work.sensors
+            ),
             hidden.scans,
             config.sensors_used,
             engine=work.engine_here,
@@ -148,19 +153,16 @@ class HiddenRun(TrackerRun[Tracks]):
 
     def _scored(self) -> TrafficScores:
         runs = self._piece.runs
-        tracks = _stacked(self._tracks_at)
-        state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         steps = self._timed * len(runs)
         outcome = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
+        histories = self._histories()
         summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         scope = TrackScope(self.name, len(runs), options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(len(runs)):
-            single = range(runs.start + run, runs.start + run + 1)
-            truth = TruthHistory(self._time, of_runs(state, single)[..., 0], of_runs(self._due.status, single)[..., 0])
-            history = _of_run(tracks, run)
+            truth, history = histories(run)
             own = None if taken is None else _associations_of(taken, run)
             outside = None
             if self._truth.known:
@@ -181,6 +183,17 @@ class HiddenRun(TrackerRun[Tracks]):
                 outcome.predicted = self._predicted[run]
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
+
+    def _truth_of(self, run: int) -> TruthHistory:
+        """The truth at the instants, in a run counted from the first of the block."""
+        single = range(self._piece.runs.start + run, self._piece.runs.start + run + 1)
+        state = np.stack([of_runs(part, single)[self._due.steps, :, 0] for part in self._motion])
+        return TruthHistory(self._time, state, of_runs(self._due.status, single)[..., 0])
+
+    def _histories(self) -> Callable[[int], tuple[TruthHistory, TrackHistory]]:
+        """A function that gives the truth and the tracks of a run."""
+        tracks = _stacked(self._tracks_at)
+        return lambda run: (self._truth_of(run), _of_run(tracks, run))
 
     def _associations(self) -> Associations | None:
         """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say, or

@@ -69,7 +69,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         kept: int | None,
         second_drives: SecondDrives | None,
     ) -> None:
-        config, scene, scans = work.trackers[name], work.scenes[piece.scene], measurements.scans
+        config, scene, scans = work.driven(name), work.scenes[piece.scene], measurements.scans
         self._target, self._scene, self._kept = targets.of(config), scene, kept
         drive = TrackerDrive[Estimate | None](
             lambda: stepper_of(work, piece, config, scans_read(scans, config.sensors_used)),

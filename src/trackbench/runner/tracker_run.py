@@ -16,7 +16,8 @@ from trackbench.models.motion import MotionModel
 from trackbench.results import Failure
 from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
+from trackbench.scenario.config import TrackerEntry
+from trackbench.trackers.config import FilterConfig, ImmConfig
 
 
 class TrackerRun(ABC, Generic[Answer]):
@@ -100,7 +101,7 @@ class TrackerRun(ABC, Generic[Answer]):
             with drive:
                 self.random = drive.traits.random
                 if self._second_drives is not None:
-                    self._second = self._second_drives.start(self._work.trackers[self.name], drive.traits)
+                    self._second = self._second_drives.start(self._work.driven(self.name), drive.traits)
                 for step in drive:
                     if self._second is not None:
                         self._second.take(step)
@@ -115,8 +116,8 @@ class TrackerRun(ABC, Generic[Answer]):
             self.engine = self._work.engine_of(drive.engine_used)
 
 
-def _motions(config: FilterConfig | PluginConfig) -> Sequence[MotionModel]:
+def _motions(config: TrackerEntry) -> Sequence[MotionModel]:
     """The motion models of a built-in filter."""
-    if isinstance(config, PluginConfig):
+    if not isinstance(config, FilterConfig):
         return ()
     return config.motion.imm if isinstance(config.motion, ImmConfig) else (config.motion,)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.errors import InputError
 from trackbench.base.streams import stream
 from trackbench.base.types import Array, Indices, RecordedNoise, Truth
 from trackbench.driving.faults import TrackFault
@@ -25,10 +27,14 @@ from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
 from trackbench.scenario import Scenario
+from trackbench.scenario.config import TrackerEntry
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
+from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.filed import read_tracks
+from trackbench.truth.track_rows import TrackRows
 
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
 #: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.
@@ -48,6 +54,8 @@ class Scene:
 
     def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a measurement; as often as trackers are scored."""
+        if not self.sensors:
+            return np.arange(len(self.truth.time))
         steps = np.sort(np.concatenate([sensor.steps for sensor in self.sensors]))
         return steps if self.each_measurement else np.unique(steps)
 
@@ -84,7 +92,7 @@ class Work:
     runs: int
     """Of each scene."""
     scenes: Sequence[Scene]
-    trackers: Mapping[str, FilterConfig | PluginConfig]
+    trackers: Mapping[str, TrackerEntry]
     folder: Path | None
     """Where a tracker's module is looked for first."""
     settle: float
@@ -112,6 +120,14 @@ class Work:
     """What computes, wherever it can be had."""
     driven_twice: BlockRuns | None = None
     """The block through which plug-ins are driven a second time."""
+    filed: Mapping[str, TrackRows] = field(default_factory=dict)
+    """By tracker whose tracks were made elsewhere, their rows."""
+
+    def driven(self, name: str) -> FilterConfig | PluginConfig:
+        """The entry of a tracker that takes scans."""
+        entry = self.trackers[name]
+        assert not isinstance(entry, TracksConfig)
+        return entry
 
     @property
     def sensors(self) -> Mapping[str, Sensor]:
@@ -269,7 +285,29 @@ def work_of(
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,
     )
-    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work))
+    return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
+
+
+def _filed(work: Work) -> dict[str, TrackRows]:
+    """The rows of tracks made elsewhere, by tracker.
+
+    Raises:
+        InputError: a file is damaged, or does not say of which of several runs its tracks are.
+    """
+    filed = {}
+    for name, config in work.trackers.items():
+        if isinstance(config, TracksConfig):
+            filed[name] = read_tracks(config, name, work.folder or Path())
+            if filed[name].run is None and (work.runs > 1 or not _apart_in_time(work.scenes)):
+                message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
+                raise InputError(message, file=config.path)
+    return filed
+
+
+def _apart_in_time(scenes: Sequence[Scene]) -> bool:
+    """Whether scenes are of different times of one clock, so that a time stamp tells of which it is."""
+    spans = sorted((float(scene.truth.start), float(scene.truth.time[-1])) for scene in scenes)
+    return all(start + length <= later for (start, length), (later, _) in pairwise(spans))
 
 
 def _drawn_block(work: Work) -> BlockRuns:

@@ -12,6 +12,8 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.truth import own_source
 from trackbench.trackers.config import PluginConfig
+from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.filed import read_tracks
 
 Step = Callable[[], object]
 
@@ -34,7 +36,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         notes.extend(own_source(loaded).check(folder=folder, sensors=kinds) or ())
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
-    return [*notes, *_not_apart(loaded, isolation)]
+    return [*notes, *_columns(loaded), *_not_apart(loaded, isolation)]
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
@@ -47,12 +49,23 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
     _all(loaded, list(_trackers(loaded, isolation, started=True)))
-    return _not_apart(loaded, isolation)
+    return [*_columns(loaded), *_not_apart(loaded, isolation)]
 
 
 def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:
-    lines = (isolation.missing(name, config) for name, config in loaded.config.trackers.items())
+    trackers = loaded.config.trackers.items()
+    lines = (isolation.missing(name, config) for name, config in trackers if isinstance(config, PluginConfig))
     return [line for line in lines if line]
+
+
+def _columns(loaded: Scenario) -> list[str]:
+    """Of each file of tracks, what was read from where."""
+    folder, lines = loaded.path.resolve().parent, []
+    for name, tracker in loaded.config.trackers.items():
+        if isinstance(tracker, TracksConfig):
+            notes = read_tracks(tracker, name, folder).notes
+            lines += [f"{name}: {', '.join(notes)}"] if notes else []
+    return lines
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:
@@ -70,6 +83,8 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
 
 def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
+        if isinstance(tracker, TracksConfig):
+            yield partial(read_tracks, tracker, name, loaded.path.resolve().parent)
         if isinstance(tracker, PluginConfig):
             yield partial(_try, loaded, name, tracker, isolation, started)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, PlainValidator, ValidationError, ValidationInfo
+from pydantic import Discriminator, Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from trackbench.base.config import PROBLEM, Config, KeyPath, Name, NonNegative, Positive, Problem
@@ -18,8 +18,9 @@ from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
 from trackbench.scenario.worlds import MEANING, World
-from trackbench.trackers.config import AnyTracker
+from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, kind_of
 from trackbench.truth import TRUTH_SOURCES, TruthSource
+from trackbench.truth.config.filed import TracksConfig
 
 KEYS = ("use", "options")
 
@@ -218,6 +219,21 @@ class RecordingConfig(Config):
     )
 
 
+def _entry_kind(value: Any) -> str | None:
+    filed = isinstance(value, dict) and "filter" not in value and value.get("use") == "tracks"
+    return "<tracks>" if filed or isinstance(value, TracksConfig) else kind_of(value)
+
+
+#: What a scenario says of a tracker.
+TrackerEntry = FilterConfig | PluginConfig | TracksConfig
+AnyEntry = Annotated[
+    Annotated[FilterConfig, Tag("<filter>")]
+    | Annotated[PluginConfig, Tag("<use>")]
+    | Annotated[TracksConfig, Tag("<tracks>")],
+    Discriminator(_entry_kind, custom_error_type=PROBLEM, custom_error_message=NO_KIND),
+]
+
+
 class ScenarioConfig(Config):
     """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
 
@@ -232,10 +248,11 @@ class ScenarioConfig(Config):
         description="Where the true motion comes from."
     )
     sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
-        min_length=1, description="The sensors, by name."
+        default_factory=dict,
+        description="The sensors, by name. Only where every tracker is one of tracks made elsewhere there may be none.",
     )
     sensing: Sensing = Field(default_factory=Sensing, description="Whether they say which object they are of.")
-    trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
+    trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")
     expect: list[Expectation] = Field(
@@ -249,6 +266,18 @@ class ScenarioConfig(Config):
         + "). The scenario as it is written, unless given.",
     )
     world: World | None = Field(None, description="One of the worlds, as which the scenario is changed.")
+
+    def driven(self, name: str) -> FilterConfig | PluginConfig:
+        """The entry of a tracker that takes scans.
+
+        Raises:
+            InputError: its tracks were made elsewhere.
+        """
+        entry = self.trackers[name]
+        if isinstance(entry, TracksConfig):
+            message = "its tracks were made elsewhere, so that it cannot be driven"
+            raise InputError(message, key=f"trackers.{name}.use")
+        return entry
 
     @property
     def full_name(self) -> str:

@@ -18,6 +18,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.config import HighwayOptions, ScriptedOptions
+from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
     yield from _identities(scenario)
+    yield from _made_elsewhere(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -99,6 +101,20 @@ def _nearest_rates(truth_rate: int, steps: float) -> list[float]:
         for counts in (slower, faster)
     ]
     return [rate for rate in rates if rate is not None]
+
+
+def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
+    """What goes with tracks that another program wrote, and that there are sensors for all other trackers."""
+    for name, tracker in scenario.trackers.items():
+        if not isinstance(tracker, TracksConfig):
+            if not scenario.sensors:
+                yield Problem(("sensors",), f"missing: {name} reads them; only tracks made elsewhere need none")
+                return
+        elif scenario.sensing.identities == "known":
+            message = "tracks made elsewhere are scored without identities; write sensing: {identities: hidden}"
+            yield Problem(("trackers", name, "use"), message)
+        elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
+            yield Problem(("trackers", name, "use"), "there is no truth to score its tracks against")
 
 
 def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:

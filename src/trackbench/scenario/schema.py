@@ -10,6 +10,7 @@ from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
+from trackbench.truth.config.filed import AUTO, TracksConfig
 from trackbench.truth.config.scripted import WhiteMotion
 
 Schema = dict[str, Any]
@@ -35,8 +36,9 @@ def json_schema() -> Schema:
         _untitle(part)
     for kind, part in filter(None, kinds):
         _sensor(part, kind)
-    for model in (FilterConfig, WhiteMotion):
+    for model in (FilterConfig, WhiteMotion, TracksConfig):
         _beside(parts[model.__name__], model)
+    _filed(parts["TracksConfig"])
     _filter(parts["FilterConfig"])
     parts["Expectation"]["oneOf"] = [{"required": [key]} for key in ("below", "above", "is", "better_than")]
     word = {"enum": parts["InitialConfig"]["properties"]["from"]["enum"]}
@@ -116,6 +118,12 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
     part["unevaluatedProperties"] = False
     free = {"if": {"properties": {key: REFERENCE}, "required": [key]}, "then": {"additionalProperties": True}}
     part["allOf"].append(free)
+
+
+def _filed(part: Schema) -> None:
+    """The format may be left to the ending of the file."""
+    part["required"].remove("format")
+    part["properties"]["format"]["anyOf"].insert(0, {"const": AUTO})
 
 
 def _filter(part: Schema) -> None:

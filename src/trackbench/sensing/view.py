@@ -138,11 +138,12 @@ def field_of_view(config: Sensor) -> FieldOfView:
 
 
 def reach(sensors: Iterable[Sensor]) -> float:
-    """Distance from the observer's centre beyond which an object is neither detected nor hides another, m."""
+    """Distance from the observer's centre beyond which an object is neither detected nor hides another, m; no end
+    without sensors."""
     limits = (
         field_of_view(sensor).max_range + float(np.hypot(sensor.mount.x_m, sensor.mount.y_m)) for sensor in sensors
     )
-    return max(limits) + MARGIN_M
+    return max(limits, default=np.inf) + MARGIN_M
 
 
 def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
@@ -198,10 +199,11 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     A target is due where a sensor that is not silent has it in range and in its field of view, not at the rim, with a
     line of sight where its option ``occlusion`` is on. It is at the rim where the edge of the field of view is nearer
     than half the diagonal of its box. Where the truth says that nothing counts, no object is due. Whatever else is in
-    the scene is optional.
+    the scene is optional. Without sensors there is nothing that has to see a target.
     """
-    steps = np.unique(np.concatenate([sensor.steps for sensor in sensors]))
-    seen = np.zeros((len(steps), *truth.px.shape[1:]), dtype=bool)
+    every = [sensor.steps for sensor in sensors] or [np.arange(len(truth.time))]
+    steps = np.unique(np.concatenate(every))
+    seen = np.full((len(steps), *truth.px.shape[1:]), not sensors)
     half_diagonal = np.hypot(truth.length / 2, truth.width / 2)[:, None]
     for config in (sensor.config for sensor in sensors):
         motion = motion_at(truth, config, steps)

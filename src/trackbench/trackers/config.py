@@ -370,18 +370,16 @@ def _unexpanded(sweep: object) -> Iterator[Problem]:
         yield Problem(("sweep",), "only an entry of a scenario's trackers has this key")
 
 
-def _kind(value: Any) -> str | None:
+def kind_of(value: Any) -> str | None:
+    """The tag of an entry; None where it is neither or both."""
     if isinstance(value, FilterConfig | PluginConfig):
         return "<filter>" if isinstance(value, FilterConfig) else "<use>"
     kinds = [key for key in ("filter", "use") if isinstance(value, dict) and key in value]
     return f"<{kinds[0]}>" if len(kinds) == 1 else None
 
 
+NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
-    Discriminator(
-        _kind,
-        custom_error_type=PROBLEM,
-        custom_error_message="write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both",
-    ),
+    Discriminator(kind_of, custom_error_type=PROBLEM, custom_error_message=NO_KIND),
 ]

@@ -72,6 +72,16 @@ class TrafficFormat(Config, ABC):
         return rows_of(self.read(file))
 
 
+class RowsFormat(TrafficFormat):
+    """A format whose files are rows of one time and one body each."""
+
+    @abstractmethod
+    def rows(self, file: Path) -> TrackRows: ...
+
+    def read(self, file: Path) -> list[TrafficTrack]:
+        return bodies_of(self.rows(file), file)
+
+
 #: The formats of recorded traffic by the names that scenarios use.
 TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
     "trackbench.traffic_formats", "format of recorded traffic", lacks_class(TrafficFormat)
@@ -139,7 +149,13 @@ def bodies_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
     Raises:
         InputError: as of ``tracks_of``.
     """
-    columns = {"time": rows.time, "x": rows.px, "y": rows.py, "heading": rows.heading, "speed": rows.speed}
+    columns = {
+        "time": rows.time + float(rows.start),
+        "x": rows.px,
+        "y": rows.py,
+        "heading": rows.heading,
+        "speed": rows.speed,
+    }
     if rows.vx is not None and rows.vy is not None:
         columns["speed"] = np.hypot(rows.vx, rows.vy)
     bodies: dict[str, dict[str, Any]] = {}
@@ -149,6 +165,11 @@ def bodies_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
             bodies[name] = {key: float(size[row]) for key, size in sizes.items() if size is not None and size[row] > 0}
             bodies[name]["kind"] = "" if rows.kind is None else rows.kind[row]
     return tracks_of(file, rows.id, {key: item for key, item in columns.items() if item is not None}, bodies)
+
+
+def start_of(tracks: Sequence[TrafficTrack]) -> float:
+    """The time of the first row of tracks of two rows or more, s."""
+    return min(float(track.time[0]) for track in tracks if len(track.time) > 1)
 
 
 def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
@@ -170,7 +191,7 @@ def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
     kept = [track for track in tracks if len(track.time) > 1]
     if not kept:
         raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
-    start = min(float(track.time[0]) for track in kept)
+    start = start_of(kept)
     last = max(float(track.time[-1]) for track in kept)
     if last - start > jumps.LONGEST:
         raise InputError(f"its last row is {jumps.why_too_long(last - start)}", file=file)

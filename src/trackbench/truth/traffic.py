@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from decimal import Decimal
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,7 @@ from trackbench.truth.motion_audit import (
 )
 from trackbench.truth.recorded.drive import fixed
 from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked, start_of
 
 #: The arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
@@ -48,6 +49,8 @@ class RecordedVehicles(NamedTuple):
     error: RecordedNoise
     vehicles: int
     """Of the whole file."""
+    start: float
+    """s of the file's clock at the first instant."""
 
 
 class RecordingKey(NamedTuple):
@@ -108,8 +111,10 @@ def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
 
 
 @lru_cache(maxsize=2)
-def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> list[TrafficTrack]:
-    return checked(form.read(file), file)
+def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> tuple[list[TrafficTrack], float]:
+    """The tracks of a file from 0 s on, and when its clock says that this is, s."""
+    tracks = form.read(file)
+    return checked(tracks, file), start_of(tracks)
 
 
 @lru_cache(maxsize=2)
@@ -120,7 +125,7 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
         InputError: see `load`.
     """
     file, smoothing = recording.file, recording.smoothing
-    tracks = _tracks(recording.format, file, recording.version)
+    tracks, clock = _tracks(recording.format, file, recording.version)
     dt = grid_step(tracks)
     if dt < SHORTEST_STEP_S:
         raise InputError(f"rows are {dt:.2g} s apart: check the unit of time", file=file)
@@ -145,7 +150,8 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
     if recording.refuses:
         together = frames if recording.drove_together else None
         refuse_impossible(used, inside, together, dt, start, smoothing is not None)
-    return RecordedVehicles(frames, figures(inside, dt, start, raw=True), used, recorded_noise(inside), len(tracks))
+    raw, error = figures(inside, dt, start, raw=True), recorded_noise(inside)
+    return RecordedVehicles(frames, raw, used, error, len(tracks), clock + start)
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
@@ -205,14 +211,15 @@ def _scene_bodies(config: TrafficOptions, frames: Frames) -> list[SceneBodies]:
 
 def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies) -> Truth:
     """The audited truth of a scene, while its observer drives."""
-    frames, carrier = _only(traffic.frames, scene.present), None
+    frames, carrier, first = _only(traffic.frames, scene.present), None, 0
     if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
         observer = fixed(config.observer, len(frames.px))
     else:
         there = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
-        frames = _during(frames, int(there[0]), int(there[-1]))
+        first = int(there[0])
+        frames = _during(frames, first, int(there[-1]))
         carrier = frames.ids.index(traffic.frames.ids[scene.carrier])
         observer = frames.carrier(carrier)
     bodies = targets = target_bodies(config.targets, frames, observer, carrier)
@@ -226,6 +233,7 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
         target=np.isin(bodies, targets),
         source=_source(config, traffic),
         recorded_noise=traffic.error,
+        start=Decimal(repr(traffic.start + first * frames.dt)),
     )
     return audit(truth, config.audit)
 

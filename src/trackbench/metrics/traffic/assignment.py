@@ -25,6 +25,14 @@ class TruthHistory(NamedTuple):
     """``(4, T, N)`` px, py, vx, vy in the fixed frame."""
     status: Status
     """``(T, N)``: ``ABSENT``, ``OPTIONAL`` (a track on it is neither right nor wrong) or ``DUE``."""
+    at_tracks: Array | None = None
+    """``(4, T, N, K)`` the objects at the time stamps of the tracks, where those of an instant have several."""
+
+    def at(self, instant: Indices, item: Indices, column: Indices) -> Array:
+        """``(4, P)`` the objects as tracks are to have them."""
+        if self.at_tracks is not None:
+            return self.at_tracks[:, instant, item, column]
+        return self.state[:, instant, item]
 
 
 class TrackHistory(NamedTuple):
@@ -225,7 +233,10 @@ def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float, unscored: M
         ids, track = ids[1:], track - 1
     track = track.reshape(tracks.ids.shape)
     there, exists = track >= 0, truth.status > ABSENT
-    pairs = near_pairs(_where(truth.state[:2], exists), _where(tracks.mean[:2], there), track, cutoff)
+    objects = _where(truth.state[:2], exists)
+    if truth.at_tracks is not None:
+        objects = _where(truth.at_tracks[:2], exists[..., None])
+    pairs = near_pairs(objects, _where(tracks.mean[:2], there), track, cutoff)
     due = truth.status == DUE
     of_due = due[pairs.instant, pairs.object]
     unscored = np.zeros_like(there) if unscored is None else unscored & there
@@ -268,7 +279,8 @@ def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
 
 
 def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:
-    """The pairs within ``cutoff`` of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing."""
+    """The pairs within ``cutoff`` of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing; objects
+    ``(2, T, N, K)`` where they are elsewhere for each track."""
     steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
     at_once = max(1, CHUNK // max(1, n * k))
     cells, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]
@@ -286,7 +298,7 @@ def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> 
 
 
 def _squared(a: Array, b: Array) -> Array:
-    difference = a[:, :, None] - b[:, None]
+    difference = (a if a.ndim == 3 else a[:, :, None]) - b[:, None]
     return np.multiply(difference, difference, out=difference)
 
 

@@ -91,7 +91,7 @@ def siap(truth: TruthHistory, tracks: TrackHistory, counted: Counted) -> RunSums
     tracked = np.zeros_like(counted.due)
     tracked[instant, item] = True
     objects, present, on = float(counted.due.sum()), float(counted.present.sum()), float(len(own))
-    velocity = np.hypot(*(tracks.mean[2:, instant, column] - truth.state[2:, instant, item]))
+    velocity = np.hypot(*(tracks.mean[2:, instant, column] - truth.at(instant, item, column)[2:]))
     return {
         "siap_completeness": (float(tracked.sum()), objects),
         "siap_ambiguity": (on, float(tracked.sum())),
@@ -112,7 +112,8 @@ def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs
     Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section
     5.4.2.
     """
-    error = tracks.mean[:, matched.instant, matched.column] - truth.state[:, matched.instant, matched.object]
+    true = truth.at(matched.instant, matched.object, matched.column)
+    error = tracks.mean[:, matched.instant, matched.column] - true
     factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
     squares = error**2
     nees = (factor.whiten(error) ** 2).sum(axis=0)[factor.positive]

@@ -113,7 +113,7 @@ def _of_scenario(
         raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
     if options:
         raise InputError("--option goes with a class; the scenario has the options of its trackers", file=path)
-    tracker = config.trackers[name]
+    tracker = config.driven(name)
     sensors_used = tracker.sensors_used
     used = sensors or {
         key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used

@@ -75,9 +75,9 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
         InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
     """
     config, folder = loaded.config, loaded.path.resolve().parent
-    tracker = config.trackers.get(name)
-    if tracker is None:
+    if name not in config.trackers:
         raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
+    tracker = config.driven(name)
     if loaded.config.sensing.identities == "hidden":
         message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"
         raise loaded.locate(InputError(message, key="sensing.identities"))

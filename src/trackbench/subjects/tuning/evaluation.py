@@ -183,7 +183,7 @@ class Evaluator:
     def _start(self) -> list[_Start]:
         submitted = []
         for bench, work in zip(self.benches, self._work, strict=True):
-            batch = _Batch((0,), (bench.scenario.config.trackers[self.tracker],), ({},), ())
+            batch = _Batch((0,), (bench.scenario.config.driven(self.tracker),), ({},), ())
             tasks = enumerate(self._tasks(bench, work))
             submitted.append(
                 [

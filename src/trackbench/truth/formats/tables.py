@@ -3,78 +3,102 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest
+from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Array
+from trackbench.truth import jumps
 from trackbench.truth.config.columns import Units
-from trackbench.truth.recorded.rows import read
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
+from trackbench.truth.layouts import QUANTITIES, REQUIRED, ColumnLayout, header, layout
+from trackbench.truth.recorded.rows import read, time_stamps
+from trackbench.truth.track_rows import COVARIANCE, TrackRows
+from trackbench.truth.tracks import RowsFormat, TrafficFormat, TrafficTrack, bodies_of
 
-#: The columns of a table and the quantity in each; None: it is read as it is.
-QUANTITIES: dict[str, str | None] = {
-    "time": "time",
-    "id": None,
-    **dict.fromkeys(("x", "y"), "length"),
-    "heading": "angle",
-    "speed": "speed",
-    **dict.fromkeys(("length", "width"), "length"),
-    "class": None,
-}
-REQUIRED = ("time", "id", "x", "y")
-#: What a table says once of each body.
-OF_BODY = {"length": "length", "width": "width", "class": "kind"}
+#: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
+FROM_ZERO_S = 1e7
 
 
-def tracks(
-    file: Path, form: str, names: Mapping[str, str], factors: Mapping[str, float], stated: frozenset[str] = frozenset()
-) -> list[TrafficTrack]:
-    """The tracks of a table.
+def table_rows(file: Path, form: str, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
+    """The rows of a table of tracks.
 
     Args:
         file: the table.
         form: "csv" or "parquet".
-        names: the table's column for each key of ``QUANTITIES``.
-        factors: what the columns of some keys are multiplied by; 1 unless given.
-        stated: keys whose columns the table must have, beside ``REQUIRED``.
+        found: where it has what.
+        factors: what the columns are multiplied by.
 
     Raises:
-        InputError: the file cannot be read, lacks a column or has a damaged row.
+        InputError: the file cannot be read, or has a damaged row.
     """
-    needed = [key for key in names if key in REQUIRED or key in stated]
-    rows = read(file, form, [names[key] for key in needed], names.values())
-    ids = rows.names(names["id"])
-    known = {key: name for key, name in names.items() if name in rows.columns}
-    columns: dict[str, Array] = {
-        key: rows.numbers(name, factors.get(key, 1.0), None if QUANTITIES[key] == "time" else QUANTITIES[key])
-        for key, name in known.items()
-        if key not in OF_BODY and key != "id"
-    }
-    first = {name: row for row, name in reversed([*enumerate(ids)])}
-    bodies: dict[str, dict[str, Any]] = {name: {} for name in first}
-    for key in ("length", "width"):
-        if key in known:
-            sizes = rows.numbers(known[key], factors.get(key, 1.0), "length", optional=True)
-            for name, row in first.items():
-                bodies[name][key] = float(sizes[row]) if sizes[row] > 0 else None
-    if "class" in known:
-        for name, row in first.items():
-            bodies[name]["kind"] = str(rows.columns[known["class"]][row] or "").strip()
-    return tracks_of(file, ids, columns, bodies)
+    rows = read(file, form, found.columns.values())
+
+    def numbers(key: str) -> Array | None:
+        if key not in found.columns:
+            return None
+        optional = key not in REQUIRED
+        return rows.numbers(found.columns[key], factors[key], QUANTITIES[key], optional=optional)
+
+    def texts(key: str) -> list[str] | None:
+        if key not in found.columns:
+            return None
+        return ["" if value is None else str(value).strip() for value in rows.columns[found.columns[key]]]
+
+    stamps = time_stamps(rows, found.columns["time"], factors["time"])
+    start = min(stamps).to_integral_value(ROUND_FLOOR) if max(map(abs, stamps)) > FROM_ZERO_S else Decimal(0)
+    time = np.array([float(stamp - start) for stamp in stamps])
+    latest = int(np.argmax(time))
+    if time[latest] - time.min() > jumps.LONGEST:
+        problem = jumps.why_too_long(float(time[latest] - time.min()))
+        raise rows.error(latest, f"{found.columns['time']}: {problem}, such as time={found.columns['time']}:ns")
+    covariance = None
+    if any(key in found.columns for key in COVARIANCE):
+        covariance = np.full((4, 4, len(rows)), np.nan)
+        for key, (a, b) in COVARIANCE.items():
+            values = numbers(key)
+            if values is not None:
+                covariance[a, b] = covariance[b, a] = values
+    existence = numbers("existence")
+    if existence is not None:
+        wrong = (existence < 0) | (existence > 1)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise rows.error(row, f"{found.columns['existence']} is {existence[row]:g}, which is no probability")
+    px, py = numbers("x"), numbers("y")
+    assert px is not None
+    assert py is not None
+    numeric: dict[str, Any] = {key: numbers(key) for key in ("vx", "vy", "heading", "speed", "length", "width")}
+    named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
+    return TrackRows(
+        rows.names(found.columns["id"]),
+        time,
+        px,
+        py,
+        **numeric,
+        covariance=covariance,
+        existence=existence,
+        kind=texts("class"),
+        **named,
+        start=start,
+        notes=tuple(found.lines),
+    )
 
 
-class _Table(TrafficFormat):
+class _Table(RowsFormat):
     """What CSV and Parquet have in common."""
 
     form: ClassVar[Literal["csv", "parquet"]]
     columns: dict[str, str] = Field(
         default_factory=dict,
-        description="Names of columns that are not called as here: time, id, x, y, heading, speed, length, width, "
-        "class. The first four are required; x and y are of the centre of the body.",
+        description="Names of columns that are not called as here: time, id, x, y, vx, vy, heading, speed, length, "
+        "width, class. The first four are required; x and y are of the centre of the body. Of tracks, columns are also "
+        "known by usual names; further keys are existence, p_00 to p_33 (covariance of x, y, vx, vy), scene, run and "
+        "fingerprint.",
     )
     units: Units = Field(default_factory=Units, description="Units of the columns.")
 
@@ -83,10 +107,13 @@ class _Table(TrafficFormat):
             if key not in QUANTITIES:
                 yield Problem(("columns", key), f"no column of traffic; {nearest(key, QUANTITIES)}")
 
-    def read(self, file: Path) -> list[TrafficTrack]:
-        names = {key: self.columns.get(key, key) for key in QUANTITIES}
-        factors = {key: self.units.factor(quantity, None) for key, quantity in QUANTITIES.items()}
-        return tracks(file, self.form, names, factors, frozenset(self.columns))
+    def rows(self, file: Path) -> TrackRows:
+        try:
+            found = layout(header(file, self.form), self.columns)
+        except InputError as error:
+            raise error.located(file=file, line=None) from None
+        factors = {key: found.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
+        return table_rows(file, self.form, found, factors)
 
 
 class Csv(_Table):
@@ -115,4 +142,8 @@ class InterstateI80(TrafficFormat):
     simultaneous: ClassVar[bool] = False
 
     def read(self, file: Path) -> list[TrafficTrack]:
-        return tracks(I80_FILE, "parquet", {key: key for key in QUANTITIES}, I80_FACTORS)
+        names = header(I80_FILE, "parquet")
+        factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
+        return bodies_of(
+            table_rows(I80_FILE, "parquet", ColumnLayout({name: name for name in names}, {}), factors), file
+        )

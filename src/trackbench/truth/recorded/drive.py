@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -92,6 +93,9 @@ class Drive:
     kinds: dict[str, str] = field(default_factory=dict)
     """The class of each object, where classes count."""
 
+    start: Decimal = Decimal(0)
+    """s of the files' clock at 0 s."""
+
     @property
     def sensors(self) -> list[str]:
         """Those with recorded measurements."""
@@ -173,6 +177,7 @@ def truth_on_grid(config: RecordingOptions, drive: Drive, times: Array) -> Truth
         length=np.array([config.length_m if m.length is None else np.median(m.length) for m in motions.values()]),
         width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
         observer=fixed(config.observer, len(times)) if drive.observer is None else carrier(drive.observer, times),
+        start=drive.start,
         source={"source": "recording", "format": config.format, "recorded": drive.sensors, **drive.source},
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ def _cut(truth: Truth, chosen: Mask) -> Truth:
         **{name: getattr(truth, name)[chosen] for name in (*KINEMATICS, "alive")},
         observer=replace(truth.observer, **observer),
         unscored=unscored,
+        start=truth.start + Decimal(repr(float(time[0]))),
     )
 
 

@@ -89,7 +89,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     if columns.kind is not None:
         for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
             classes.setdefault(item, kind)
-    return Drive(motions, order, carrier, logs, said, detections, np.unique(seconds), boxes, classes)
+    return Drive(motions, order, carrier, logs, said, detections, np.unique(seconds), boxes, classes, start)
 
 
 def _names(table: Rows, columns: TruthColumns) -> list[str]:

@@ -1,0 +1,177 @@
+"""Tracks that another program wrote: those of a run at its instants, and the truth at their time stamps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Indices, Truth
+from trackbench.metrics.intervals import Interval, ratio
+from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.metrics.traffic.assignment import NearPairs
+from trackbench.trackers.answers import NO_TRACK
+from trackbench.truth.track_rows import TrackRows
+
+#: A time stamp this near to an instant, s, is at it: files are written with microseconds.
+AT_INSTANT_S = 1e-6
+#: Blocks of time by which the interval of an offset is made, s, so that they are nearly independent.
+BLOCK_S = 2.0
+#: Objects times tracks times instants whose truth is kept where the tracks of an instant have several time stamps.
+LARGEST = 20_000_000
+
+
+class FiledTracks(NamedTuple):
+    """The tracks of one run at its T instants, in K columns of no meaning."""
+
+    history: TrackHistory
+    stamp: Array
+    """``(T, K)`` s after the start of the truth; NaN where there is no track."""
+
+
+def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
+    """The rows of a run of a scene, by their numbers; all of a file that does not say of which they are."""
+    chosen = np.ones(len(rows), dtype=bool)
+    for column, number in ((rows.scene, scene), (rows.run, run)):
+        if column is not None:
+            chosen &= np.array([text in (str(number), f"{number}.0") for text in column], dtype=bool)
+    return rows if chosen.all() else rows.rows(np.flatnonzero(chosen))
+
+
+def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
+    """At each instant the row of each track whose time stamp is nearest, if it is within half a period.
+
+    The period is the longer of the median time between instants and that between the rows of the track. Where the file
+    has rows at an instant, those are its tracks, and no others.
+
+    Args:
+        rows: in the order of time.
+        time: ``(T,)`` of the instants, s after the start of the truth.
+        shift: added to the rows' times, s.
+    """
+    stamp = rows.time + shift
+    instant = np.clip(np.searchsorted(time, stamp), 0, len(time) - 1)
+    instant -= (instant > 0) & (np.abs(stamp - time[instant - 1]) <= np.abs(stamp - time[instant]))
+    exact = np.abs(stamp - time[instant]) <= AT_INSTANT_S
+    stamp = np.where(exact, time[instant], stamp)
+    open_instants = np.setdiff1d(np.arange(len(time)), instant[exact])
+    instants, members = [instant[exact]], [np.flatnonzero(exact)]
+    period = _median_step(time)
+    number = _numbers(rows.id)
+    for track in np.unique(number) if len(open_instants) else ():
+        own = np.flatnonzero(number == track)
+        after = np.clip(np.searchsorted(stamp[own], time[open_instants]), 0, len(own) - 1)
+        before = np.maximum(after - 1, 0)
+        away = np.abs(stamp[own][[before, after]] - time[open_instants])
+        nearest = np.where(away[0] <= away[1], before, after)
+        near = away.min(axis=0) <= max(period, _median_step(stamp[own])) / 2 * (1 + 1e-9)
+        instants.append(open_instants[near])
+        members.append(own[nearest[near]])
+    at, row = np.concatenate(instants), np.concatenate(members)
+    order = np.lexsort((row, at))
+    at, row = at[order], row[order]
+    column = np.arange(len(at)) - np.searchsorted(at, at)
+    shape = (len(time), int(column.max(initial=-1)) + 1)
+
+    def placed(values: Array, fill: float = np.nan) -> Array:
+        result = np.full((*values.shape[:-1], *shape), fill)
+        result[..., at, column] = values[..., row]
+        return result
+
+    missing = np.full(len(rows), np.nan)
+    vx, vy = (missing if value is None else value for value in velocity(rows))
+    ids = np.full(shape, NO_TRACK)
+    ids[at, column] = number[row]
+    nothing = np.full((4, 4, 1), np.nan)
+    covariance = np.broadcast_to(nothing, (4, 4, len(rows))) if rows.covariance is None else rows.covariance
+    existence = None if rows.existence is None else placed(rows.existence)
+    mean = placed(np.stack([rows.px, rows.py, vx, vy]))
+    return FiledTracks(TrackHistory(ids, mean, placed(covariance), existence), placed(stamp))
+
+
+def velocity(rows: TrackRows) -> tuple[Array | None, Array | None]:
+    """The velocity that a file states, by its components or by speed and heading; None where it states none."""
+    if rows.vx is None and rows.speed is not None and rows.heading is not None:
+        return rows.speed * np.cos(rows.heading), rows.speed * np.sin(rows.heading)
+    return rows.vx, rows.vy
+
+
+def _median_step(times: Array) -> float:
+    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+
+
+def _numbers(ids: object) -> Indices:
+    """Whole numbers for ids: those that they are, or in the order in which they come."""
+    names, first, number = np.unique(np.asarray(ids, dtype=str), return_index=True, return_inverse=True)
+    whole = [name.removesuffix(".0") for name in names.tolist()]
+    if all(name.isdecimal() and len(name) < 16 for name in whole) and len({*whole}) == len(whole):
+        return np.array([int(name) for name in whole])[number]
+    rank = np.empty(len(names), dtype=np.intp)
+    rank[np.argsort(first)] = np.arange(len(names))
+    return rank[number]
+
+
+def truth_at(truth: Truth, run: int, instants: TruthHistory, stamp: Array) -> TruthHistory:
+    """The truth at the time stamps of tracks, between its own instants by linear interpolation.
+
+    Args:
+        truth: of the scene.
+        run: whose motion it is.
+        instants: the truth at the instants.
+        stamp: ``(T, K)`` as of :class:`FiledTracks`.
+
+    Raises:
+        InputError: the tracks have too many different time stamps.
+    """
+    away = np.nan_to_num(stamp - instants.time[:, None], nan=0.0)
+    if not away.any():
+        return instants
+    there = np.isfinite(stamp)
+    common = np.where(there.any(axis=1), np.nanmax(np.where(there, stamp, -np.inf), axis=1), instants.time)
+    if (~there | (np.abs(stamp - common[:, None]) <= AT_INSTANT_S)).all():
+        return instants._replace(state=_states(truth, run, common, instants.state))
+    if stamp.size * len(truth.ids) > LARGEST:
+        message = "the tracks of one instant have different time stamps, and are too many; cut the recording"
+        raise InputError(message)
+    own = np.where(there, stamp, instants.time[:, None])
+    nominal = np.broadcast_to(instants.state[..., None], (*instants.state.shape, stamp.shape[1]))
+    return instants._replace(at_tracks=_states(truth, run, own, nominal))
+
+
+def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
+    """``(4, T, N)``, or ``(4, T, N, K)`` where ``time`` is ``(T, K)``; as at the instant where an object is not there.
+
+    Before its first and after its last instant an object keeps its velocity.
+    """
+    result = np.array(nominal)
+    motion = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., min(run, truth.px.shape[-1] - 1)]
+    for item in range(len(truth.ids)):
+        alive = truth.alive[:, item]
+        if not alive.any():
+            continue
+        own = truth.time[alive]
+        inside = np.clip(time, own[0], own[-1])
+        state = np.stack([np.interp(inside, own, values) for values in motion[:, alive, item]])
+        state[:2] += state[2:] * (time - inside)
+        result[:, :, item] = state
+    return result
+
+
+def offset_sums(truth: TruthHistory, history: TrackHistory, matched: NearPairs) -> Array:
+    """``(2, blocks)`` the sums of position error times true velocity, and of the squared velocity, by blocks of time.
+
+    Their ratio is the time, s, that is to be added to the time stamps so that the squared position error is least.
+    """
+    true = truth.at(matched.instant, matched.object, matched.column)
+    error = history.mean[:2, matched.instant, matched.column] - true[:2]
+    block = ((truth.time - truth.time[0]) // BLOCK_S).astype(np.intp)
+    number = block[matched.instant]
+    products = (error * true[2:]).sum(axis=0), (true[2:] ** 2).sum(axis=0)
+    return np.stack([np.bincount(number, each, minlength=int(block[-1]) + 1) for each in products])
+
+
+def offset_of(sums: Array) -> Interval | None:
+    """The time to be added to the time stamps, s, from the sums of all runs; None where nothing moves."""
+    total, square = sums[:, sums[1] > 0]
+    return ratio(total, square) if len(total) else None
