@@ -40,7 +40,16 @@ MENU = {
         "own-multi-tracker",
         "adaptors",
     ],
-    "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare", "history", "trust"],
+    "Results": [
+        "metrics",
+        "traffic-metrics",
+        "reading-a-report",
+        "reading-a-recording",
+        "compare",
+        "history",
+        "ci",
+        "trust",
+    ],
     "Tools": ["command-line", "execution", "fused-engine", "tune", "doctor", "doctor-rates"],
     "Published projects": [
         "projects/range-3km",

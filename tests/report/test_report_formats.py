@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
@@ -203,8 +204,19 @@ def test_a_latex_table_has_the_rules_of_booktabs_and_every_row() -> None:
     assert all(len(re.findall(r"(?<!\\)&", line)) == 2 and line.endswith(r" \\") for line in body)
     assert body[0].startswith(r"\textbf{ekf\_cv} & \textbf{$-$0.12} & ")
     assert body[1] == r" & {\scriptsize 0.11 to 0.13} &  \\"
-    assert lines[-1].endswith("it gives no velocity")
-    assert "|" not in lines[1]
+    assert lines[-2].endswith("it gives no velocity")
+    assert "|" not in "".join(lines[: lines.index(r"\toprule")])
+
+
+def test_a_latex_table_has_a_caption_and_a_label() -> None:
+    lines = table_to_latex(TABLE).splitlines()
+    assert (lines[0], lines[-1]) == (r"\begin{table}", r"\end{table}")
+    captions = [line for line in lines if line.startswith((r"\caption", r"\label"))]
+    assert captions == [rf"\caption{{{escape(TABLE.caption)}}}", rf"\label{{tab:{TABLE.name}}}"]
+    unnamed = table_to_latex(replace(TABLE, caption="", name="rank-differences"))
+    assert r"\caption{Rank differences}" in unnamed
+    main = made("latex")[0]["report.tex"].decode()
+    assert r"\label{fig:error}" in main
 
 
 def test_svg_files_parse_and_hold_their_colours_and_legend() -> None:

@@ -21,6 +21,7 @@ from trackbench.compare.differences import Match, coverage_notes, differences, o
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
+from trackbench.compare.reproduce import commands
 from trackbench.compare.worlds import orders
 from trackbench.metrics import Metric
 from trackbench.results import Result
@@ -83,7 +84,12 @@ def compare(
     if not comparisons:
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
     first, *others = comparisons
-    update = {"other_groups": others, "without_truth": without_truth, "notes": [*notes, *first.notes]}
+    update = {
+        "other_groups": others,
+        "without_truth": without_truth,
+        "notes": [*notes, *first.notes],
+        "commands": commands(sets, metrics, trackers, limits),
+    }
     return first.model_copy(update=update)
 
 

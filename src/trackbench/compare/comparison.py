@@ -262,6 +262,8 @@ class Comparison(ResultModel):
     """Of one set, scenarios in several worlds: every pair of trackers."""
     without_truth: list[str] = Field(default_factory=list)
     """Scenarios that are not compared, for they have no truth."""
+    commands: list[str] = Field(default_factory=list)
+    """What makes it again: the runs, and the comparison; empty where a result does not say how it was made."""
     other_groups: list[Comparison] = Field(default_factory=list)
     """Of the same sets, the scenarios that another metric ranks, each metric's apart; these have no other groups."""
 
@@ -292,8 +294,9 @@ class Comparison(ResultModel):
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
                 score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
-            if not group["worlds"]:
-                del group["worlds"]
+            for name in ("worlds", "commands"):
+                if not group[name]:
+                    del group[name]
         return {**values, "passed": self.passed}
 
 

@@ -26,6 +26,7 @@ _PREAMBLE = r"""\documentclass[a4paper]{article}
 \usepackage{textcomp,amsmath,amssymb}
 \usepackage[margin=20mm]{geometry}
 \usepackage{booktabs,float,graphicx}
+\floatplacement{table}{H}
 \usepackage[export]{adjustbox}
 \setlength{\parindent}{0pt}
 \setlength{\parskip}{0.5em}
@@ -80,12 +81,15 @@ def to_latex(document: Document, *, tables: str, figures: str) -> str:
 
 
 def table_to_latex(table: Table) -> str:
-    """The text of a table's own file: a ``tabular`` with its footnotes, to be put into any document.
+    """The text of a table's own file: a ``table`` with caption, label and footnotes, to be put into any document.
 
-    Details stand in a smaller line under the row. It needs the packages booktabs and adjustbox.
+    Details stand in a smaller line under the row. It needs the packages booktabs and adjustbox. The label is ``tab:``
+    and the table's name.
     """
     layout = "".join(_layout(table, i, column) for i, column in enumerate(table.columns))
-    lines = [r"\begin{adjustbox}{max width=\linewidth}", rf"\begin{{tabular}}{{@{{}}{layout}@{{}}}}", r"\toprule"]
+    caption = table.caption or re.sub("[-_]", " ", table.name).capitalize()
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{escape(caption)}}}", rf"\label{{tab:{table.name}}}"]
+    lines += [r"\begin{adjustbox}{max width=\linewidth}", rf"\begin{{tabular}}{{@{{}}{layout}@{{}}}}", r"\toprule"]
     lines += [_row(escape(column.heading) for column in table.columns), r"\midrule"]
     for row in table.rows:
         lines.append(_row(_cell(table, cell) for cell in row))
@@ -95,7 +99,7 @@ def table_to_latex(table: Table) -> str:
     lines += [
         rf"\par\footnotesize\textsuperscript{{{i}}} {escape(reason)}" for i, reason in enumerate(table.reasons, 1)
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
 def escape(text: str) -> str:
@@ -121,13 +125,12 @@ def _lines(block: Block, level: int, tables: str, figures: str) -> Iterator[str]
         case Code():
             yield from _code(block)
         case Table():
-            caption = [rf"\caption{{{escape(block.caption)}}}"] if block.caption else []
-            yield from (r"\begin{table}[H]", r"\centering", *caption)
-            yield from (rf"\input{{{tables}/{block.name}.tex}}", r"\end{table}")
+            yield rf"\input{{{tables}/{block.name}.tex}}"
         case Figure():
             yield from (r"\begin{figure}[H]", r"\centering")
             yield rf"\includegraphics[max width=\linewidth]{{{figures}/{block.name}.pdf}}"
-            yield from (rf"\caption{{{escape(f'{block.title}. {block.caption}')}}}", r"\end{figure}")
+            yield rf"\caption{{{escape(f'{block.title}. {block.caption}')}}}"
+            yield from (rf"\label{{fig:{block.name}}}", r"\end{figure}")
 
 
 def _items(block: Items) -> Iterator[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import ComparedResult, OverallChange
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
+from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, short
@@ -45,6 +45,7 @@ def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[
         )
     for metric, items in comparison.by_metric():
         yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, colours, metric, items)))
+    yield from reproduction(comparison)
     if comparison.gates:
         yield Section("Limits", (*_gates(comparison),))
     if several:
@@ -66,6 +67,12 @@ def _section(
         yield from (*figures, Section("Each difference", (table, explained), folded=True))
     else:
         yield from (table, explained, *figures)
+
+
+def reproduction(comparison: Comparison) -> Iterator[Block]:
+    """The commands that make it again, where they are known."""
+    if comparison.commands:
+        yield Section("Reproduce", (Code("\n".join(comparison.commands), "sh"),))
 
 
 def _how(result: ComparedResult) -> str:

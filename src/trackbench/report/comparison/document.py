@@ -57,7 +57,8 @@ def _group_text(
 ) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.blocks(comparison, colours, reports, times=times)
-        return "Comparison of trackers", ranking.lead(comparison), tuple(blocks)
+        again = differences.reproduction(comparison)
+        return "Comparison of trackers", ranking.lead(comparison), (*blocks, *again)
     blocks = differences.blocks(comparison, colours, reports)
     return f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks)
 
