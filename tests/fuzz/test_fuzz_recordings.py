@@ -25,23 +25,59 @@ ROWS = [
     for i, name in enumerate(["a", "b"])
     for x, y in [(10 + 5 * i + 0.4 * k, 3 - 4 * i + 0.025 * k)]
 ]
+#: Of the same motion as boxes, with a don't-care box; and detections with a false alarm in each scan.
+BOX_HEAD = ["t", "who", "type", "x", "y", "vx", "vy", "yaw", "l", "w"]
+BOXES = [
+    *([t, name, "car", x, y, vx, vy, 0.06, 4.5, 1.8] for t, name, x, y, vx, vy, *_ in ROWS),
+    *([k * 0.05, "", "DontCare", 30.0, -8.0, 0, 0, 0.0, 10, 5] for k in range(30)),
+]
+SCAN_HEAD = ["t", "who", "r", "az", "rr"]
+SCANS = [
+    *([t, name, *polar] for t, name, _, _, _, _, *polar in ROWS),
+    *([k * 0.05, "", 40.0 - k, 0.02 * k, -3.0] for k in range(30)),
+]
 UDACITY = "\n".join(synthetic_lines(40))
 RADAR = {"type": "radar", "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1}
 LIDAR = {"type": "lidar", "position_sigma_m": 0.15}
 TRACKERS = {"raw": {"use": "raw"}, "ekf": {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3}}
 COLUMNS = {"time": "t", "object": "who", "px": "x", "py": "y", "vx": "vx", "vy": "vy"}
 READINGS = {"front": {"range": "r", "azimuth": "az", "range_rate": "rr"}}
+BOX_COLUMNS = {**COLUMNS, "class": "type", "heading": "yaw", "length": "l", "width": "w"}
+REFERENCE = {
+    "point": "rear_bumper",
+    "region": [[0, -20], [60, -20], [60, 20], [0, 20]],
+    "range_m": 50,
+    "classes": ["car"],
+    "ignore": {"type": ["DontCare"]},
+}
+GNN = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, "associate": {"method": "gnn"}}
 #: Of the cases that are valid, these shares are run and audited.
 RUN, AUDIT = 0.3, 0.1
 
 
 def scenario(form: str, file: Path, name: str) -> dict[str, Any]:
+    if form in ("boxes", "labels"):
+        return of_boxes(file, name, labelled=form == "labels")
     truth = {"source": "recording", "format": form, "path": file.name}
     if form != "udacity":
         truth |= {"columns": COLUMNS, "readings": READINGS}
     lidar = LIDAR if form == "udacity" else {**LIDAR, "rate_hz": 10}
     sensors = {"front": RADAR, "roof": lidar}
     return {"name": name, "truth": truth, "sensors": sensors, "trackers": TRACKERS, "monte_carlo": {"runs": 1}}
+
+
+def of_boxes(file: Path, name: str, *, labelled: bool) -> dict[str, Any]:
+    """Hidden identities with a reference; where ``labelled``, a blank object is a false alarm."""
+    readings = {"path": "scans.csv", **READINGS["front"], **({"object": "who"} if labelled else {})}
+    truth = {"source": "recording", "format": "csv", "path": file.name, "columns": BOX_COLUMNS, "reference": REFERENCE}
+    return {
+        "name": name,
+        "truth": {**truth, "readings": {"front": readings}},
+        "sensing": {"identities": "hidden"},
+        "sensors": {"front": {**RADAR, "fov_deg": 120, "max_range_m": 80, "occlusion": True}},
+        "trackers": {"gnn": GNN},
+        "monte_carlo": {"runs": 1},
+    }
 
 
 def udacity(chance: random.Random, file: Path) -> None:
@@ -55,7 +91,21 @@ def udacity(chance: random.Random, file: Path) -> None:
 
 
 def comma_separated(chance: random.Random, file: Path) -> None:
-    rows: list[list[Any]] = [list(HEAD), *map(list, ROWS)]
+    _table(chance, file, HEAD, ROWS)
+
+
+def boxes(chance: random.Random, file: Path) -> None:
+    """One of the two files is damaged."""
+    tables = [(file, BOX_HEAD, BOXES), (file.with_name("scans.csv"), SCAN_HEAD, SCANS)]
+    chance.shuffle(tables)
+    _table(chance, *tables[0])
+    sound, head, rows = tables[1]
+    with sound.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream).writerows([head, *rows])
+
+
+def _table(chance: random.Random, file: Path, head: list[str], content: list[list[Any]]) -> None:
+    rows: list[list[Any]] = [list(head), *map(list, content)]
     text = io.StringIO()
     if chance.random() < 0.5:
         _edit_cells(chance, rows)
@@ -101,19 +151,23 @@ FORMATS: dict[str, Callable[[random.Random, Path], None]] = {
     "parquet": parquet,
     "udacity": udacity,
 }
+OF_BOXES: dict[str, Callable[[random.Random, Path], None]] = {"boxes": boxes, "labels": boxes}
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_mutated_recordings(tried: Tried, tmp_path: Path) -> None:
+@pytest.mark.parametrize("forms", [FORMATS, OF_BOXES], ids=["labelled", "boxes"])
+def test_mutated_recordings(
+    tried: Tried, tmp_path: Path, forms: dict[str, Callable[[random.Random, Path], None]]
+) -> None:
     valid = 0
-    for form in FORMATS:
+    for form in forms:
         text = yaml.safe_dump(scenario(form, tmp_path / f"log.{form}", form))
         (tmp_path / f"{form}.yaml").write_text(text)
     for case in cases(100):
         chance = random.Random(case)
-        form = chance.choice(list(FORMATS))
+        form = chance.choice(list(forms))
         file = tmp_path / f"{form}.yaml"
-        FORMATS[form](chance, tmp_path / f"log.{form}")
+        forms[form](chance, tmp_path / f"log.{form}")
         if tried(case, "check", file) == 0:
             valid += 1
             if chance.random() < RUN:

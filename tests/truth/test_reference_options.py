@@ -173,6 +173,18 @@ def test_positions_and_velocities_are_moved_to_the_centre(
     np.testing.assert_array_equal([truth.length, truth.width], [[4], [2]])
 
 
+@pytest.mark.parametrize("point", ["centre", "rear_bumper"])
+def test_without_columns_of_the_velocity_it_is_that_of_the_displacement(tmp_path: Path, point: str) -> None:
+    rows = [[t, "a", "car", 1, 20 + 3 * t, 2 * t, "", "", 0.3, 4, 2] for t in TIMES.tolist()]
+    file = write(tmp_path, rows, detections("a"), {"point": point}, {"vx": None, "vy": None})
+    truth = truth_in(file)
+    np.testing.assert_allclose(truth.vx, 3)
+    np.testing.assert_allclose(truth.vy, 2)
+    file.write_text(file.read_text().replace("identities: hidden", "identities: known"))
+    with pytest.raises(InputError, match=r"truth.columns: the velocity is missing: write vx and vy, or speed and"):
+        truth_in(file)
+
+
 def test_the_noise_of_the_reference_is_found_and_carried(tmp_path: Path) -> None:
     random = np.random.default_rng(5)
     rows = [
@@ -183,6 +195,9 @@ def test_the_noise_of_the_reference_is_found_and_carried(tmp_path: Path) -> None
     assert truth.recorded_noise.position_m == pytest.approx(0.2, rel=0.1)
     assert truth.recorded_noise.velocity_mps == pytest.approx(0, abs=1e-9)
     assert truth.source["recorded_noise"] == truth.recorded_noise._asdict()
+    # A velocity that is made of the positions has their noise.
+    truth = truth_in(write(tmp_path, rows, detections("a"), columns={"vx": None, "vy": None}))
+    assert truth.recorded_noise.velocity_mps == pytest.approx(0.2 / (np.sqrt(2) * 0.1), rel=0.1)
 
 
 def test_a_blank_object_is_a_false_alarm_where_identities_are_hidden(tmp_path: Path) -> None:

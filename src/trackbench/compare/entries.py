@@ -110,7 +110,8 @@ class Entry:
             needed = f"at least {2 * SHORTEST:g} s, for two stretches of time, or several logs"
             return f"{seconds:.2g} s of a single run give no interval: record {needed}"
         if summary.identities == "hidden":
-            return "a single run with hidden identities gives no interval: pool several logs, or take more runs"
+            what = "cut a log by truth.stretches, pool several logs, or take more runs"
+            return f"a single run with hidden identities gives no interval: {what}"
         return "a single run of another version gives no interval: run it again"
 
     def interval(

@@ -77,6 +77,8 @@ def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem
     if known and truth.without_truth:
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)
+    if known and truth.columns is not None and truth.columns.without_velocity:
+        yield Problem(("truth", "columns"), "the velocity is missing: write vx and vy, or speed and course")
     own = truth if known else truth.with_hidden_identities()
     unlabelled = [name for name in truth.measurements if own.unlabelled(name)]
     for name, columns in truth.measurements.items():

@@ -79,12 +79,16 @@ class MotionColumns(Config):
         """The columns that are given, by key."""
         return {key: value for key, value in self if key in MOTION_QUANTITIES and value is not None}
 
-    def velocity_problems(self, required: bool) -> Iterator[Problem]:
+    @property
+    def without_velocity(self) -> bool:
+        """Whether there are positions alone."""
+        return all(getattr(self, key) is None for pair in VELOCITY for key in pair)
+
+    def velocity_problems(self) -> Iterator[Problem]:
         """What is wrong with how the velocity is given."""
         pairs = [pair for pair in VELOCITY if any(getattr(self, key) is not None for key in pair)]
-        if len(pairs) > 1 or (required and not pairs):
-            how = "is given twice" if pairs else "is missing"
-            yield Problem((), f"the velocity {how}: write vx and vy, or speed and course")
+        if len(pairs) > 1:
+            yield Problem((), "the velocity is given twice: write vx and vy, or speed and course")
             return
         for key in [key for pair in pairs for key in pair if getattr(self, key) is None]:
             yield Problem((key,), f"missing: a velocity is {' and '.join(pairs[0])}")
@@ -104,14 +108,17 @@ class ObserverColumns(MotionColumns):
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "yaw")
 
     def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems(required=False)
+        yield from self.velocity_problems()
         if self.path is None and self.time is not None:
             yield Problem(("time",), "the truth's rows have one time; remove this, or name the observer's file in path")
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in ("time", *self.given)})
 
 
 class TruthColumns(MotionColumns):
-    """Names of the columns that hold the true motion. The velocity is vx and vy, or speed and course."""
+    """Names of the columns that hold the true motion. The velocity is vx and vy, or speed and course.
+
+    With hidden identities it may be left out; then it is that of the displacement.
+    """
 
     time: str = Field(description="Time.")
     object: str | None = Field(None, description="Name of the object; all rows are of one object unless given.")
@@ -130,7 +137,7 @@ class TruthColumns(MotionColumns):
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "course")
 
     def problems(self) -> Iterator[Problem]:
-        yield from self.velocity_problems(required=True)
+        yield from self.velocity_problems()
         yield from unit_problems(self.units, {key: MOTION_QUANTITIES[key] for key in self.given})
 
 

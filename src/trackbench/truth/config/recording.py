@@ -87,6 +87,7 @@ class RecordingOptions(TruthSource):
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
     _stretch: int | None = PrivateAttr(None)
+    _whole: list[Any] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="before")
     @classmethod
@@ -111,6 +112,16 @@ class RecordingOptions(TruthSource):
         if self._stretch is None:
             return self._log_name
         return f"{self._log_name or 'stretch'} {self._stretch + 1}"
+
+    @property
+    def log_name(self) -> str:
+        """What tells the log from the others; empty where there is one."""
+        return self._log_name
+
+    @property
+    def whole(self) -> list[Any]:
+        """The content of the log, once it was read for one of its stretches; shared by all of them."""
+        return self._whole
 
     @property
     def stretch(self) -> int | None:
@@ -138,7 +149,12 @@ class RecordingOptions(TruthSource):
         paths = [path for path in self._paths().values() if isinstance(path, list)]
         logs = [self._log(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
         if self.stretches is not None and self._stretch is None:
-            logs = [log._with(_stretch=number) for log in logs for number in range(self.stretches)]
+            shared: list[list[Any]] = [[] for _ in logs]
+            logs = [
+                log._with(_stretch=number, _whole=whole)
+                for log, whole in zip(logs, shared, strict=True)
+                for number in range(self.stretches)
+            ]
         return tuple(scene._with(_every=slice(None)) for scene in logs[self._every])
 
     def unlabelled(self, sensor: str) -> bool:

@@ -48,10 +48,20 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
+    if config.stretch is None or config.stretches is None:
+        return _load(config, kinds, folder)
+    if not config.whole:
+        config.whole.append(_load(config, kinds, folder))
+    truth, measurements, lines = config.whole[0]
+    cut = stretch(truth, measurements, config.stretch, config.stretches)
+    return Recording(*cut, lines if config.stretch == 0 else ())
+
+
+def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
     from trackbench.truth.recorded import unlabelled
 
     if config.without_truth:
-        return _stretch(config, Recording(*unlabelled.load(config, kinds, folder)))
+        return Recording(*unlabelled.load(config, kinds, folder))
     drive = read(config, kinds, folder)
     clipped = drive.clipped()
     require_measurements(drive, clipped)
@@ -70,14 +80,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
         # Objects have numbers of their own.
         result |= {name: detections(of.without_slots(), times) for name, of in drive.detections.items()}
         lines += scan_notes(drive.detections, times, "truth")
-    return _stretch(config, Recording(truth, result, tuple(lines)))
-
-
-def _stretch(config: RecordingOptions, recording: Recording) -> Recording:
-    if config.stretch is None or config.stretches is None:
-        return recording
-    cut = stretch(recording.truth, recording.measurements, config.stretch, config.stretches)
-    return Recording(*cut, recording.notes if config.stretch == 0 else ())
+    return Recording(truth, result, tuple(lines))
 
 
 def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:

@@ -321,7 +321,7 @@ def carrier(motion: Motion, times: Array) -> Observer:
     """A recorded observer at ``times``; its heading is interpolated the short way round."""
     assert motion.heading is not None
     yaw = np.unwrap(motion.heading)
-    rate = _slope(yaw, motion.time) if motion.yaw_rate is None else motion.yaw_rate
+    rate = slope(yaw, motion.time) if motion.yaw_rate is None else motion.yaw_rate
 
     def at(values: Array) -> Array:
         return np.interp(times, motion.time, values)
@@ -336,7 +336,7 @@ def _on_grid(motion: Motion, times: Array) -> dict[str, Array]:
     vx, vy = at(motion.vx), at(motion.vy)
     course = np.arctan2(vy, vx)
     heading = course if motion.heading is None else wrap_angle(at(np.unwrap(motion.heading)))
-    turning = _slope(np.unwrap(course if motion.heading is None else heading), times)
+    turning = slope(np.unwrap(course if motion.heading is None else heading), times)
     speed = np.hypot(vx, vy)
     return {
         "px": at(motion.px),
@@ -344,10 +344,11 @@ def _on_grid(motion: Motion, times: Array) -> dict[str, Array]:
         "heading": heading,
         "course": course,
         "speed": speed,
-        "acceleration": _slope(speed, times),
+        "acceleration": slope(speed, times),
         "yaw_rate": turning if motion.yaw_rate is None else at(motion.yaw_rate),
     }
 
 
-def _slope(values: Array, times: Array) -> Array:
+def slope(values: Array, times: Array) -> Array:
+    """``(steps,)`` rate of change; zero of a single value."""
     return np.gradient(values, times) if len(times) > 1 else np.zeros_like(values)

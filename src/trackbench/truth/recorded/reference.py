@@ -12,7 +12,7 @@ from trackbench.base.units import wrap_angle
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import TruthColumns
 from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
-from trackbench.truth.recorded.drive import Drive, Motion
+from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.noise import noise_of
 from trackbench.truth.recorded.rows import Rows
 
@@ -46,8 +46,7 @@ def moved_to_centre(motion: Motion, config: RecordingOptions) -> Motion:
     if motion.heading is None or not np.any(ahead):
         return motion
     heading = np.unwrap(motion.heading)
-    turning = np.gradient(heading, motion.time) if len(motion.time) > 1 else np.zeros(1)
-    turning = turning if motion.yaw_rate is None else motion.yaw_rate
+    turning = slope(heading, motion.time) if motion.yaw_rate is None else motion.yaw_rate
     x, y = ahead * np.cos(heading), ahead * np.sin(heading)
     return motion._replace(px=motion.px + x, py=motion.py + y, vx=motion.vx - turning * y, vy=motion.vy + turning * x)
 

@@ -22,7 +22,7 @@ from trackbench.truth.config.columns import (
     Units,
 )
 from trackbench.truth.config.logs import find
-from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
+from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order, slope
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
 from trackbench.truth.recorded.rows import Rows, read, seconds_from, time_stamps
 from trackbench.truth.recorded.scans import Scans, columns_of, measured, scans_of
@@ -128,18 +128,28 @@ def _motions(
     owner = np.array([number[name] for name in names], dtype=np.intp)
     kept, order = row_order(seconds, owner)
     members = {name: kept[owner[kept] == i] for i, name in enumerate(ids)}
-    motions = {name: Motion(seconds[own], **{key: v[own] for key, v in value.items()}) for name, own in members.items()}
-    return {name: moved_to_centre(motion, config) for name, motion in motions.items()}, order
+    value = {**dict.fromkeys(("vx", "vy"), np.zeros(len(table))), **value}
+    motions = {
+        name: moved_to_centre(Motion(seconds[own], **{key: v[own] for key, v in value.items()}), config)
+        for name, own in members.items()
+    }
+    if columns.without_velocity:
+        motions = {name: _by_displacement(motion) for name, motion in motions.items()}
+    return motions, order
+
+
+def _by_displacement(motion: Motion) -> Motion:
+    """The motion with the velocity of its displacement."""
+    return motion._replace(vx=slope(motion.px, motion.time), vy=slope(motion.py, motion.time))
 
 
 def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units: Units) -> Motion:
     kept, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
     time = seconds[kept]
     value = {key: column[kept] for key, column in _values(table, columns, units, columns.units).items()}
-    for key, position in (("vx", "px"), ("vy", "py")):
-        if key not in value:
-            value[key] = np.gradient(value[position], time) if len(time) > 1 else np.zeros(1)
-    return Motion(time, value["px"], value["py"], value["vx"], value["vy"], value["yaw"], value.get("yaw_rate"))
+    value["heading"] = value.pop("yaw")
+    motion = Motion(time, **{**dict.fromkeys(("vx", "vy"), np.zeros(len(time))), **value})
+    return _by_displacement(motion) if columns.without_velocity else motion
 
 
 def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Array) -> None:
