@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.places import DOCS
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
@@ -20,9 +19,10 @@ from trackbench.driving.program import Program
 from trackbench.driving.remote import TrackerTrial, start
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Lidar
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
 from trackbench.trackers.config import PluginConfig
-
-EXAMPLE = DOCS / "examples" / "any-language" / "kalman_program.py"
 
 HEAD = f"""#!{sys.executable}
 import os, struct, sys, time
@@ -275,3 +275,39 @@ def test_one_that_is_no_program_says_so(tmp_path: Path) -> None:
 def test_options_that_cannot_be_told_are_bad_input(launch: Launch) -> None:
     with pytest.raises(InputError, match="cannot be told these options"):
         launch("", options={"q": {1, 2}})
+
+
+SCENARIO = """
+name: again
+truth:
+  source: scripted
+  duration_s: 3
+  rate_hz: 10
+  objects:
+    car: {start: {x: 20, y: 5, speed_mps: 5, course_deg: 0}, pieces: [{}]}
+sensors:
+  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.2}
+trackers:
+  mine: {use: {command: [./program]}}
+monte_carlo: {runs: 6, seed: 1}
+"""
+
+
+@pytest.mark.parametrize("remembers", [False, True])
+def test_what_it_remembers_of_trackers_before_is_found(tmp_path: Path, remembers: bool) -> None:
+    shift = "0.001 * message['id']" if remembers else "0"
+    body = f"""
+def answer(message):
+    x, y = array(message["measurement"])
+    send(**usual(message) | {{"mean": packed([x + {shift}, y, 0, 0])}})
+"""
+    (tmp_path / "program").write_text(HEAD + body + LOOP)
+    (tmp_path / "program").chmod(0o755)
+    (tmp_path / "again.yaml").write_text(SCENARIO)
+    loaded = load_scenario(tmp_path / "again.yaml")
+    (mine,) = run(loaded, truths_of(loaded)).json()["trackers"]
+    if not remembers:
+        assert mine["failed"] is None
+        return
+    assert "asked again in a fresh process" in mine["failed"]["cause"]
+    assert "the mean differs by up to 0.00" in mine["failed"]["cause"]

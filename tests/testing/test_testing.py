@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from tests.support.places import DOCS
 from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.testing import TrackerCheckError, check_tracker
+from trackbench.testing.rules import STATE_KEPT
 from trackbench.testing.tracker import REPEATING, RULES
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
@@ -311,3 +315,20 @@ def test_a_batch_that_cannot_wait_for_its_first_reading() -> None:
             return super().step(state, scan)
 
     assert broken(Hurries) == {BATCH: "IndexError: no measurement"}
+
+
+def test_a_program_is_checked_by_its_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = files("trackbench.subjects.templates").joinpath("languages", "tracker_program.py.j2").read_text()
+    (tmp_path / "program.py").write_text(source)
+    monkeypatch.chdir(tmp_path)
+    use = {"command": [sys.executable, "program.py"]}
+    rules = {check.rule for check in check_tracker(use, acceleration=2.0)}
+    assert "does not disturb another tracker" in rules
+    assert STATE_KEPT not in rules
+    (tmp_path / "program.py").write_text(source.replace('states[message["id"]] = time', "states[1] = time"))
+    with pytest.raises(TrackerCheckError, match="follows a target in plain sight"):
+        check_tracker(use)
+    with pytest.raises(InputError, match=r"did you mean ../program.py"):
+        check_tracker({"command": ["program.py"]})
+    with pytest.raises(InputError, match="write a published name"):
+        check_tracker({"comand": []})

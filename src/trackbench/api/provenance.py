@@ -18,7 +18,6 @@ from trackbench.results.provenance import Provenance
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import is_shipped
 from trackbench.trackers.config import PluginConfig
-from trackbench.trackers.foreign import Command
 from trackbench.trackers.published import TRACKERS
 
 #: How long git may take, s.
@@ -90,7 +89,7 @@ def _code_of_trackers(loaded: Scenario) -> dict[str, str | None]:
         if own and use:
             references.add(use if at_hand.source_of(use) else f"{TRACKERS.home_of(use)}:")
         sources = dict(filter(None, (_source(reference, folder) for reference in references)))
-        if isinstance(tracker, PluginConfig) and isinstance(tracker.use, Command):
+        if isinstance(tracker, PluginConfig) and not isinstance(tracker.use, str):
             sources |= {str(file): file.read_bytes() for file in tracker.use.files(folder)}
         if own or sources:
             code[name] = _sha256(sources)

@@ -26,7 +26,7 @@ from trackbench.driving.wire import Arrays, receive_request, send_answer
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.published import check_options, create
+from trackbench.trackers.library import check_entry, maker
 
 #: The keys of a request that are no arguments of its method.
 PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd", "classes")
@@ -52,9 +52,9 @@ class Host:
         answer: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**arguments)
         return answer
 
-    def check(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+    def check(self, config: PluginConfig, folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """Import the tracker and hold its options against what it declares."""
-        check_options(use, options, folder)
+        check_entry(config, folder)
         return {}, {}
 
     def start(
@@ -64,9 +64,9 @@ class Host:
         stepper = local(config, folder, batch, lambda tracker: tracker, several)
         return {"number": self._keep(stepper), **stepper.traits._asdict()}, {}
 
-    def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+    def fresh(self, config: PluginConfig, folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
-        alone = Alone(create(use, options, folder))
+        alone = Alone(maker(config, folder))
         if isinstance(alone.tracker, FilterTracker):
             refuse_truth(alone.tracker)
         number = self._keep(alone)

@@ -20,7 +20,7 @@ from trackbench.models.sensors import Sensor
 from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
-from trackbench.trackers.published import check_options, create
+from trackbench.trackers.library import check_entry, maker
 
 #: Stands for the state of a tracker that has it in its process.
 KEPT_THERE = "kept in the tracker's process"
@@ -46,22 +46,22 @@ class TrackerTrial:
         if isinstance(self._config.use, Command):
             self._config.use.resolved(self._folder)
         elif self._process is None:
-            check_options(self._config.use, self._config.options, self._folder)
+            check_entry(self._config, self._folder)
         else:
             self._process.ask("check", **_named(self._config, self._folder))
 
     def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:
-        """Start it for one member; a program is told the sensors, and whether there are several objects.
+        """Start it for one member; what is no class of Python is told the sensors, and of several objects.
 
         Raises:
             InputError: it does not start.
             TrackFault: its process ended.
         """
+        several = several and not isinstance(self._config.use, str)
         if self._process is None:
-            several = several and is_program(self._config)
             start(self._config, self._folder, 1, lambda tracker: tracker, self._isolation, several, sensors).close()
         else:
-            RemoteStepper(self._process, self._config, self._folder, 1, several=False)
+            RemoteStepper(self._process, self._config, self._folder, 1, several)
 
     def close(self) -> None:
         """End its process."""
@@ -98,7 +98,7 @@ def start(
     assert isinstance(config, PluginConfig)
     if is_program(config):
         return ProgramStepper(Program(config, folder, isolation, several, batch, sensors), batch, several)
-    process = TrackerProcess(isolation, config.reference, batch)
+    process = TrackerProcess(isolation, str(config.use), batch)
     try:
         return RemoteStepper(process, config, folder, batch, several)
     except BaseException:
@@ -119,7 +119,7 @@ def fresh_tracks(
     if isinstance(config, PluginConfig) and is_program(config):
         make = partial(ProgramStepper, Program(config, folder, isolation, several=True), 1, several=True)
     elif isinstance(config, PluginConfig) and isolation.of(config):
-        process = TrackerProcess(isolation, config.reference, 1)
+        process = TrackerProcess(isolation, str(config.use), 1)
         make = partial(RemoteStepper, process, config, folder, 1, several=True)
     make()
     return make
@@ -135,8 +135,8 @@ def fresh(config: PluginConfig, folder: Path | None, isolation: Isolation) -> Ca
     if is_program(config):
         return partial(ProgramTracker, Program(config, folder, isolation, several=False))
     if not isolation.of(config):
-        return create(config.reference, config.options, folder)
-    process = TrackerProcess(isolation, config.reference)
+        return maker(config, folder)
+    process = TrackerProcess(isolation, str(config.use))
     make = partial(RemoteTracker.fresh, process, _named(config, folder))
     make()
     return make
@@ -218,7 +218,7 @@ class RemoteTracker:
 
 
 def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
-    return {"use": config.reference, "options": config.options, "folder": folder}
+    return {"config": config, "folder": folder}
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:

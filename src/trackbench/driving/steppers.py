@@ -28,8 +28,8 @@ from trackbench.trackers.answers import (
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker, TrackState
+from trackbench.trackers.library import maker
 from trackbench.trackers.multi import MultiObjectTracker, build_multi
-from trackbench.trackers.published import create
 
 
 class Traits(NamedTuple):
@@ -93,7 +93,7 @@ def local(
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(prepare(build(config)))
-    make = create(config.reference, config.options, folder)
+    make = maker(config, folder, several)
     tracker = make()
     if isinstance(tracker, FilterTracker) and not several:
         return Direct(prepare(refuse_truth(tracker).reading_only(config.sensors)))

@@ -15,6 +15,8 @@ from trackbench.trackers.answers import unpack
 Identities = Literal["known", "hidden"]
 #: So many scans show it.
 TRIED = 20
+#: The rule of those that are given their state.
+STATE_KEPT = "leaves the state that it is given as it is"
 OF_OTHER_KIND: Mapping[Identities, str] = {
     "known": 'it follows several objects: say identities="hidden"',
     "hidden": 'it follows one object: leave identities="hidden" out',

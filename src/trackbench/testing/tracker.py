@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from itertools import dropwhile
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from trackbench.base import linalg
+from trackbench.base.config.explain import explain
+from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.alone import Stateful
+from trackbench.driving.faults import TrackFault
+from trackbench.driving.isolation import ISOLATED, is_program
+from trackbench.driving.program import Program
+from trackbench.driving.program_steppers import ProgramTracker
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.rules import (
     LOST,
     NOISE,
     OF_OTHER_KIND,
+    STATE_KEPT,
     Identities,
     TrackerCheckError,
     answers,
@@ -27,7 +36,8 @@ from trackbench.testing.rules import (
     side_by_side,
 )
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, is_random
-from trackbench.trackers.published import create
+from trackbench.trackers.config import PluginConfig
+from trackbench.trackers.library import maker
 
 Make = Callable[[], Tracker]
 
@@ -41,11 +51,14 @@ class Check:
     """None where it is kept."""
 
 
-def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "known", **options: Any) -> list[Check]:
+def check_tracker(
+    use: str | Mapping[str, Any] | Callable[..., Any], *, identities: Identities = "known", **options: Any
+) -> list[Check]:
     """Try a tracker on short synthetic drives, as the bench would use it.
 
     Args:
-        use: its class, a published name or ``"module:Class"``.
+        use: its class, a published name or ``"module:Class"``; of a program ``{"command": ["./my_tracker"]}``, of a
+            library ``{"library": "./mine.so"}``, each as a scenario in the working directory names it.
         identities: ``hidden`` for a tracker of several objects, whose detections say nothing of their origin.
         options: what a scenario would give it.
 
@@ -57,10 +70,41 @@ def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "kn
         InputError: the tracker cannot be imported or started, or ``identities`` is another word.
     """
     require_known(identities)
-    make = create(use, options) if isinstance(use, str) else partial(use, **options)
+    with ExitStack() as programs:
+        return _checked(_maker(use, identities, options, programs), identities, own_state=not isinstance(use, Mapping))
+
+
+def _maker(
+    use: str | Mapping[str, Any] | Callable[..., Any],
+    identities: Identities,
+    options: dict[str, Any],
+    programs: ExitStack,
+) -> Make:
+    """What makes fresh trackers; a program that serves them ends with ``programs``."""
+    if callable(use):
+        return partial(use, **options)
+    several = identities == "hidden"
+    try:
+        config = PluginConfig.model_validate({"use": use, "options": options})
+    except ValidationError as invalid:
+        raise InputError(explain(invalid.errors(include_url=False), PluginConfig)[0][1], key="use") from None
+    if not is_program(config):
+        return maker(config, None, several)
+    try:
+        program = Program(config, None, ISOLATED, several)
+    except TrackFault as fault:
+        raise InputError(f"cannot start {str(config.use)!r}: {fault}", key="use") from fault
+    programs.callback(program.close)
+    return partial(ProgramTracker, program, several)
+
+
+def _checked(make: Make, identities: Identities, *, own_state: bool) -> list[Check]:
     rules, repeating = (RULES, REPEATING) if identities == "known" else (tracks.RULES, tracks.REPEATING)
     if not _draws(make):
         rules = rules | repeating
+    if not own_state:
+        # It is in the program or library, which is not given one.
+        rules = {rule: test for rule, test in rules.items() if rule != STATE_KEPT}
     checks = [Check(rule, _problem(test, make)) for rule, test in rules.items()]
     broken: dict[str, list[str]] = {}
     for check in checks:
@@ -241,9 +285,7 @@ RULES: dict[str, Callable[[Make], object]] = {
 #: Those that compare two answers to the same.
 REPEATING: dict[str, Callable[[Make], object]] = {
     "gives the same estimates every time": _is_deterministic,
-    "leaves the state that it is given as it is": lambda make: require_state_kept(
-        make(), _usual()[:40], checked, "estimate", "another estimate"
-    ),
+    STATE_KEPT: lambda make: require_state_kept(make(), _usual()[:40], checked, "estimate", "another estimate"),
     "does not disturb another tracker": _stands_alone,
     "gives a batch the same estimates as single targets (if batched)": _batch_is_loop,
 }

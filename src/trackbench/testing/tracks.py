@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.testing.rules import LOST, NOISE, TrackerCheckError, require_state_kept, side_by_side
+from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, require_state_kept, side_by_side
 from trackbench.trackers.answers import TRACKS, checked_tracks, tracks_of_run
 
 Make = Callable[[], Any]
@@ -179,8 +179,6 @@ RULES: dict[str, Callable[[Make], object]] = {
 REPEATING: dict[str, Callable[[Make], object]] = {
     "gives the same tracks whatever the order of the detections": _order_means_nothing,
     "gives the same tracks every time": _is_deterministic,
-    "leaves the state that it is given as it is": lambda make: require_state_kept(
-        make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks"
-    ),
+    STATE_KEPT: lambda make: require_state_kept(make(), hidden_drive()[:40], checked_tracks, TRACKS, "other tracks"),
     "gives a batch the same tracks as single runs (if batched)": _batch_is_loop,
 }

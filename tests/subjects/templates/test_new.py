@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.languages import EIGEN
 
 Cli = Callable[..., Any]
 
@@ -182,3 +185,46 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path, cli: Cli) -> None:
     assert done.status == 2
     assert done.err == "mine.yaml is there already: use another name\n"
     assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", ["cpp", "cpp-eigen", "c", "python-program"])
+def test_a_tracker_in_another_language_is_built_and_runs_as_printed(
+    tmp_path: Path, cli: Cli, trackbench: str, language: str
+) -> None:
+    """As printed: its commands, in the folder where it was written."""
+    if shutil.which("make") is None or (language != "python-program" and shutil.which("g++") is None):
+        pytest.skip("there is no compiler, or no make")
+    if language == "cpp-eigen" and EIGEN is None:
+        pytest.skip("Eigen is not installed")
+    written = cli("new", "tracker", "mine", "--language", language)
+    assert written.status == 0, written.err
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    environment = os.environ | {"CPPFLAGS": f"-isystem{EIGEN}", "PATH": path}
+    commands = [line.split() for line in written.out.splitlines() if line.startswith(("  make", "  trackbench run"))]
+    assert len(commands) == (1 if language == "python-program" else 2)
+    for command in commands:
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "results" / "mine" / "result.json").read_text())
+    mine, ekf = (next(entry for entry in result["trackers"] if entry["name"] == name) for name in ("mine", "ekf"))
+    assert mine["failed"] is None
+    error, usual = (entry["metrics"]["position_rmse"]["value"] for entry in (mine, ekf))
+    assert error < (6 if language == "c" else 1.5) * usual
+    use = {"command": ["python3", "mine.py"] if language == "python-program" else ["./mine"]}
+    code = f"from trackbench.testing import check_tracker; check_tracker({use!r})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_trackers_of_a_folder_share_the_headers_and_nothing_else(tmp_path: Path, cli: Cli) -> None:
+    for name in ("one", "two"):
+        assert cli("new", "tracker", name, "--language", "cpp").status == 0
+    assert "one.yaml is there already" in cli("new", "tracker", "one", "--language", "c").err
+    assert not (tmp_path / "one.c").exists()
+    (tmp_path / "trackbench.h").write_text("my own")
+    assert "trackbench.h is there already" in cli("new", "tracker", "three", "--language", "c").err
+
+
+def test_a_language_goes_with_a_tracker_in_it(cli: Cli) -> None:
+    assert "--language goes with a tracker in c, not with metric" in cli("new", "metric", "m", "--language", "c").err

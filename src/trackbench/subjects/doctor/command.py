@@ -70,8 +70,9 @@ def doctor_command(
 ) -> None:
     """Find the faults of a tracker, with evidence.
 
-    TRACKER is SCENARIO#NAME, module:Class or a published name. It is tried on single measurements and on test
-    drives, each of which shows one kind of fault, and compared with a reference.
+    TRACKER is SCENARIO#NAME, module:Class, a published name, or a program or shared library by its path. It is
+    tried on single measurements and on test drives, each of which shows one kind of fault, and compared with a
+    reference.
 
     \b
     Examples:
@@ -79,6 +80,7 @@ def doctor_command(
       trackbench doctor my_tracker:Tracker --option sigma=3
       trackbench doctor my_tracker:Tracker --no-misses --skip gate
       trackbench doctor my_tracks:Tracker --identities hidden
+      trackbench doctor "./my_tracker --q 2"
 
     \b
     Exit status:

@@ -22,6 +22,7 @@ from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.foreign import use_of
 from trackbench.trackers.initial import InitialConfig
 from trackbench.truth.config import FixedObserver, HighwayOptions
 
@@ -54,7 +55,7 @@ def subject(
     isolation: Isolation = ISOLATED,
     identities: Identities | None = None,
 ) -> ExaminedTracker:
-    """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
+    """The tracker named by ``SCENARIO#NAME``, ``module:Attr``, a published name or the command of a program.
 
     Args:
         target: the name.
@@ -83,7 +84,7 @@ def subject(
         own_subject = _of_scenario(loaded, name, options, None if other is None else sensors, isolation)
         return own_subject if own_subject.multi_object else _observed(own_subject, other or loaded)
     folder = None if scenario is None else scenario.resolve().parent
-    tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
+    tracker = PluginConfig.model_validate({"use": use_of(target), "options": dict(options)})
     if identities == "hidden":
         return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
     alone = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))

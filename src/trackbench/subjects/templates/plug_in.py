@@ -18,6 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.plugins import attribute, classes, explained, searched
 from trackbench.cli.options import NearestChoice
 from trackbench.metrics.registry import unfit_name
+from trackbench.subjects.templates.language import LANGUAGES, PYTHON
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
 KINDS: Mapping[str, Mapping[str, str]] = {
@@ -39,16 +40,16 @@ KINDS: Mapping[str, Mapping[str, str]] = {
 
 #: How a scenario names a new plug-in of each kind.
 NAMED = {
-    "tracker": '  trackers: {{mine: {{use: "{use}"}}}}',
-    "multi-tracker": '  trackers: {{mine: {{use: "{use}"}}}}  # with sensing: {{identities: hidden}}',
-    "motion-model": '  trackers: {{mine: {{filter: ekf, motion: "{use}", ...}}}}',
-    "sensor": '  sensors: {{front: {{type: "{use}", rate_hz: 10, ...}}}}',
-    "truth": '  truth: {{source: "{use}", duration_s: 20, rate_hz: 20, ...}}',
-    "metric": '  score: {{metrics: ["{use}"]}}',
+    "tracker": "  trackers: {{mine: {{use: {use}}}}}",
+    "multi-tracker": "  trackers: {{mine: {{use: {use}}}}}  # with sensing: {{identities: hidden}}",
+    "motion-model": "  trackers: {{mine: {{filter: ekf, motion: {use}, ...}}}}",
+    "sensor": "  sensors: {{front: {{type: {use}, rate_hz: 10, ...}}}}",
+    "truth": "  truth: {{source: {use}, duration_s: 20, rate_hz: 20, ...}}",
+    "metric": "  score: {{metrics: [{use}]}}",
 }
 
 
-def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path]:
+def new(kind: str, name: str, out: Path, around: str | None = None, language: str = PYTHON) -> list[Path]:
     """Write the files of a new plug-in.
 
     Args:
@@ -56,13 +57,14 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
         name: of the module; the class is named after it, and a metric in results too.
         out: the folder, made if there is none.
         around: ``"module:Class"`` of a filter with ``predict`` and ``update`` that the tracker runs.
+        language: of a tracker: ``python`` or one of ``LANGUAGES``.
 
     Returns:
         The files, in the order of ``KINDS``.
 
     Raises:
-        InputError: the name is no name of a module, a file is there already, or the filter cannot be wrapped. Nothing
-            is written then.
+        InputError: the name is no name of a module, a file with other content is there already, or the filter cannot
+            be wrapped. Nothing is written then.
     """
     if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
         raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
@@ -70,23 +72,43 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
         raise InputError(f"{name!r} would hide an installed module of this name: use another one")
     if around is not None and kind != "tracker":
         raise InputError(f"--around goes with a tracker, not with a {kind}")
+    if language != PYTHON and (kind != "tracker" or around is not None):
+        raise InputError(f"--language goes with a tracker in {language}, not with {'--around' if around else kind}")
     if kind == "metric" and (unfit := unfit_name(name)):
         raise InputError(f"no metric can be written: {unfit}")
     filter_ = None if around is None else wrapped(around)
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
+    patterns = {pattern: f"templates/{template}" for pattern, template in KINDS[kind].items()}
+    if filter_ is not None:
+        patterns["{name}.py"] = "templates/around.py.j2"
+    if language != PYTHON:
+        patterns = dict(LANGUAGES[language].files)
+    values = {"name": name, "cls": class_name(name), "use": _named(name, language), "around": filter_}
     texts = {}
-    for pattern, template in KINDS[kind].items():
-        source = "around.py.j2" if filter_ is not None and template == "tracker.py.j2" else template
-        text = files(__package__).joinpath("templates", source).read_text(encoding="utf-8")
-        rendered = environment.from_string(text).render(name=name, cls=class_name(name), around=filter_)
-        texts[out / pattern.format(name=name)] = rendered
-    there = [str(path) for path in texts if path.exists()]
+    for pattern, template in patterns.items():
+        text = files(__package__).joinpath(*template.split("/")).read_text(encoding="utf-8")
+        text = environment.from_string(text).render(**values) if template.endswith(".j2") else text
+        texts[out / pattern.format(name=name)] = text
+    # Trackers in one folder share the headers.
+    there = [str(path) for path, text in texts.items() if path.exists() and not _has(path, text)]
     if there:
         raise InputError(f"{' and '.join(there)} {'is' if len(there) == 1 else 'are'} there already: use another name")
-    _write(texts)
+    _write({path: text for path, text in texts.items() if not path.exists()})
     return list(texts)
+
+
+def _has(path: Path, text: str) -> bool:
+    try:
+        return path.suffix in ("", ".h", ".hpp") and path.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _named(name: str, language: str) -> str:
+    """How a scenario names a new plug-in."""
+    return f'"{name}:{class_name(name)}"' if language == PYTHON else LANGUAGES[language].use.format(name=name)
 
 
 def class_name(name: str) -> str:
@@ -199,6 +221,13 @@ def _parameters(method: Any) -> list[inspect.Parameter]:
 @click.command("new")
 @click.argument("kind", type=NearestChoice(list(KINDS)), metavar="KIND")
 @click.argument("name")
+@click.option(
+    "--language",
+    type=NearestChoice([PYTHON, *LANGUAGES]),
+    default=PYTHON,
+    metavar="LANGUAGE",
+    help="Of a tracker of one object: python, cpp, cpp-eigen, c or python-program.  [default: python]",
+)
 @click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
 @click.option(
     "--out",
@@ -207,7 +236,7 @@ def _parameters(method: Any) -> list[inspect.Parameter]:
     metavar="DIR",
     help="Where to; here unless given.",
 )
-def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
+def new_command(kind: str, name: str, language: str, around: str | None, out: Path) -> None:
     """Write a plug-in of your own that works, with its test.
 
     KIND is tracker (of one object), multi-tracker (of several, with hidden identities), motion-model, sensor, truth or
@@ -217,15 +246,23 @@ def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
     Examples:
       trackbench new tracker my_tracker
       trackbench new multi-tracker my_tracks
+      trackbench new tracker my_tracker --language cpp
       trackbench new tracker my_ekf --around my_filters:Ekf
     """
-    paths = new(kind, name, out, around)
+    paths = new(kind, name, out, around, language)
     for path in paths:
         click.echo(f"written: {path}")
-    use = f"{name}:{class_name(name)}"
-    click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
-    if len(paths) > 2:
-        click.echo(f"Run it:\n  trackbench run {paths[2]}")
+    scenario = next((path for path in paths if path.suffix == ".yaml"), None)
+    if language == PYTHON:
+        click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
+    elif build := LANGUAGES[language].build:
+        place = "" if out == Path() else f" -C {out}"
+        click.echo(f"\nBuild it:\n  {build.format(name=name)}{place}")
+    if scenario is not None:
+        click.echo(f"Run it:\n  trackbench run {scenario}")
+    if language != PYTHON:
+        click.echo(f"Find its faults:\n  trackbench doctor {scenario}#mine")
+    use = _named(name, language)
     click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
     lines = decisions(paths[0])
     if lines:

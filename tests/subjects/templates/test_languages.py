@@ -1,0 +1,267 @@
+"""Trackers in C and C++: the shipped examples, as programs and as libraries, beside the same filter inside."""
+
+from __future__ import annotations
+
+import random
+import struct
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from tests.support.languages import LANGUAGES, SANITIZED, compiled, examples
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Scan
+from trackbench.driving.faults import TrackFault
+from trackbench.driving.frames import ScanFrames
+from trackbench.driving.isolation import Isolation
+from trackbench.driving.remote import TrackerTrial, start
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.trackers.config import FilterConfig, PluginConfig
+
+SCENARIO = """
+name: beside
+truth:
+  source: scripted
+  duration_s: 8
+  rate_hz: 20
+  observer: {x: -5, y: 2, yaw_deg: 20}
+  objects:
+    first: {start: {x: 40, y: -20, speed_mps: 8, course_deg: 120}, pieces: [{for_s: 8, turn_rate_degps: 10}]}
+    second: {start: {x: -30, y: 3, speed_mps: 12, course_deg: 5}, pieces: [{for_s: 8, acceleration_mps2: 1}]}
+sensors:
+  front: {type: radar, rate_hz: 20, mount: {x_m: 2, yaw_deg: 150}, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5,
+          range_rate_sigma_mps: 0.1, detection_probability: 0.8, latency_s: 0.15}
+  roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, detection_probability: 0.9}
+trackers:
+  inside: {filter: ekf, motion: cv, acceleration_sigma_mps2: 2.5, initial: {velocity: zero}}
+monte_carlo: {runs: 4, seed: 3}
+"""
+OPTIONS = {"options": {"acceleration_sigma": 2.5}}
+#: Largest difference from the filter inside, relative to the largest entry.
+SAME = 1e-9
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    examples(tmp_path)
+    return tmp_path
+
+
+def scans_of(folder: Path, latency: float = 0.0) -> list[Scan]:
+    (folder / "beside.yaml").write_text(SCENARIO)
+    loaded = load_scenario(folder / "beside.yaml", [f"sensors.front.latency_s={latency}"])
+    truth = truths_of(loaded)[0].truth
+    sensors = ideal_sensors(truth, loaded.config.sensors)
+    return sense(sensors, 3, "beside", range(4)).scans
+
+
+def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:
+    known = (FilterConfig if "filter" in entry else PluginConfig).model_validate(entry)
+    batch = scans[0].valid.size
+    with closing(start(known, folder, batch, lambda tracker: tracker, Isolation(in_process), sensors={})) as stepper:
+        return [stepper.step(scan) for scan in scans]
+
+
+def require_alike(inside: Sequence[Any], outside: Sequence[Any]) -> None:
+    compared = 0
+    for expected, estimate in zip(inside, outside, strict=True):
+        for name in ("mean", "covariance"):
+            if estimate is None:
+                assert np.isnan(getattr(expected, name)).all()
+                continue
+            one, other = getattr(expected, name), getattr(estimate, name)
+            largest = np.abs(one).max(axis=tuple(range(one.ndim - 1)))
+            np.testing.assert_array_less(np.abs(one - other).max(axis=tuple(range(one.ndim - 1))), SAME * largest)
+            compared += one.shape[-1]
+    assert compared > 1000
+
+
+INSIDE = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.5, "initial": {"velocity": "zero"}}
+
+
+@pytest.mark.parametrize("source", ["tracker.cpp", "tracker_eigen.cpp"])
+def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, source: str) -> None:
+    compiled(folder, source)
+    scans = scans_of(folder)
+    inside = estimates(folder, INSIDE, scans)
+    program = {"use": {"command": [f"./{Path(source).stem}"]}}
+    require_alike(inside, estimates(folder, program | OPTIONS, scans))
+    arguments = {"use": {"command": [f"./{Path(source).stem}", "--acceleration_sigma", "2.5"]}}
+    require_alike(inside, estimates(folder, arguments, scans))
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_the_same_source_is_a_library(folder: Path, in_process: bool) -> None:
+    compiled(folder, "tracker.cpp", library=True)
+    scans = scans_of(folder)
+    library = {"use": {"library": "./tracker.so"}, **OPTIONS}
+    require_alike(estimates(folder, INSIDE, scans), estimates(folder, library, scans, in_process))
+
+
+def test_the_example_in_c_follows_as_program_and_library(folder: Path) -> None:
+    scans = scans_of(folder)
+    compiled(folder, "tracker.c")
+    program = estimates(folder, {"use": {"command": ["./tracker"]}}, scans)
+    compiled(folder, "tracker.c", library=True)
+    library = estimates(folder, {"use": {"library": "tracker.so"}}, scans)
+    inside = estimates(folder, INSIDE, scans)[-1]
+    np.testing.assert_array_equal(program[-1].mean, library[-1].mean)
+    np.testing.assert_array_equal(program[-1].covariance, library[-1].covariance)
+    assert np.abs(program[-1].mean[:2] - inside.mean[:2]).max() < 3.0
+
+
+#: Where the tracker in C++ goes wrong, and what is said.
+FAULTS = {
+    "throws": ('throw std::runtime_error("no such sensor");', "/tracker.*: no such sensor"),
+    "crashes": ("std::abort();", r"was killed by signal 6 \(SIGABRT\)"),
+    "ends": ("std::exit(4);", "ended itself, with status 4"),
+    "gives nan": ("return trackbench::Estimate{ {NAN}, {} };", "the estimate is not finite"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("library", [False, True])
+def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, name: str, library: bool) -> None:
+    body, said = FAULTS[name]
+    (folder / "tracker.cpp").write_text(
+        '#include "trackbench.hpp"\n#include <cstdlib>\n#include <iostream>\n#include <stdexcept>\n'
+        "struct Mine {\n    explicit Mine(const trackbench::Options &) {}\n"
+        "    std::optional<trackbench::Estimate> step(const trackbench::Scan &) {\n"
+        f'        std::cout << "printed" << std::endl;\n        {body}\n        return std::nullopt;\n    }}\n}};\n'
+        "TRACKBENCH_TRACKER(Mine)\n"
+    )
+    compiled(folder, "tracker.cpp", library=library)
+    use = {"library": "./tracker.so"} if library else {"command": ["./tracker"]}
+    with pytest.raises(TrackFault, match=said):
+        estimates(folder, {"use": use}, scans_of(folder)[:2])
+
+
+BATCHED = """
+#include "trackbench.hpp"
+struct Mine {
+    static constexpr bool batched = true;
+    explicit Mine(const trackbench::Options &) {}
+    bool step(const trackbench::Scan &scan, double *mean, double *covariance) {
+        const int64_t n = scan.batch;
+        for (int64_t k = 0; k < n; k++) {
+            for (int i = 0; i < 4; i++) mean[i * n + k] = scan.valid[k] ? scan.measurement[(i % 2) * n + k] : NAN;
+            for (int i = 0; i < 16; i++) covariance[i * n + k] = i % 5 == 0;
+        }
+        return true;
+    }
+};
+TRACKBENCH_TRACKER(Mine)
+"""
+SEVERAL = """
+#include "trackbench.hpp"
+struct Mine {
+    explicit Mine(const trackbench::Options &options) { if (!options.hidden) throw std::runtime_error("not hidden"); }
+    trackbench::Tracks step(const trackbench::Scan &scan) {
+        trackbench::Tracks tracks;
+        const size_t k = static_cast<size_t>(scan.detections);
+        tracks.mean.resize(4 * k);
+        tracks.covariance.resize(16 * k);
+        for (size_t d = 0; d < k; d++) {
+            tracks.ids.push_back(static_cast<double>(d));
+            tracks.used.push_back(static_cast<double>(d));
+            for (size_t i = 0; i < 4; i++) tracks.mean[i * k + d] = scan.measurement[(i % 2) * k + d];
+            for (size_t i = 0; i < 16; i++) tracks.covariance[i * k + d] = i % 5 == 0;
+        }
+        return tracks;
+    }
+};
+TRACKBENCH_TRACKER(Mine)
+"""
+
+
+def test_batches_and_several_objects(folder: Path) -> None:
+    (folder / "batched.cpp").write_text(BATCHED)
+    (folder / "several.cpp").write_text(SEVERAL.replace('#include "t', '#include <stdexcept>\n#include "t'))
+    valid = np.array([[True, True], [True, False], [True, False]])
+    measurement = np.where(valid, np.arange(12.0).reshape(2, 3, 2), np.nan)
+    scan = scans_of(folder)[0]
+    scan = scan._replace(noise_covariance=np.eye(2), detection_probability=0.9, clutter_density=1e-3)
+    hidden = scan._replace(measurement=measurement, valid=valid)
+    known = scan._replace(measurement=measurement[:, :, 1], valid=valid[:, 1])
+    for library in (False, True):
+        uses = []
+        for name in ("batched", "several"):
+            output = compiled(folder, f"{name}.cpp", library=library)
+            uses.append({"use": {"library": output.name} if library else {"command": [f"./{output.name}"]}})
+        (estimate,) = estimates(folder, uses[0], [known])
+        np.testing.assert_array_equal(estimate.mean, np.vstack([known.measurement] * 2))
+        config = PluginConfig.model_validate(uses[1])
+        with closing(start(config, folder, 2, lambda tracker: tracker, Isolation(), several=True)) as stepper:
+            tracks = stepper.step(hidden)
+        np.testing.assert_array_equal(tracks.ids, [[0, 0], [1, -1], [2, -1]])
+        np.testing.assert_array_equal(tracks.mean[:2], measurement)
+
+
+@pytest.mark.parametrize(
+    ("library", "said"),
+    [
+        ("./tracker.sso", "there is no library 'tracker.sso' in .*: did you mean 'tracker.so'?"),
+        ("./notes.so", "'./notes.so' cannot be loaded: "),
+        ("./empty.so", "'./empty.so' has no tb_describe and no tb_create"),
+    ],
+)
+def test_a_library_that_cannot_be_used_is_said_before_a_run(folder: Path, library: str, said: str) -> None:
+    (folder / "notes.so").write_text("no library")
+    (folder / "empty.c").write_text("int nothing_in_it;\n")
+    compiled(folder, "empty.c", library=True)
+    (folder / "tracker.so").write_bytes((folder / "empty.so").read_bytes())
+    config = PluginConfig.model_validate({"use": {"library": library}})
+    with pytest.raises(InputError, match=said), closing(TrackerTrial(config, folder, Isolation())) as trial:
+        trial.check()
+
+
+def messages(folder: Path) -> Iterator[bytes]:
+    hello = {
+        "type": "hello",
+        "version": 1,
+        "identities": "known",
+        "batch": 1,
+        "sensors": [],
+        "options": {"a": [1, "b"]},
+    }
+    for message in (hello, {"type": "start", "id": 1}):
+        content = msgpack.packb(message)
+        yield struct.pack("<I", len(content)) + content
+    for scan in scans_of(folder)[:3]:
+        yield ScanFrames(scan).of(1, scan.measurement[:, 0], scan.valid[0])
+
+
+@pytest.mark.slow
+def test_damaged_frames_do_not_make_the_reader_read_beyond_them(folder: Path) -> None:
+    compiled(folder, "tracker.c", *SANITIZED)
+    whole = list(messages(folder))
+    draw = random.Random(1)
+    statuses, env = set(), {"ASAN_OPTIONS": "detect_leaks=0"}
+    for _ in range(300):
+        damaged = [bytearray(frame) for frame in whole]
+        frame = damaged[draw.randrange(len(damaged))]
+        for _ in range(draw.randint(1, 4)):
+            frame[draw.randrange(4, len(frame))] = draw.choice([0, 0x7F, 0xC1, 0xDD, 0xDF, 0xFF, draw.randrange(256)])
+        sent = b"".join(damaged)[: draw.choice([None, draw.randrange(10, 400)])]
+        done = subprocess.run([folder / "tracker"], input=sent, env=env, capture_output=True, timeout=60)
+        assert done.returncode in (0, 2), (done.stderr, sent)
+        statuses.add(done.returncode)
+    assert statuses == {0, 2}
+
+
+def test_the_headers_say_the_versions_of_the_bench() -> None:
+    from trackbench.driving import frames
+    from trackbench.trackers import library
+
+    assert f"#define TB_ABI {library.ABI}\n" in (LANGUAGES / "trackbench.h").read_text()
+    program = (LANGUAGES / "trackbench_program.h").read_text()
+    assert f"#define TB_VERSION {frames.VERSION}\n" in program
+    assert f"(1u << {frames.LARGEST.bit_length() - 1})" in program

@@ -1,0 +1,46 @@
+"""The shipped examples in C and C++, compiled."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+LANGUAGES = Path(str(files("trackbench.subjects.templates").joinpath("languages")))
+EIGEN = next(
+    (place for place in map(Path, ("/usr/include/eigen3", "/usr/local/include/eigen3")) if place.is_dir()), None
+)
+SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> Path:
+    """A source file of a folder that has the headers, as a program or a library beside it.
+
+    Skips where there is no compiler, or no Eigen for a source that needs it.
+    """
+    compiler = shutil.which("g++" if source.endswith(".cpp") else "gcc")
+    if compiler is None:
+        pytest.skip("there is no compiler")
+    eigen = "Eigen" in (folder / source).read_text()
+    if eigen and EIGEN is None:
+        pytest.skip("Eigen is not installed")
+    output = folder / (Path(source).stem + (".so" if library else ""))
+    how = ["-shared", "-fPIC"] if library else ["-DTRACKBENCH_PROGRAM"]
+    standard = ["-std=c++17"] if source.endswith(".cpp") else ["-std=gnu99"]
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    paths = [f"-isystem{EIGEN}"] if eigen else []
+    command = [compiler, "-O2", *standard, *warnings, *how, *flags, *paths, source, "-o", output.name, "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+def examples(folder: Path) -> None:
+    """Write the headers and the examples, whose class is Mine."""
+    for file in LANGUAGES.iterdir():
+        text = file.read_text(encoding="utf-8")
+        name = file.name.removesuffix(".j2")
+        (folder / name).write_text(text.replace("{{ cls }}", "Mine").replace("{{ name }}", "mine"), encoding="utf-8")
