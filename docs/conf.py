@@ -24,6 +24,7 @@ MENU = {
         "drivers",
         "own-log",
         "export",
+        "tracks-from-elsewhere",
         "recorded-traffic",
         "sensors",
         "sensor-effects",

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from trackbench.subjects.history.api import history
     from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
     from trackbench.subjects.log_audit.api import audit
+    from trackbench.subjects.score.api import score
     from trackbench.subjects.tuning.api import tune
     from trackbench.testing import check_tracker
 
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
         "history",
         "load",
         "run",
+        "score",
         "sense",
         "truth",
         "tune",

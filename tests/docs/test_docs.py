@@ -153,6 +153,12 @@ def test_the_page_on_exports_runs_as_printed(tmp_path: Path, run_page: Callable[
     assert run_page(DOCS / "export.md", tmp_path) >= 1
 
 
+def test_the_page_on_tracks_from_elsewhere_runs_as_printed(
+    tmp_path: Path, run_page: Callable[[Path, Path], int]
+) -> None:
+    assert run_page(DOCS / "tracks-from-elsewhere.md", tmp_path) >= 3
+
+
 @pytest.mark.docs_pages
 def test_the_page_on_logs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(DOCS / "own-log.md", tmp_path) >= 5

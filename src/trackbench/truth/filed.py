@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
         InputError: there is no such file, or it is damaged.
     """
     file = find(config.path, folder, f"trackers.{name}.path")
+    file = Path(os.path.normpath(file))
     version = file.stat()
     return _read(config.format, file, (version.st_mtime_ns, version.st_size))
 

@@ -1,0 +1,46 @@
+"""Tracks scored from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from trackbench.api.result import ReportableResult
+from trackbench.api.run import run
+from trackbench.base.files import write_whole
+from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
+
+
+def score(
+    tracks: Path | str | Sequence[Path | str],
+    truth: Path | str,
+    *,
+    columns: Mapping[str, str] | None = None,
+    format: str | None = None,
+    rate_hz: float | None = None,
+    time_offset_s: float = 0.0,
+    out: Path | str | None = None,
+) -> ReportableResult:
+    """Score tracks that other programs wrote against the boxes of a file.
+
+    Args:
+        tracks: a file, or several, each of which is a tracker by its name.
+        truth: the file of boxes, of the same clock.
+        columns: the column of some keys, where its name does not tell: ``{"x": "pos_x", "time": "stamp:ns"}``.
+        format: of files whose ending does not tell it.
+        rate_hz: frames per second of files that count frames, Hz.
+        time_offset_s: added to the time stamps of the tracks, s.
+        out: a folder in which the result gets one, beside the scenario that it is. Nothing is written unless given.
+
+    Raises:
+        InputError: a file cannot be read, or it is not known what its columns are.
+    """
+    files = [tracks] if isinstance(tracks, Path | str) else tracks
+    options = FileOptions(columns or {}, format, rate_hz)
+    folder = Path() if out is None else Path(out)
+    loaded, _ = scoring_scenario(
+        [Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s
+    )
+    if out is not None:
+        write_whole(loaded.path, loaded.text.encode())
+    return run(loaded, out=out)

@@ -1,0 +1,113 @@
+"""``trackbench score``"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from trackbench import results
+from trackbench.cli.options import FAILED_EXPECTATION, artifact_options
+from trackbench.cli.terminal import quiet_option
+
+
+@click.command("score")
+@click.argument("tracks", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="TRACKS...")
+@click.option(
+    "--truth",
+    required=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="BOXES",
+    help="File of the true boxes, by the same clock.",
+)
+@click.option("--map", "columns", multiple=True, metavar="KEY=COLUMN", help="As x=pos_x, or time=stamp:ns.")
+@click.option("--format", "form", metavar="NAME", help="Of files whose ending does not tell: kitti, motchallenge.")
+@click.option(
+    "--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Frames per second, where frames are counted."
+)
+@click.option(
+    "--time-offset", type=click.FloatRange(-3600, 3600), default=0.0, metavar="S", help="Added to the tracks' times, s."
+)
+@click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
+@click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    default=Path("results"),
+    show_default=True,
+    help="The result gets a folder in it.",
+)
+@artifact_options
+@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the gates as JUnit XML.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+@quiet_option("One line, and what failed.")
+def score_command(
+    tracks: tuple[Path, ...],
+    truth: Path,
+    columns: tuple[str, ...],
+    form: str | None,
+    rate: float | None,
+    time_offset: float,
+    gates: tuple[str, ...],
+    settings: tuple[str, ...],
+    out: Path,
+    left_out: frozenset[str],
+    junit: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Score tracks of a file against boxes of another.
+
+    Several files of tracks are compared with each other. Columns are known by
+    usual names, which are shown. The scenario that it is stands in DIR too.
+
+    \b
+    Examples:
+      trackbench score tracks.csv --truth boxes.csv --map x=pos_x
+      trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
+
+    \b
+    Exit status: 0 gates passed, 1 one failed, 2 bad input, 4 cannot write
+    """
+    from trackbench.api.plan import RunPlan
+    from trackbench.api.session import prepare, run
+    from trackbench.base.errors import InputError
+    from trackbench.base.execution import InProcess
+    from trackbench.base.files import write_whole
+    from trackbench.cli.run_output import RunOutput
+    from trackbench.subjects.score.gate import Gate, judged
+    from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
+
+    limits = [Gate.parse(text) for text in gates]
+    for limit in limits:
+        limit.require_files(len(tracks))
+    for text in columns:
+        if "=" not in text:
+            raise InputError(f"write KEY=COLUMN, such as x=pos_x, not {text!r}", key="--map")
+    stated = dict(text.split("=", 1) for text in columns)
+    if junit is not None:
+        results.require_file(junit, "--junit")
+    options = FileOptions(stated, form, rate)
+    loaded, lines = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
+    output = RunOutput(as_json, quiet)
+    if lines:
+        output.note(f"truth: {', '.join(lines)}")
+    plan, executor = RunPlan(out, left_out=left_out), InProcess()
+    prepared = prepare([loaded], plan, executor, output)
+    write_whole(loaded.path, loaded.text.encode())
+    (result,) = run(prepared, plan, executor, output)
+    cases = judged(limits, result)
+    if junit is not None:
+        from trackbench.report.junit import Suite, suite_of_run, to_xml
+
+        suite = suite_of_run(result)
+        results.write_text(junit, to_xml([Suite(suite.name, [*suite.cases, *cases])]))
+    if as_json:
+        click.echo(json.dumps(result.json(), indent=2, allow_nan=False))
+    else:
+        for case in cases:
+            click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
+    failed = any(case.outcome != "passed" for case in cases)
+    raise click.exceptions.Exit(FAILED_EXPECTATION if failed else 0)

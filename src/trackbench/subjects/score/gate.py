@@ -1,0 +1,88 @@
+"""Limits on what tracks reach: a value, or how much worse than the first file they may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.report.junit import Case
+from trackbench.results import Result
+
+OPTION = "--gate"
+
+
+class Gate(NamedTuple):
+    """A limit of a metric."""
+
+    metric: str
+    limit: float
+    relative: bool
+    """Whether the limit is a percentage of the first file's value."""
+
+    @classmethod
+    def parse(cls, text: str) -> Gate:
+        """``gospa:0.8``, or ``gospa:2%``.
+
+        Raises:
+            InputError: it is something else.
+        """
+        metric, colon, number = text.rpartition(":")
+        if not colon:
+            raise InputError(f"write METRIC:VALUE or METRIC:PERCENT%, such as gospa:2%, not {text!r}", key=OPTION)
+        if metric not in TRACK_METRICS:
+            raise InputError(f"no metric {metric!r}; {nearest(metric, TRACK_METRICS)}", key=OPTION)
+        if TRACK_METRICS[metric].better is None:
+            raise InputError(f"neither a larger nor a smaller {metric} is better", key=OPTION)
+        relative = number.endswith("%")
+        try:
+            limit = float(number.removesuffix("%"))
+        except ValueError:
+            limit = math.nan
+        if not math.isfinite(limit) or (relative and limit < 0):
+            raise InputError(f"{number!r} is no number, or no percentage of 0 or more", key=OPTION)
+        return cls(metric, limit, relative)
+
+    def require_files(self, number: int) -> None:
+        """Make sure that a percentage has a first file to refer to.
+
+        Raises:
+            InputError: there is one file.
+        """
+        if self.relative and number < 2:
+            message = f"{self.limit:g} % of what? Name the file to compare with first, or a value: {self.metric}:VALUE"
+            raise InputError(message, key=OPTION)
+
+    @property
+    def text(self) -> str:
+        """What must hold."""
+        smaller = TRACK_METRICS[self.metric].better == "smaller"
+        if self.relative:
+            return f"{self.metric} not worse than that of the first file by more than {self.limit:g} %"
+        return f"{self.metric} {'at most' if smaller else 'at least'} {self.limit:g}"
+
+
+def judged(gates: Sequence[Gate], result: Result) -> list[Case]:
+    """Each limit held against each file; of a percentage, against each but the first.
+
+    The values are compared as they are: of the same files the outcome is always the same.
+    """
+    trackers = result.summary.trackers
+    cases = []
+    for gate in gates:
+        first = trackers[0].metrics[gate.metric].value
+        for tracker in trackers[1:] if gate.relative else trackers:
+            metric = tracker.metrics[gate.metric]
+            sign = 1.0 if TRACK_METRICS[gate.metric].better == "smaller" else -1.0
+            limit: float | None = gate.limit
+            if gate.relative:
+                limit = None if first is None else first + sign * abs(first) * gate.limit / 100
+            outcome, message = "error", metric.reason or "the first file has no value"
+            if metric.value is not None and limit is not None:
+                outcome = "failed" if sign * (metric.value - limit) > 0 else "passed"
+                message = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
+            named: Any = outcome
+            cases.append(Case(f"{tracker.name}: {gate.text}", f"{result.name}.{tracker.name}", named, message))
+    return cases

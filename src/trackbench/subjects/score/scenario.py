@@ -1,0 +1,165 @@
+"""The scenario that scores files of tracks against a file of boxes."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from pydantic_core import PydanticCustomError
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import scenario_of
+from trackbench.truth.config.filed import format_of
+from trackbench.truth.layouts import QUANTITIES, header, layout
+from trackbench.truth.tracks import TRAFFIC_FORMATS
+
+#: The formats whose files have names of columns.
+TABLES = ("csv", "parquet")
+
+
+class FileOptions(NamedTuple):
+    """What is said of all files, where their names do not tell it."""
+
+    columns: Mapping[str, str]
+    """The column of some keys, perhaps with a unit after a colon: ``timestamp:ns``."""
+    format: str | None = None
+    """Of files whose ending does not tell it."""
+    rate_hz: float | None = None
+    """Of files that count frames."""
+
+
+class FileEntry(NamedTuple):
+    """What a scenario says of a file."""
+
+    entry: dict[str, Any]
+    """path, format and its options."""
+    lines: list[str]
+    """What is read from where."""
+
+
+def scoring_scenario(
+    tracks: Sequence[Path],
+    truth: Path,
+    options: FileOptions,
+    folder: Path,
+    *,
+    time_offset_s: float = 0.0,
+    overrides: Sequence[str] = (),
+) -> tuple[Scenario, list[str]]:
+    """The scenario, and what is read of the boxes from where.
+
+    Args:
+        tracks: files, each of which is a tracker.
+        truth: the file of boxes.
+        options: of all files.
+        folder: where the scenario's file is to be, from which its paths start.
+        time_offset_s: added to the time stamps of all tracks, s.
+        overrides: ``key.path=value`` each.
+
+    Raises:
+        InputError: a file cannot be read, or it is not known what its columns are.
+    """
+    files = [*tracks, truth]
+    for file in files:
+        if not file.is_file():
+            beside = [each.name for each in file.parent.iterdir()] if file.parent.is_dir() else []
+            raise InputError(f"there is no such file; {nearest(file.name, beside)}", file=file)
+    _require_known(options.columns, files, options)
+    boxes = _entry(truth, options, folder)
+    form = TRAFFIC_FORMATS[boxes.entry["format"]]
+    rows = form.model_validate({k: v for k, v in boxes.entry.items() if k in form.model_fields}).rows(truth)
+    name = re.sub("[^a-z0-9_-]+", "_", truth.stem.lower())[:64].strip("_") or "boxes"
+    offset = {"time_offset_s": time_offset_s} if time_offset_s else {}
+    content = {
+        "name": name,
+        "description": f"Tracks made elsewhere against {truth.name}.",
+        "truth": {
+            "source": "recorded-traffic",
+            **boxes.entry,
+            "observer": {"x": float(np.round(rows.px.mean())), "y": float(np.round(rows.py.mean()))},
+            "audit": "repair",
+        },
+        "sensing": {"identities": "hidden"},
+        "trackers": {
+            tracker: {"use": "tracks", **_entry(file, options, folder).entry, **offset}
+            for tracker, file in zip(tracker_names(tracks), tracks, strict=True)
+        },
+        "monte_carlo": {"runs": 1},
+    }
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120)
+    return scenario_of(text, folder / f"{name}.yaml", overrides), boxes.lines
+
+
+def tracker_names(files: Iterable[Path]) -> list[str]:
+    """A name for each file: its own, with its folder's or a number where two are alike."""
+    names: list[str] = []
+    for file in files:
+        name = _word(file.stem)
+        if name in names:
+            name = _word(f"{file.absolute().parent.name}_{file.stem}")
+        number, begin = 2, name
+        while name in names:
+            name, number = f"{begin}_{number}", number + 1
+        names.append(name)
+    return names
+
+
+def _word(text: str) -> str:
+    word = re.sub("[^A-Za-z0-9_-]+", "_", text)[:56]
+    return word if word[:1].isalpha() else f"t{word}"
+
+
+def _format(file: Path, options: FileOptions) -> str:
+    try:
+        return format_of(file.name)
+    except PydanticCustomError as error:
+        if options.format is None:
+            raise InputError(error.message().replace("name it in format", "give --format"), file=file) from None
+        if options.format not in TRAFFIC_FORMATS.names():
+            message = f"no format {options.format!r}; {nearest(options.format, TRAFFIC_FORMATS.names())}"
+            raise InputError(message, key="--format") from None
+        return options.format
+
+
+def _entry(file: Path, options: FileOptions, folder: Path) -> FileEntry:
+    form = _format(file, options)
+    entry = {"path": os.path.relpath(file.absolute(), folder.absolute()), "format": form}
+    if form not in TABLES:
+        rate = TRAFFIC_FORMATS[form].model_fields.get("rate_hz")
+        if rate is not None and rate.is_required() and options.rate_hz is None:
+            raise InputError(f"{form} counts frames: give their number per second, --rate", file=file)
+        return FileEntry({**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}, [])
+    names = header(file, form)
+    own = {key: text for key, text in options.columns.items() if _column(text, names) in names}
+    try:
+        known = layout(names, own)
+    except InputError as error:
+        raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
+    columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
+    return FileEntry({**entry, "columns": columns}, known.lines)
+
+
+def _column(text: str, names: Sequence[str]) -> str:
+    """The column that a text such as ``timestamp:ns`` names."""
+    return text if text in names else text.rpartition(":")[0] or text
+
+
+def _require_known(columns: Mapping[str, str], files: Sequence[Path], options: FileOptions) -> None:
+    """Make sure that each column that is named is in one of the files.
+
+    Raises:
+        InputError: it is in none, or the key is none.
+    """
+    tables = [(file, form) for file in files if (form := _format(file, options)) in TABLES]
+    names = list(dict.fromkeys(name for file, form in tables for name in header(file, form)))
+    for key, text in columns.items():
+        if key not in QUANTITIES:
+            raise InputError(f"no column is called {key!r}; {nearest(key, QUANTITIES)}", key="--map")
+        if _column(text, names) not in names:
+            raise InputError(f"no file has a column {text!r}; {nearest(text, names)}", key="--map")

@@ -1,0 +1,155 @@
+"""``trackbench score``: files of other programs against boxes, as a user types it, and against TrackEval."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pandas as pd
+import pytest
+from trackeval.metrics import CLEAR, HOTA, Identity
+
+import trackbench as tb
+
+FRAMES, RATE, CUTOFF = 80, 10.0, 5.0
+
+
+def drawn(seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Boxes of three cars, and tracks that miss, change their ids, and are false: frame, id, x, y."""
+    random = np.random.default_rng(seed)
+    frame = np.arange(FRAMES)
+    boxes = [
+        pd.DataFrame({"frame": frame, "id": car + 1, "x": 1.5 * frame + 6 * car, "y": 4.0 * car}) for car in range(3)
+    ]
+    truth = pd.concat(boxes, ignore_index=True)
+    tracks = truth[random.random(len(truth)) > 0.15].copy()
+    tracks[["x", "y"]] += random.normal(0, 1.2, (len(tracks), 2))
+    # Two tracks change places half way, and one goes on under another id.
+    late = tracks.frame >= FRAMES // 2
+    tracks["id"] = np.where(late & tracks.id.isin((1, 2)), 3 - tracks.id, tracks.id)
+    tracks["id"] = np.where(late & (tracks.id == 3), 7, tracks.id)
+    false = pd.DataFrame({"frame": random.integers(0, FRAMES, 12), "id": np.arange(20, 32), "x": 50.0, "y": -9.0})
+    return truth, pd.concat([tracks, false], ignore_index=True).sort_values(["frame", "id"], ignore_index=True)
+
+
+def by_trackeval(truth: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, float]:
+    numbers = {name: number for number, name in enumerate(tracks.id.unique())}
+    frames = [(truth[truth.frame == k], tracks[tracks.frame == k]) for k in range(FRAMES)]
+    data: dict[str, Any] = {
+        "num_timesteps": FRAMES,
+        "num_gt_ids": 3,
+        "num_tracker_ids": len(numbers),
+        "num_gt_dets": len(truth),
+        "num_tracker_dets": len(tracks),
+        "gt_ids": [own.id.to_numpy() - 1 for own, _ in frames],
+        "tracker_ids": [own.id.map(numbers).to_numpy() for _, own in frames],
+        "similarity_scores": [
+            np.maximum(
+                0,
+                1
+                - np.hypot(a.x.to_numpy()[:, None] - b.x.to_numpy(), a.y.to_numpy()[:, None] - b.y.to_numpy()) / CUTOFF,
+            )
+            for a, b in frames
+        ],
+    }
+    quiet = {"PRINT_CONFIG": False}
+    scores = HOTA().eval_sequence(data) | CLEAR(quiet).eval_sequence(data) | Identity(quiet).eval_sequence(data)
+    return {name: float(np.mean(scores[name])) for name in ("HOTA", "MOTA", "IDF1")}
+
+
+def as_motchallenge(rows: pd.DataFrame, file: Path) -> None:
+    file.write_text("".join(f"{r.frame + 1},{r.id},-1,-1,-1,-1,1,{r.x!r},{r.y!r},0\n" for r in rows.itertuples()))
+
+
+def as_kitti(rows: pd.DataFrame, file: Path) -> None:
+    numbers = "{0.frame} {0.id} Car 0 0 0 1 2 3 4 1.5 1.8 4.5 {y!r} 1.5 {0.x!r} 0\n"
+    file.write_text("".join(numbers.format(r, y=-r.y) for r in rows.itertuples()))
+
+
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning:trackeval")
+@pytest.mark.parametrize(("form", "write"), [("motchallenge", as_motchallenge), ("kitti", as_kitti)])
+def test_files_of_benchmarks_score_as_in_trackeval(form: str, write: Callable[..., None], tmp_path: Path) -> None:
+    truth, tracks = drawn(4)
+    write(truth, tmp_path / "gt.txt")
+    write(tracks, tmp_path / "tracks.txt")
+    result = tb.score(tmp_path / "tracks.txt", tmp_path / "gt.txt", format=form, rate_hz=RATE)["tracks"]
+    theirs = by_trackeval(truth, tracks)
+    assert 0.2 < theirs["HOTA"] < 0.8
+    ours = {name: result.metrics[name.lower()].value for name in theirs}
+    assert ours == pytest.approx(theirs, abs=1e-9)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """Boxes of three cars, tracks that are 0.3 m to one side, and such that also miss one car."""
+    truth, _ = drawn(0)
+    boxes = pd.DataFrame({"timestamp_ns": 1_700_000_000_000_000_000 + truth.frame * 100_000_000})
+    boxes = boxes.assign(object_id=truth.id, pos_x=691_000 + truth.x, pos_y=5_300_000 + truth.y)
+    boxes.to_csv(tmp_path / "boxes.csv", index=False)
+    tracks = boxes.rename(columns={"object_id": "track_id"}).assign(pos_y=boxes.pos_y + 0.3)
+    tracks.to_csv(tmp_path / "old.csv", index=False)
+    tracks[tracks.track_id > 1].to_parquet(tmp_path / "new.parquet")
+    return tmp_path
+
+
+def test_a_command_without_a_scenario(files: Path, cli: Callable[..., Any]) -> None:
+    done = cli("score", "old.csv", "new.parquet", "--truth", "boxes.csv", "--json", "--no-recording")
+    assert done.status == 0
+    trackers = {item["name"]: item for item in json.loads(done.out)["trackers"]}
+    # Three cars 0.3 m off; two so and one missed, which costs half of the squared cutoff.
+    assert trackers["old"]["metrics"]["gospa"]["value"] == pytest.approx(np.sqrt(3 * 0.09), rel=1e-6)
+    assert trackers["new"]["metrics"]["gospa"]["value"] == pytest.approx(np.sqrt(2 * 0.09 + 12.5), rel=1e-6)
+    assert all(item["offline"] for item in trackers.values())
+    assert "time \N{LEFTWARDS ARROW} timestamp_ns (ns), id \N{LEFTWARDS ARROW} track_id" in done.err
+    # The scenario that it is gives the same.
+    again = cli("run", "results/boxes.yaml", "--json", "--no-recording", "--out", "again")
+    assert json.loads(again.out)["ranking"] == ["old", "new"]
+
+
+@pytest.mark.parametrize(
+    ("gate", "status", "failed"),
+    [("gospa:0.6", 1, ["new"]), ("gospa:4", 0, []), ("gospa:2%", 1, ["new"]), ("hota:0.1", 0, []), ("mota:60%", 0, [])],
+)
+def test_gates(files: Path, cli: Callable[..., Any], gate: str, status: int, failed: list[str]) -> None:
+    arguments = ["--truth", "boxes.csv", "--gate", gate, "--junit", "gates.xml", "--no-recording"]
+    assert cli("score", "old.csv", "new.parquet", *arguments).status == status
+    suite = ET.parse(files / "gates.xml").getroot()
+    names = [
+        case.attrib["name"].partition(":")[0] for case in suite.iter("testcase") if case.find("failure") is not None
+    ]
+    assert names == failed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none.csv"], "there is no such file"),
+        (["old.csv", "--map", "x"], "write KEY=COLUMN"),
+        (["old.csv", "--map", "xx=pos_x"], "no column is called 'xx'; did you mean 'x'?"),
+        (["old.csv", "--map", "x=posx"], "no file has a column 'posx'; did you mean 'pos_x'?"),
+        (["old.csv", "--map", "time=timestamp_ns:min"], "'min' is no unit of time"),
+        (["two.csv"], "x may be 'pos_x' or 'px': say which"),
+        (["old.csv", "--gate", "gospa:2%"], "2 % of what?"),
+        (["old.csv", "--gate", "gopsa:2"], "no metric 'gopsa'; did you mean 'gospa'?"),
+        (["old.csv", "--gate", "nees:2"], "neither a larger nor a smaller nees is better"),
+        (["mot.txt"], "does not tell the format"),
+        (["mot.txt", "--format", "mot"], "no format 'mot'"),
+        (["mot.txt", "--format", "motchallenge"], "give their number per second, --rate"),
+        (["picture.txt", "--format", "motchallenge", "--rate", "10"], "these are boxes in the picture"),
+        (["empty.csv"], "the file is empty"),
+    ],
+)
+def test_mistakes_are_one_line(files: Path, cli: Callable[..., Any], arguments: list[str], message: str) -> None:
+    tracks = pd.read_csv(files / "old.csv")
+    tracks.assign(px=0).to_csv(files / "two.csv", index=False)
+    as_motchallenge(drawn(0)[0], files / "mot.txt")
+    (files / "picture.txt").write_text("1,1,5,6,7,8,1,-1,-1,-1\n")
+    (files / "empty.csv").write_text("")
+    done = cli("score", *arguments, "--truth", "boxes.csv")
+    assert done.status == 2
+    assert message in done.err.splitlines()[-1]
+    assert not (files / "results" / "boxes").exists()
