@@ -19,7 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks import filters, isolation, stages, table, traffic_scores, traffic_trackers
+from benchmarks import filters, isolation, sensing, stages, table, traffic_scores, traffic_trackers
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -40,6 +40,7 @@ def main() -> None:
         "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
         "versions": {name: version(name) for name in names},
         "filters": filters.measure(options.repetitions),
+        "sensing": sensing.measure(),
         "traffic_trackers": traffic_trackers.measure(),
         "traffic_scores": traffic_scores.measure(),
         "memory": None if options.no_memory else memory(),

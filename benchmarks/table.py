@@ -7,6 +7,8 @@ from typing import Any
 from benchmarks.table_cells import digits, goals, met
 from benchmarks.table_stages import compiling, stages
 
+from benchmarks import sensing
+
 
 def markdown(found: dict[str, Any]) -> str:
     """The tables that are written beside ``benchmark.json``."""
@@ -19,6 +21,7 @@ def markdown(found: dict[str, Any]) -> str:
             f"Made by `make benchmark`. {machine['cpu']}, one thread, Python {machine['python']}, {versions}.",
             "",
             filters(found["filters"]),
+            sensing.section(found["sensing"]),
             *([memory(found["memory"])] if found["memory"] else []),
             traffic_trackers(found["traffic_trackers"]),
             traffic_scores(found["traffic_scores"]),

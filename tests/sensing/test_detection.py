@@ -12,7 +12,7 @@ from tests.support.scenes import fixed_observer, truth
 from trackbench.base.types import Array, Truth
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors, measured, sense
+from trackbench.sensing.scans import ideal_sensors, sense
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1,
@@ -81,9 +81,10 @@ def test_an_effect_changes_no_other_draw(effect: dict[str, Any]) -> None:
     random = np.random.default_rng(1)
     of = resting([tuple(place) for place in random.uniform(-50, 50, (10, 2))], 60)
     plain, other = (ideal_sensors(of, {"sensor": Radar(**keys, **RADAR)})[0] for keys in ({}, effect))
-    (before, _), (after, left) = (measured(one, 3, "detection", 7) for one in (plain, other))
-    assert left.any()
-    np.testing.assert_array_equal(after[:, left], before[:, left])
+    before, after = (sense([one], 3, "detection", range(7, 8)).scans for one in (plain, other))
+    assert any(scan.valid.any() for scan in after)
+    for scan, less in zip(before, after, strict=True):
+        np.testing.assert_array_equal(less.measurement[:, less.valid], scan.measurement[:, less.valid])
     hidden = [sense_hidden([one], 3, "detection", range(7, 8)) for one in (plain, other)]
     for (scan, origins, _), (rest, from_, merged) in zip(*(_rows(one) for one in hidden), strict=True):
         # What is left stays in the order it had.

@@ -9,9 +9,9 @@ from tests.support.scenes import fixed_observer, truth
 
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
-from trackbench.models.sensors.effects import gauss_markov
-from trackbench.sensing.detections import false_alarms
-from trackbench.sensing.scans import affected, ideal_sensors, measured
+from trackbench.models.sensors.effects import EFFECTS, gauss_markov
+from trackbench.sensing.detections import false_alarms, sense_hidden
+from trackbench.sensing.scans import affected, ideal_sensors, sense
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
 LIDAR = {"rate_hz": 10, "position_sigma_m": 0.15}
@@ -32,7 +32,19 @@ def ideal(config, position=(50.0, 0.0), velocity=(0.0, 0.0), steps=400, heading=
 
 def runs(sensor, count):
     """``(m, instants, runs)`` measurements of the object."""
-    return np.stack([measured(sensor, 1, "effects", run)[0][:, :, 0] for run in range(count)], axis=-1)
+    return np.stack([scan.measurement for scan in sense([sensor], 1, "effects", range(count)).scans], axis=1)
+
+
+def detections(sensor, count):
+    """``(instants, runs)`` whether the object is detected."""
+    return np.stack([scan.valid for scan in sense([sensor], 1, "effects", range(count)).scans])
+
+
+def alarms_of(sensor, run):
+    """Those of the first effect that makes any, in one run."""
+    one = range(run, run + 1)
+    ((alarms,),) = false_alarms(sensor, 1, "effects", one, affected(sensor, 1, "effects", one))
+    return alarms
 
 
 def test_a_gauss_markov_process_has_unit_variance_and_an_exponential_autocorrelation():
@@ -72,12 +84,14 @@ def test_effects_leave_the_white_noise_and_the_detections_as_they_were():
 def test_the_point_nearest_to_the_sensor_by_hand():
     # From straight behind: the middle of the rear. From 30 m to its left and 2.5 m behind its centre: the corner.
     near = [{"type": "reflection", "toward_sensor": 1.0}]
-    behind = affected(ideal(Radar(effects=near, **RADAR)), 1, "effects", 0)
-    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0], [48, 0])
-    beside = affected(ideal(Radar(effects=near, **RADAR), position=(2.5, -30.0)), 1, "effects", 0)
-    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0], [0.5, -29])
-    half = affected(ideal(Radar(effects=[{"type": "reflection", "toward_sensor": 0.5}], **RADAR)), 1, "effects", 0)
-    np.testing.assert_allclose(half.bodies.target[:2, 0, 0], [49, 0])
+    behind = affected(ideal(Radar(effects=near, **RADAR)), 1, "effects", range(1))
+    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0, 0], [48, 0])
+    beside = affected(ideal(Radar(effects=near, **RADAR), position=(2.5, -30.0)), 1, "effects", range(1))
+    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0, 0], [0.5, -29])
+    half = affected(
+        ideal(Radar(effects=[{"type": "reflection", "toward_sensor": 0.5}], **RADAR)), 1, "effects", range(1)
+    )
+    np.testing.assert_allclose(half.bodies.target[:2, 0, 0, 0], [49, 0])
 
 
 def test_the_range_rate_is_that_of_the_point_when_the_body_turns():
@@ -89,16 +103,16 @@ def test_the_range_rate_is_that_of_the_point_when_the_body_turns():
         heading=np.pi / 2,
         yaw_rate=1.0,
     )
-    sensed = affected(sensor, 1, "effects", 0)
+    sensed = affected(sensor, 1, "effects", range(1))
     # Nearest to the origin is the corner (49, 0), at (-1, 2) from the centre: its velocity is that of a rotation.
-    np.testing.assert_allclose(sensed.bodies.target[:, 0, 0], [49, 0, -2, -1], atol=1e-12)
-    np.testing.assert_allclose(sensed.ideal()[:, 0, 0], [49, 0, -2], atol=1e-12)
+    np.testing.assert_allclose(sensed.bodies.target[:, 0, 0, 0], [49, 0, -2, -1], atol=1e-12)
+    np.testing.assert_allclose(sensed.ideal()[:, 0, 0, 0], [49, 0, -2], atol=1e-12)
 
 
 def test_the_wandering_has_its_standard_deviations_and_its_time_constant():
     effects = [{"type": "reflection", "along_m": 0.4, "across_m": 0.3, "time_s": 1.0}]
     sensor = ideal(Radar(effects=effects, **RADAR), heading=0.5, steps=200)
-    points = np.stack([affected(sensor, 1, "effects", run).bodies.target[:2, :, 0] for run in range(800)], axis=-1)
+    points = affected(sensor, 1, "effects", range(800)).bodies.target[:2, :, 0]
     c, s = np.cos(0.5), np.sin(0.5)
     offset = points - np.array([50.0, 0.0])[:, None, None]
     along, across = c * offset[0] + s * offset[1], c * offset[1] - s * offset[0]
@@ -113,22 +127,22 @@ def test_the_wandering_has_its_standard_deviations_and_its_time_constant():
 
 def test_the_faces_that_a_lidar_sees_by_hand():
     faces = [{"type": "faces"}]
-    behind = affected(ideal(Lidar(effects=faces, **LIDAR)), 1, "effects", 0)
-    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0], [48, 0])
-    beside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.0, 30.0)), 1, "effects", 0)
-    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0], [0, 29])
+    behind = affected(ideal(Lidar(effects=faces, **LIDAR)), 1, "effects", range(1))
+    np.testing.assert_allclose(behind.bodies.target[:2, 0, 0, 0], [48, 0])
+    beside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.0, 30.0)), 1, "effects", range(1))
+    np.testing.assert_allclose(beside.bodies.target[:2, 0, 0, 0], [0, 29])
     # At 45 degrees a face looks as wide as it is: 2 m of rear and 4 m of side.
-    both = affected(ideal(Lidar(effects=faces, **LIDAR), position=(30.0, 30.0)), 1, "effects", 0)
-    np.testing.assert_allclose(both.bodies.target[:2, 0, 0], [30 - 2 / 3, 30 - 2 / 3])
-    inside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.5, 0.0)), 1, "effects", 0)
-    np.testing.assert_allclose(inside.bodies.target[:2, 0, 0], [0.5, 0])
+    both = affected(ideal(Lidar(effects=faces, **LIDAR), position=(30.0, 30.0)), 1, "effects", range(1))
+    np.testing.assert_allclose(both.bodies.target[:2, 0, 0, 0], [30 - 2 / 3, 30 - 2 / 3])
+    inside = affected(ideal(Lidar(effects=faces, **LIDAR), position=(0.5, 0.0)), 1, "effects", range(1))
+    np.testing.assert_allclose(inside.bodies.target[:2, 0, 0, 0], [0.5, 0])
 
 
 @pytest.mark.parametrize("distance", [60.0, 100.0, 150.0])
 def test_detections_follow_the_curve_of_swerling(distance):
     effects = [{"type": "signal_to_noise", "half_range_m": 100.0, "stated_at_m": 60.0}]
     sensor = ideal(Radar(effects=effects, **RADAR), position=(distance, 0.0), steps=2000)
-    detected = np.stack([measured(sensor, 1, "effects", run)[1] for run in range(20)])
+    detected = detections(sensor, 20)
     expected = FALSE_ALARM_PROBABILITY ** (1 / (1 + float(signal_ratio(np.array(distance), 100.0))))
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], detected.size, expected)
     assert low <= detected.sum() <= high
@@ -185,7 +199,7 @@ def test_quantised_measurements_are_whole_steps():
 def test_bursts_of_interference_take_their_share_of_the_time():
     effects = [{"type": "interference", "per_minute": 10.0, "duration_s": 2.0, "detection_factor": 0.0}]
     sensor = ideal(Radar(effects=effects, **RADAR), steps=600)
-    detected = np.stack([measured(sensor, 1, "effects", run)[1][:, 0] for run in range(400)])
+    detected = detections(sensor, 400).T
     # Of a Poisson process the number of bursts at an instant is Poisson with mean rate times duration.
     assert detected.mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.02)
     assert detected[:, 0].mean() == pytest.approx(np.exp(-10 * 2 / 60), abs=0.1)
@@ -196,8 +210,8 @@ def test_bursts_add_false_alarms_only_while_detections_are_few():
         {"type": "interference", "per_minute": 6.0, "duration_s": 1.0, "detection_factor": 0.0, "alarms_per_scan": 5.0}
     ]
     sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), steps=600)
-    detected = measured(sensor, 1, "effects", 3)[1][:, 0]
-    (alarms,) = false_alarms(sensor, 1, "effects", 3)
+    detected = detections(sensor, 4)[:, 3]
+    alarms = alarms_of(sensor, 3)
     counts = np.bincount(alarms.instant, minlength=600)
     assert counts[detected].sum() == 0
     assert counts[~detected].mean() == pytest.approx(5, abs=5 * np.sqrt(5 / (~detected).sum()))
@@ -206,7 +220,7 @@ def test_bursts_add_false_alarms_only_while_detections_are_few():
 def test_a_ghost_is_the_mirror_image_of_its_cause():
     effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4, "time_s": 0.5}]
     sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 2.0), velocity=(3.0, 0.5), steps=80)
-    seen = [false_alarms(sensor, 1, "effects", run)[0] for run in range(300)]
+    seen = [alarms_of(sensor, run) for run in range(300)]
     share = np.mean([len(alarms.instant) / 80 for alarms in seen])
     assert share == pytest.approx(0.4, abs=0.05)
     for alarms in seen[:3]:
@@ -221,4 +235,32 @@ def test_a_ghost_is_the_mirror_image_of_its_cause():
 def test_there_is_no_ghost_of_a_vehicle_behind_the_wall():
     effects = [{"type": "ghosts", "wall_m": 6.0, "probability": 0.4}]
     sensor = ideal(Radar(effects=effects, **EXACT), position=(20.0, 9.0))
-    assert len(false_alarms(sensor, 1, "effects", 0)[0].instant) == 0
+    assert len(alarms_of(sensor, 0).instant) == 0
+
+
+EVERY = [
+    {"type": "reflection", "toward_sensor": 0.3, "along_m": 0.4, "across_m": 0.3},
+    {"type": "faces", "share": 0.5},
+    {"type": "signal_to_noise", "half_range_m": 60.0, "stated_at_m": 50.0, "side_db": 5.0},
+    {"type": "correlated_errors", "share": 0.7, "time_s": 0.5},
+    {"type": "bias", "sigmas": {"azimuth_deg": 0.2}},
+    {"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10.0},
+    {"type": "interference", "per_minute": 20.0, "duration_s": 1.0, "detection_factor": 0.3, "alarms_per_scan": 3.0},
+    {"type": "ghosts", "wall_m": 6.0, "probability": 0.4},
+    {"type": "quantised", "steps": {"range_m": 0.2}},
+]
+
+
+@pytest.mark.parametrize("effects", [*([effect] for effect in EVERY), EVERY], ids=lambda effects: effects[-1]["type"])
+def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
+    # With so many instants a few runs are made at a time.
+    sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), velocity=(0.1, 0.0), steps=3000)
+    together, alone = (sense([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
+    assert together[9] == alone[0]
+    together, alone = (sense_hidden([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
+    assert together[9] == alone[0]
+    assert len(set(together)) == 12
+
+
+def test_every_effect_is_among_these():
+    assert {effect["type"] for effect in EVERY} == set(EFFECTS.names())

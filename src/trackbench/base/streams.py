@@ -6,14 +6,56 @@ Run 17's noise does not depend on how many runs, workers, trackers or other sens
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 
 import numpy as np
+
+from trackbench.base.types import Array
 
 
 def stream(seed: int, scenario: str, run: int, purpose: str) -> np.random.Generator:
     """The generator of one run for one purpose (a sensor's name, or the draw of the initial error)."""
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _key(scenario), run, _key(purpose)])))
+    words = (*_words(seed), *_key(scenario), *_words(run), *_key(purpose))
+    # What it makes of a list of whole numbers as well, in four times the time.
+    entropy = np.array(words, dtype=np.uint32)
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
-def _key(name: str) -> int:
-    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+@lru_cache(maxsize=1024)
+def _key(name: str) -> tuple[int, ...]:
+    return _words(int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little"))
+
+
+def _words(number: int) -> tuple[int, ...]:
+    """A whole number in words of 32 bits, the lowest first."""
+    low, high = number & 0xFFFFFFFF, number >> 32
+    return (low, *_words(high)) if high else (low,)
+
+
+class RunStreams:
+    """The generators of some runs for one purpose; what is drawn has a last axis of runs."""
+
+    def __init__(self, seed: int, scenario: str, runs: range, purpose: str) -> None:
+        self._of = seed, scenario, runs, purpose
+
+    @cached_property
+    def each(self) -> list[np.random.Generator]:
+        """One generator for each run, made when something is drawn."""
+        seed, scenario, runs, purpose = self._of
+        return [stream(seed, scenario, run, purpose) for run in runs]
+
+    def standard_normal(self, shape: int | tuple[int, ...] = ()) -> Array:
+        """``(*shape, runs)`` from a normal distribution of mean 0 and variance 1."""
+        return self._drawn(np.random.Generator.standard_normal, shape)
+
+    def standard_exponential(self, shape: int | tuple[int, ...] = ()) -> Array:
+        """``(*shape, runs)`` from an exponential distribution of mean 1."""
+        return self._drawn(np.random.Generator.standard_exponential, shape)
+
+    def random(self, shape: int | tuple[int, ...] = ()) -> Array:
+        """``(*shape, runs)`` uniform from 0 to 1."""
+        return self._drawn(np.random.Generator.random, shape)
+
+    def _drawn(self, draw: Callable[..., Array | float], shape: int | tuple[int, ...]) -> Array:
+        return np.stack([np.asarray(draw(random, shape)) for random in self.each], axis=-1)

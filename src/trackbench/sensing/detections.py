@@ -15,13 +15,12 @@ from trackbench.base.types import FALSE_ALARM, UNKNOWN_ORIGIN, Array, Indices, M
 from trackbench.base.units import difference, wrap_angle
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.models.sensors.detection import ClutterPlace
-from trackbench.models.sensors.effects import answers
+from trackbench.models.sensors.effects import Sensed, answers
 from trackbench.sensing.scans import (
     IdealSensor,
-    affected,
     arrivals,
     as_given,
-    effect_stream,
+    effect_streams,
     make_read_only,
     measured,
     scan_at,
@@ -121,8 +120,31 @@ class FalseAlarms(NamedTuple):
     """``(n,)`` what they are sorted by among the detections of a scan."""
 
 
-def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
-    """The uniform ones, and those of each place, each drawn from a stream of its own; and recorded ones."""
+def false_alarms(
+    sensor: IdealSensor, seed: int, scenario: str, runs: range, sensed: Sensed | None
+) -> list[list[FalseAlarms]]:
+    """Of each run those of clutter and those of effects, each drawn from a stream of its own."""
+    result = [_of_clutter(sensor, seed, scenario, run) for run in runs]
+    if sensed is not None and any(effect.has("alarms") for effect in sensor.config.effects):
+        for place, effect in enumerate(sensor.config.effects):
+            alarms = answers.alarms(effect, sensed, effect_streams(sensor, place, seed, scenario, runs))
+            if alarms is None:
+                continue
+            number, instant, ideal = alarms
+            for i, run in enumerate(runs):
+                random = stream(seed, scenario, run, f"false alarms of effect {place} of {sensor.name}")
+                result[i].append(_noisy(sensor, instant[number == i], ideal[:, number == i], random))
+    heard = ~silent(sensor.config, sensor.time)
+    return [[_where(alarms, heard[alarms.instant]) for alarms in of_run] for of_run in result]
+
+
+def _noisy(sensor: IdealSensor, instant: Indices, ideal: Array, random: np.random.Generator) -> FalseAlarms:
+    measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
+    return FalseAlarms(instant, measurement, random.random(len(instant)))
+
+
+def _of_clutter(sensor: IdealSensor, seed: int, scenario: str, run: int) -> list[FalseAlarms]:
+    """The uniform ones, those of each place, and recorded ones."""
     name, clutter = sensor.name, sensor.config.clutter
     result = []
     if clutter.per_scan:
@@ -136,21 +158,7 @@ def false_alarms(sensor: IdealSensor, seed: int, scenario: str, run: int) -> lis
     if sensor.alarms is not None:
         random = stream(seed, scenario, run, f"order of the false alarms of {name}")
         result.append(FalseAlarms(*sensor.alarms, random.random(len(sensor.alarms.scan))))
-    if any(effect.has("alarms") for effect in sensor.config.effects):
-        result += _of_effects(sensor, seed, scenario, run)
-    heard = ~silent(sensor.config, sensor.time)
-    return [_where(alarms, heard[alarms.instant]) for alarms in result]
-
-
-def _of_effects(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Iterator[FalseAlarms]:
-    sensed = affected(sensor, seed, scenario, run)
-    for place, effect in enumerate(sensor.config.effects):
-        alarms = answers.alarms(effect, sensed, effect_stream(sensor, place, seed, scenario, run))
-        if alarms is not None:
-            instant, ideal = alarms
-            random = stream(seed, scenario, run, f"false alarms of effect {place} of {sensor.name}")
-            measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
-            yield FalseAlarms(instant, measurement, random.random(len(instant)))
+    return result
 
 
 def _where(alarms: FalseAlarms, kept: Mask) -> FalseAlarms:
@@ -178,12 +186,11 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
     still = np.zeros(count)
     target = np.stack([x, y, still, still])
     ideal = sensor.config.measure(target, pose, velocity)
-    measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
-    key = random.random(count)
+    alarms = _noisy(sensor, instant, ideal, random)
     distance, azimuth, _ = Radar.measure(target, pose, velocity)
     field = field_of_view(sensor.config)
     there = (distance <= field.max_range) & (np.abs(azimuth) <= field.half_angle)
-    return _where(FalseAlarms(instant, measurement, key), there)
+    return _where(alarms, there)
 
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
@@ -233,7 +240,7 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     result: list[tuple[Scan, Indices, Indices]] = []
     for place, sensor in enumerate(sensors):
         take = _detections if sensor.detections is None else _as_recorded
-        drawn = [take(sensor, seed, scenario, run) for run in runs]
+        drawn = list(take(sensor, seed, scenario, runs))
         for i, of_run in enumerate(drawn):
             hashes[i].update(of_run.instant.tobytes())
             hashes[i].update(of_run.measurement.tobytes())
@@ -248,15 +255,24 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     )
 
 
-def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Detections:
-    measurement, detected = measured(sensor, seed, scenario, run)
-    second = np.full(detected.shape, -1)
-    if sensor.config.resolution is not None:
-        measurement, detected, second = resolve(sensor, measurement, detected, run)
+def _detections(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[_Detections]:
+    for part, seen in measured(sensor, seed, scenario, runs):
+        with at_work(plugins_among(sensor.config, *sensor.config.effects)):
+            alarms = false_alarms(sensor, seed, scenario, part, seen.sensed)
+        for i, run in enumerate(part):
+            objects = Resolved(seen.measurement[..., i], seen.detected[..., i], np.full(seen.detected.shape[:2], -1))
+            if sensor.config.resolution is not None:
+                objects = resolve(sensor, *objects[:2], run)
+            yield _of_run(sensor, seed, scenario, run, objects, alarms[i])
+
+
+def _of_run(
+    sensor: IdealSensor, seed: int, scenario: str, run: int, objects: Resolved, alarms: Sequence[FalseAlarms]
+) -> _Detections:
+    """Those of objects and false alarms, in an order that says nothing."""
+    measurement, detected, second = objects
     keys = stream(seed, scenario, run, f"order of {sensor.name}").random(detected.shape)
     instant, number = np.nonzero(detected)
-    with at_work(plugins_among(sensor.config, *sensor.config.effects)):
-        alarms = false_alarms(sensor, seed, scenario, run)
     false = sum(len(part.instant) for part in alarms)
     instant = np.concatenate([instant, *(part.instant for part in alarms)])
     order = np.lexsort((np.concatenate([keys[detected], *(part.key for part in alarms)]), instant))
@@ -270,21 +286,23 @@ def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Det
     )
 
 
-def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Detections:
+def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[_Detections]:
     """Detections of unknown origin, in an order that says nothing."""
     recorded = sensor.detections
     assert recorded is not None
-    keys = stream(seed, scenario, run, f"order of {sensor.name}").random(len(recorded.scan))
-    order = np.lexsort((keys, recorded.scan))
-    order = order[~silent(sensor.config, sensor.time)[recorded.scan[order]]]
-    instant, own_track = recorded.scan[order], recorded.own_track[order]
-    return _Detections(
-        instant,
-        recorded.measurement[:, order],
-        np.where(own_track >= 0, own_track, UNKNOWN_ORIGIN),
-        np.full(len(order), -1),
-        np.arange(len(instant)) - np.searchsorted(instant, instant),
-    )
+    heard = ~silent(sensor.config, sensor.time)[recorded.scan]
+    for run in runs:
+        keys = stream(seed, scenario, run, f"order of {sensor.name}").random(len(recorded.scan))
+        order = np.lexsort((keys, recorded.scan))
+        order = order[heard[order]]
+        instant, own_track = recorded.scan[order], recorded.own_track[order]
+        yield _Detections(
+            instant,
+            recorded.measurement[:, order],
+            np.where(own_track >= 0, own_track, UNKNOWN_ORIGIN),
+            np.full(len(order), -1),
+            np.arange(len(instant)) - np.searchsorted(instant, instant),
+        )
 
 
 def stated_detection(config: Sensor) -> tuple[float, float]:

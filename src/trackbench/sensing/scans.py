@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.streams import stream
+from trackbench.base.streams import RunStreams, stream
 from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import (
     Array,
@@ -19,6 +20,7 @@ from trackbench.base.types import (
     RecordedMeasurements,
     Scan,
     Truth,
+    of_runs,
 )
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
@@ -169,7 +171,7 @@ def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSens
     if config.effects:
         heading = truth.heading[steps]
         axis = np.stack([np.cos(heading), np.sin(heading)])
-        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length, truth.width)
+        bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length[:, None], truth.width[:, None])
     return IdealSensor(
         name,
         config,
@@ -224,44 +226,74 @@ def scan_rate(sensor: IdealSensor) -> float | None:
     return float(1.0 / np.median(np.diff(starts))) if len(starts) > 1 else None
 
 
-def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[Array, Mask]:
-    """One run's measurements ``(m, instants, objects)``, NaN where not detected, and where they are."""
-    of_run = run if sensor.measurement.shape[-1] > 1 else 0
-    ideal, visible = sensor.measurement[..., of_run], sensor.visible[..., of_run]
-    random = stream(seed, scenario, run, sensor.name)
-    draws, chance = random.standard_normal(ideal.shape), random.random(visible.shape)
-    with at_work(plugins_among(sensor.config, *sensor.config.effects)):
-        if sensor.bodies is None:
-            detected = visible & (chance < sensor.probability[..., of_run])
-        else:
-            sensed = affected(sensor, seed, scenario, run)
-            detected = visible & (chance < sensed.probability)
-            ideal, draws = difference(sensed.ideal(), -sensed.error, sensor.config.angular), draws * sensed.scale
-        if sensor.recorded:
-            detected = detected & np.isfinite(ideal).all(axis=0)
-            noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
-        else:
-            noisy = with_noise(sensor.config, ideal, draws)
-    return np.where(detected, noisy, np.nan), detected
+class Measured(NamedTuple):
+    """What one sensor has measured of the objects in some runs."""
+
+    measurement: Array
+    """``(m, instants, objects, runs)``, NaN where not detected."""
+    detected: Mask
+    """``(instants, objects, runs)``."""
+    sensed: Sensed | None
+    """Before its white noise, of a sensor that has effects."""
 
 
-def affected(sensor: IdealSensor, seed: int, scenario: str, run: int) -> Sensed:
-    """One run of a sensor that has effects, before its white noise."""
+#: Measurements of a component that are made at a time: as many as the cache of a processor holds some arrays of.
+AT_A_TIME = 2**14
+
+
+def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[tuple[range, Measured]]:
+    """The measurements of some runs, a few runs at a time."""
+    size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
+    for first in range(runs.start, runs.stop, size):
+        part = range(first, min(first + size, runs.stop))
+        with at_work(plugins_among(sensor.config, *sensor.config.effects)):
+            seen = _measured(sensor, seed, scenario, part)
+        yield part, seen
+
+
+def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Measured:
+    ideal, visible = of_runs(sensor.measurement, runs), of_runs(sensor.visible, runs)
+    random = RunStreams(seed, scenario, runs, sensor.name)
+    draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
+    sensed = None
+    if sensor.bodies is None:
+        detected = visible & (chance < of_runs(sensor.probability, runs))
+    else:
+        sensed = affected(sensor, seed, scenario, runs)
+        detected = visible & (chance < sensed.probability)
+        ideal, draws = difference(sensed.ideal(), -sensed.error, sensor.config.angular), draws * sensed.scale
+    if sensor.recorded:
+        detected = detected & np.isfinite(ideal).all(axis=0)
+        noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
+    else:
+        noisy = with_noise(sensor.config, ideal, draws)
+    return Measured(np.where(detected, noisy, np.nan), detected, sensed)
+
+
+def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sensed:
+    """Some runs of a sensor that has effects, before its white noise."""
     assert sensor.bodies is not None
-    of_run = run if sensor.visible.shape[-1] > 1 else 0
-    visible, probability = sensor.visible[..., of_run], sensor.probability[..., of_run]
-    bodies, scale = sensor.bodies.of_run(run), np.ones(visible.shape)
-    error = np.zeros((len(sensor.noise_covariance), *visible.shape))
-    at = sensor.time, sensor.pose, sensor.velocity
-    sensed = Sensed(sensor.config, *at, bodies, visible, probability, scale, error)
+    size, instants, objects = sensor.measurement.shape[:3]
+    sensed = Sensed(
+        sensor.config,
+        len(runs),
+        sensor.time,
+        sensor.pose[..., None],
+        sensor.velocity[..., None],
+        sensor.bodies.of_runs(runs),
+        of_runs(sensor.visible, runs),
+        of_runs(sensor.probability, runs),
+        scale=np.ones((instants, objects, 1)),
+        error=np.zeros((size, instants, objects, len(runs))),
+    )
     for place, effect in enumerate(sensor.config.effects):
-        sensed = answers.before(effect, sensed, effect_stream(sensor, place, seed, scenario, run))
+        sensed = answers.before(effect, sensed, effect_streams(sensor, place, seed, scenario, runs))
     return sensed
 
 
-def effect_stream(sensor: IdealSensor, place: int, seed: int, scenario: str, run: int) -> np.random.Generator:
-    """What an effect, the ``place``-th of the sensor, draws from in one run: for each of its methods from the start."""
-    return stream(seed, scenario, run, f"effect {place} of {sensor.name}")
+def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, runs: range) -> RunStreams:
+    """What an effect, the ``place``-th of the sensor, draws from: for each of its methods from the start."""
+    return RunStreams(seed, scenario, runs, f"effect {place} of {sensor.name}")
 
 
 def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
@@ -285,9 +317,10 @@ def _stacked(
     size, instants, objects = sensor.measurement.shape[:3]
     measurements = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
-    for i, run in enumerate(runs):
-        noisy, detected = measured(sensor, seed, scenario, run)
-        hashes[i].update(noisy.tobytes())
-        measurements[..., i] = np.swapaxes(noisy, 0, 1)
-        valid[..., i] = detected
+    for part, (noisy, detected, _) in measured(sensor, seed, scenario, runs):
+        place = slice(part.start - runs.start, part.stop - runs.start)
+        measurements[..., place] = np.swapaxes(noisy, 0, 1)
+        valid[..., place] = detected
+        for i, hash in enumerate(hashes[place]):
+            hash.update(noisy[..., i].tobytes())
     return measurements, valid

@@ -14,7 +14,8 @@ from trackbench.base.config import Config, Problem
 from trackbench.base.config.key_units import in_si, split_key, unit_of
 from trackbench.base.errors import nearest
 from trackbench.base.plugins import Registry, lacks_class
-from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.streams import RunStreams
+from trackbench.base.types import Array, Indices, Mask, of_runs
 
 if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
@@ -24,30 +25,32 @@ if TYPE_CHECKING:
 class Bodies:
     """What a sensor sees at its instants: points that move, and the boxes around them.
 
-    Each ``(instants, objects)``, and with a last axis of runs until one is taken.
+    The last axis of each array is that of the runs; of length 1 where the motion is the same in all.
     """
 
     target: Array
-    """``(4, instants, objects)`` x, y, vx, vy in the fixed frame, of the centre unless moved."""
+    """``(4, instants, objects, runs or 1)`` x, y, vx, vy in the fixed frame, of the centre unless moved."""
     heading: Array
-    """rad."""
+    """``(instants, objects, runs or 1)`` rad."""
     axis: Array
-    """``(2, ...)`` cosine and sine of the heading."""
+    """``(2, instants, objects, runs or 1)`` cosine and sine of the heading."""
     yaw_rate: Array
-    """rad/s."""
+    """``(instants, objects, runs or 1)`` rad/s."""
     length: Array
-    """``(objects,)`` m."""
+    """``(objects, 1)`` m."""
     width: Array
-    """``(objects,)`` m."""
+    """``(objects, 1)`` m."""
 
-    def of_run(self, run: int) -> Bodies:
-        """Those of one run; where the motion is the same in every run, of all."""
-        run = run if self.heading.shape[-1] > 1 else 0
-        moving = {name: getattr(self, name)[..., run] for name in ("target", "heading", "axis", "yaw_rate")}
+    def of_runs(self, runs: range) -> Bodies:
+        """Those of some runs."""
+        moving = {name: of_runs(getattr(self, name), runs) for name in ("target", "heading", "axis", "yaw_rate")}
         return replace(self, **moving)
 
     def seen_from(self, pose: Array) -> Array:
-        """``(2, instants, objects)`` where a sensor of pose ``(3, instants)`` is, ahead and to the left of each, m."""
+        """Where a sensor of pose ``(3, instants, runs or 1)`` is, ahead and to the left of each, m.
+
+        ``(2, instants, objects, runs or 1)``.
+        """
         dx, dy = pose[0][:, None] - self.target[0], pose[1][:, None] - self.target[1]
         c, s = self.axis
         return np.stack([c * dx + s * dy, c * dy - s * dx])
@@ -62,37 +65,48 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Sensed:
-    """One run of one sensor, before its white noise is added."""
+    """Some runs of one sensor, before its white noise is added.
+
+    The last axis of each array but ``time`` is that of the runs; it may have length 1 where all runs are alike.
+    """
 
     sensor: Sensor
+    runs: int
+    """How many."""
     time: Array
     """``(instants,)`` s."""
     pose: Array
-    """``(3, instants)``."""
+    """``(3, instants, runs or 1)``."""
     velocity: Array
-    """``(2, instants)``."""
+    """``(2, instants, runs or 1)``."""
     bodies: Bodies
     """The points that are measured."""
     visible: Mask
-    """``(instants, objects)``."""
+    """``(instants, objects, runs or 1)``."""
     probability: Array
-    """``(instants, objects)`` that an object that is visible is detected."""
+    """``(instants, objects, runs or 1)`` that an object that is visible is detected."""
     scale: Array
-    """``(instants, objects)`` standard deviation of the white noise over that of the sensor's options."""
+    """``(instants, objects, runs or 1)`` standard deviation of the white noise over that of the sensor's options."""
     error: Array
-    """``(m, instants, objects)`` what is added beside the white noise, in SI units and radians."""
+    """``(m, instants, objects, runs)`` what is added beside the white noise, in SI units and radians."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Instants and objects: of what is drawn for each measurement of a run."""
+        instants, objects = self.error.shape[1:3]
+        return instants, objects
 
     def replaced(self, **values: Any) -> Sensed:
         """With other values of these fields."""
         return replace(self, **values)
 
     def ideal(self) -> Array:
-        """``(m, instants, objects)`` what the sensor reads of the points without any error."""
+        """``(m, instants, objects, runs or 1)`` what the sensor reads of the points without any error."""
         return self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None])
 
     def sigmas(self) -> Array:
-        """``(m, 1, 1)`` standard deviations of the sensor's options, in SI units and radians."""
-        return np.array(self.sensor.sigmas())[:, None, None]
+        """``(m, 1, 1, 1)`` standard deviations of the sensor's options, in SI units and radians."""
+        return np.array(self.sensor.sigmas())[:, None, None, None]
 
 
 class Effect(Config, ABC):
@@ -112,17 +126,18 @@ class Effect(Config, ABC):
         """What is wrong with its options on this sensor."""
         yield from ()
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         """What is changed before the white noise is added."""
         return sensed
 
     def after(self, measurement: Array, sensor: Sensor) -> Array:
-        """Measurements ``(m, instants, objects)`` as the sensor gives them."""
+        """Measurements ``(m, ...)`` as the sensor gives them."""
         return measurement
 
-    def alarms(self, sensed: Sensed, random: np.random.Generator) -> tuple[Indices, Array] | None:
-        """Further detections, which belong to no object: numbers of their instants ``(n,)`` and measurements ``(m, n)``
-        without white noise. They matter with hidden identities alone."""
+    def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array] | None:
+        """Further detections, which belong to no object: numbers of their runs ``(n,)``, the first of ``sensed`` being
+        0, and of their instants ``(n,)``, and measurements ``(m, n)`` without white noise. They matter with hidden
+        identities alone."""
         return None
 
     @classmethod
@@ -172,9 +187,10 @@ def gauss_markov(time: Array, time_s: float, white: Array) -> Array:
     """
     decay = np.concatenate([[0.0], np.exp(-np.diff(time) / time_s)]).reshape(-1, *(1,) * (white.ndim - 1))
     value: Array = white * np.sqrt(1.0 - decay * decay)
+    scaled = np.empty_like(value)
     shift = 1
     while shift < len(time) and decay.any():
-        value[shift:] = value[shift:] + decay[shift:] * value[:-shift]
+        value[shift:] += np.multiply(decay[shift:], value[:-shift], out=scaled[shift:])
         decay[shift:] = decay[shift:] * decay[:-shift]
         decay[:shift] = 0.0
         shift *= 2

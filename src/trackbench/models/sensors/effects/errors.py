@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Angle, NonNegative, Positive, Problem
+from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems, gauss_markov
 
@@ -25,8 +26,8 @@ class CorrelatedErrors(Effect):
     share: float = Field(gt=0, le=1, description="Share of the noise variance that changes slowly.")
     time_s: Positive = Field(description="Time constant of the process, s.")
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
-        instants, objects = sensed.scale.shape
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
+        instants, objects = sensed.shape
         white = random.standard_normal((instants, len(sensed.error), objects))
         slow = np.moveaxis(gauss_markov(sensed.time, self.time_s, white), 1, 0)
         error = sensed.error + np.sqrt(self.share) * sensed.sigmas() * sensed.scale * slow
@@ -40,9 +41,9 @@ class Bias(Effect):
         min_length=1, description="Standard deviation by component, such as `azimuth_deg: 0.3`."
     )
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         sigmas = by_component(self.sigmas, sensed.sensor)
-        constant = sigmas * random.standard_normal(len(sigmas))
+        constant = sigmas[:, None] * random.standard_normal(len(sigmas))
         return sensed.replaced(error=sensed.error + constant[:, None, None])
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
@@ -55,7 +56,7 @@ class AzimuthRipple(Effect):
     amplitude_deg: Angle = Field(description="Largest error, degrees.")
     period_deg: float = Field(gt=0, le=360, description="Period in azimuth, degrees.")
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         place = sensed.sensor.components.index("azimuth")
         phase = 2.0 * np.pi * random.random()
         error = sensed.error.copy()

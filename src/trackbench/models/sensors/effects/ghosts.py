@@ -7,6 +7,7 @@ from pydantic import Field
 
 from trackbench.base.config import Positive
 from trackbench.base.distributions import normal_quantile
+from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors.effects.base import Effect, Sensed, gauss_markov
@@ -27,8 +28,8 @@ class Ghosts(Effect):
     )
     time_s: Positive = Field(1, description="Time constant with which images come and go, s.")
 
-    def alarms(self, sensed: Sensed, random: np.random.Generator) -> tuple[Indices, Array]:
-        presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.visible.shape))
+    def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
+        presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.shape))
         x, y, yaw = sensed.pose
         c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
         px, py, vx, vy = sensed.bodies.target
@@ -39,12 +40,12 @@ class Ghosts(Effect):
         mirrored = sensor.measure(image, sensed.pose[:, :, None], sensed.velocity[:, :, None])
         same_side = beyond * np.sign(self.wall_m) > 0
         seen = sensed.visible & same_side & (presence < normal_quantile(self.probability))
-        instant, number = np.nonzero(seen & _in_view(sensed, image))
-        return instant, mirrored[:, instant, number]
+        instant, number, run = np.nonzero(seen & _in_view(sensed, image))
+        return run, instant, np.broadcast_to(mirrored, (len(mirrored), *seen.shape))[:, instant, number, run]
 
 
 def _in_view(sensed: Sensed, image: Array) -> Mask:
-    """``(instants, objects)`` whether a point ``(4, instants, objects)`` is in the sensor's range and field of view."""
+    """``(instants, objects, runs or 1)`` whether a point is in the sensor's range and field of view."""
     dx, dy = image[:2] - sensed.pose[:2, :, None]
     azimuth = wrap_angle(np.arctan2(dy, dx) - sensed.pose[2][:, None])
     sensor = sensed.sensor

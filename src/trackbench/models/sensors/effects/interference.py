@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Positive, Problem
+from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors.effects.base import Effect, Sensed
 
@@ -33,17 +34,21 @@ class Interference(Effect):
         0, ge=0, le=1000, description="Mean number of further false alarms per scan in a burst, uniform in view."
     )
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
-        burst = self._burst(sensed.time, random)[:, None]
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
+        burst = np.stack([self._burst(sensed.time, of_run) for of_run in random.each], axis=-1)[:, None]
         return sensed.replaced(
             probability=np.where(burst, self.detection_factor, 1.0) * sensed.probability,
             scale=np.where(burst, self.sigma_factor, 1.0) * sensed.scale,
         )
 
-    def alarms(self, sensed: Sensed, random: np.random.Generator) -> tuple[Indices, Array]:
-        burst = np.flatnonzero(self._burst(sensed.time, random))
-        instant = np.repeat(burst, random.poisson(self.alarms_per_scan, len(burst)))
-        return instant, sensed.sensor.uniform(random.random((len(sensed.error), len(instant))))
+    def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
+        instants, shares = [], []
+        for of_run in random.each:
+            burst = np.flatnonzero(self._burst(sensed.time, of_run))
+            instants.append(np.repeat(burst, of_run.poisson(self.alarms_per_scan, len(burst))))
+            shares.append(of_run.random((len(sensed.error), len(instants[-1]))))
+        run = np.repeat(np.arange(sensed.runs), [len(instant) for instant in instants])
+        return run, np.concatenate(instants), sensed.sensor.uniform(np.concatenate(shares, axis=1))
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
         if self.alarms_per_scan and not sensor.has_volume():

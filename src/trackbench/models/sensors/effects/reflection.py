@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import NonNegative, Positive
+from trackbench.base.streams import RunStreams
 from trackbench.models.sensors.effects.base import Effect, Sensed, gauss_markov
 
 
@@ -26,13 +27,15 @@ class Reflection(Effect):
     across_m: NonNegative = Field(0, description="Standard deviation of its wandering across the vehicle, m.")
     time_s: Positive = Field(1, description="Time constant of the wandering (Gauss-Markov), s.")
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         bodies = sensed.bodies
         half = np.stack([bodies.length, bodies.width])[:, None] / 2
         nearest = np.clip(bodies.seen_from(sensed.pose), -half, half)
-        white = random.standard_normal((len(sensed.time), 2, nearest.shape[-1]))
+        instants, objects = sensed.shape
+        white = random.standard_normal((instants, 2, objects))
         wander = np.moveaxis(gauss_markov(sensed.time, self.time_s, white), 1, 0)
-        ahead, left = self.toward_sensor * nearest + wander * np.array([self.along_m, self.across_m])[:, None, None]
+        sigmas = np.array([self.along_m, self.across_m])[:, None, None, None]
+        ahead, left = self.toward_sensor * nearest + wander * sigmas
         return sensed.replaced(bodies=bodies.moved(ahead, left))
 
 
@@ -47,7 +50,7 @@ class Faces(Effect):
         "for the size of a car.",
     )
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         bodies = sensed.bodies
         half = np.stack(np.broadcast_arrays(bodies.length / 2, bodies.width / 2))[:, None]
         sensor = bodies.seen_from(sensed.pose)

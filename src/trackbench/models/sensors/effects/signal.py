@@ -9,6 +9,7 @@ from pydantic import Field
 
 from trackbench.base.config import Config, Positive, Problem
 from trackbench.base.scipy_functions import scipy_function
+from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects.base import Effect, Sensed
@@ -73,12 +74,12 @@ class SignalToNoise(SignalRange, Effect):
         "goes with the square of the sine of the aspect.",
     )
 
-    def before(self, sensed: Sensed, random: np.random.Generator) -> Sensed:
+    def before(self, sensed: Sensed, random: RunStreams) -> Sensed:
         ahead, left = sensed.bodies.seen_from(sensed.pose)
         distance = np.hypot(ahead, left)
         side = np.divide(left, distance, out=np.zeros_like(left), where=distance > 0) ** 2
         mean = 1.0 + self.ratio(distance) * 10.0 ** (self.side_db * side / 10.0)
-        power = mean * random.standard_exponential(distance.shape)
+        power = mean * random.standard_exponential(sensed.shape)
         detected = power > THRESHOLD
         factor = np.sqrt(self.variance_factor(np.where(detected, power, np.inf)))
         return sensed.replaced(probability=sensed.probability * detected, scale=sensed.scale * factor)
