@@ -35,26 +35,21 @@ _TUNE_HIDDEN = (
 _TUNE_ERROR = (
     "tune {scenarios}/scripted/figure_eight.yaml --trackers ukf --trials 3 --train-runs 2 --test-runs 2 --seed 3"
 )
-#: Every effect of a radar, each alone and all together.
-_EFFECTS: list[dict[str, Any]] = [
-    {"type": "reflection", "toward_sensor": 0.3, "along_m": 0.4, "across_m": 0.3},
-    {"type": "faces", "share": 0.5},
-    {"type": "signal_to_noise", "half_range_m": 120, "stated_at_m": 60, "side_db": 5},
-    {"type": "correlated_errors", "share": 0.7, "time_s": 0.5},
-    {"type": "bias", "sigmas": {"azimuth_deg": 0.2}},
-    {"type": "azimuth_ripple", "amplitude_deg": 0.4, "period_deg": 10},
-    {"type": "interference", "per_minute": 20, "duration_s": 1, "sigma_factor": 2},
-    {"type": "ghosts", "wall_m": 6, "probability": 0.4},
-    {"type": "quantised", "steps": {"range_m": 0.2}},
-]
-
-
-def _effects(sensor: str, effects: list[dict[str, Any]]) -> str:
-    """An option of ``run``, without spaces and to be formatted."""
-    stated = json.dumps(effects, separators=(",", ":")).replace("{", "{{").replace("}", "}}")
-    return f"sensors.{sensor}.effects={stated}"
-
-
+#: Every effect, of a radar; without spaces, and to be formatted.
+_EFFECTS = ",".join(
+    f'{{{{"type":"{name}",{options}}}}}'
+    for name, options in {
+        "reflection": '"toward_sensor":0.3,"along_m":0.4,"across_m":0.3',
+        "faces": '"share":0.5',
+        "signal_to_noise": '"half_range_m":120,"stated_at_m":60,"side_db":5',
+        "correlated_errors": '"share":0.7,"time_s":0.5',
+        "bias": '"sigmas":{{"azimuth_deg":0.2}}',
+        "azimuth_ripple": '"amplitude_deg":0.4,"period_deg":10',
+        "interference": '"per_minute":20,"duration_s":1,"alarms_per_scan":3',
+        "ghosts": '"wall_m":6,"probability":0.4',
+        "quantised": '"steps":{{"range_m":0.2}}',
+    }.items()
+)
 _INSPECT = "inspect {out}/run/*/recording.rrd --json"
 #: The commands beside `run` of a shipped scenario, by name: one after the other in one folder. What they print as JSON,
 #: and every JSON file and table that they write, is compared. Those with ``{engine}`` are run with each engine.
@@ -79,12 +74,9 @@ COMMANDS: dict[str, list[str]] = {
     "doctor_naive": ["doctor {scenarios}/traffic/cut_in.yaml#naive --json --out {out}/doctor"],
     "audit": ["audit {scenarios}/recorded/udacity_fusion.yaml --json --out {out}/audit"],
     "effects": [
-        f"{run} --engine numpy --out {{out}}/{number}{name} --set {_effects(sensor, effects)}"
-        for number, effects in enumerate([*([effect] for effect in _EFFECTS), _EFFECTS])
-        for name, run, sensor in (
-            ("known", f"{_RUN} --trackers raw", "radar"),
-            ("hidden", f"{_RUN_HIDDEN} --trackers gnn", "front_radar"),
-        )
+        f"{_RUN} --engine numpy --out {{out}}/known --set sensors.radar.effects=[{_EFFECTS}]",
+        f"{_RUN_HIDDEN} --engine numpy --out {{out}}/hidden --set sensors.front_radar.effects=[{_EFFECTS}]",
+        f"{_RUN_HIDDEN} --engine numpy --out {{out}}/typical --set sensors.roof_lidar.effects=typical",
     ],
     "inspect": [
         "run {scenarios}/fusion.yaml --runs 2 --scenes 2 --out {out}/run --engine numpy",
