@@ -226,7 +226,7 @@ def scan_rate(sensor: IdealSensor) -> float | None:
     return float(1.0 / np.median(np.diff(starts))) if len(starts) > 1 else None
 
 
-class Measured(NamedTuple):
+class ObjectMeasurements(NamedTuple):
     """What one sensor has measured of the objects in some runs."""
 
     measurement: Array
@@ -241,7 +241,7 @@ class Measured(NamedTuple):
 AT_A_TIME = 2**14
 
 
-def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[tuple[range, Measured]]:
+def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[tuple[range, ObjectMeasurements]]:
     """The measurements of some runs, a few runs at a time."""
     size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(runs.start, runs.stop, size):
@@ -251,7 +251,7 @@ def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iter
         yield part, seen
 
 
-def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Measured:
+def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> ObjectMeasurements:
     ideal, visible = of_runs(sensor.measurement, runs), of_runs(sensor.visible, runs)
     random = RunStreams(seed, scenario, runs, sensor.name)
     draws, chance = random.standard_normal(ideal.shape[:-1]), random.random(visible.shape[:-1])
@@ -267,7 +267,7 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Mea
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
     else:
         noisy = with_noise(sensor.config, ideal, draws)
-    return Measured(np.where(detected, noisy, np.nan), detected, sensed)
+    return ObjectMeasurements(np.where(detected, noisy, np.nan), detected, sensed)
 
 
 def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sensed:
