@@ -39,6 +39,7 @@ MENU = {
         "traffic-trackers",
         "own-tracker",
         "own-multi-tracker",
+        "any-language",
         "adaptors",
     ],
     "Results": [

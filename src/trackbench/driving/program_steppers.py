@@ -33,7 +33,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
     try:
         return tracks_of(message) if several else estimate_of(message)
     except NotAFrame as error:
-        raise TrackerFault(f"its answer has {error}") from None
+        raise TrackerFault(f"its answer is wrong: {error}") from None
 
 
 class ProgramStepper(Stepper):

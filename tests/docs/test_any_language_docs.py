@@ -1,0 +1,37 @@
+"""The page on trackers in other languages does what it says."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.support.places import DOCS
+
+from trackbench.driving import frames
+from trackbench.subjects.templates.plug_in import new
+
+PAGE = DOCS / "any-language.md"
+
+
+@pytest.mark.docs_pages
+@pytest.mark.skipif(not shutil.which("g++"), reason="there is no compiler")
+def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(PAGE, tmp_path) == 5
+    assert (tmp_path / "libmy_tracker.so").exists()
+
+
+def test_the_page_shows_what_is_written(tmp_path: Path, fenced: Callable[[Path], list[Any]]) -> None:
+    shown = next(block.text for block in fenced(PAGE) if block.note == "file: kalman_program.py")
+    assert shown == new("tracker", "kalman_program", tmp_path, language="python-program")[0].read_text(encoding="utf-8")
+    assert "trackbench" not in shown
+    assert len(shown.splitlines()) < 45
+
+
+def test_the_version_is_that_of_the_code() -> None:
+    assert re.findall(r"^## The protocol, version (\d+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE) == [
+        str(frames.VERSION)
+    ]
