@@ -1,0 +1,60 @@
+"""Damaged answers of programs: each is refused in one clear line, or is an answer of the right form."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+
+import msgpack
+import numpy as np
+
+from trackbench.base.types import Scan
+from trackbench.driving.frames import NotAFrame, packed_array, plain_estimate, unpacked
+from trackbench.driving.program_steppers import answer_of
+from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM
+from trackbench.trackers.answers import TrackerFault
+
+ONE = Scan(0.0, "roof", "lidar", np.ones(2), np.array(True), np.eye(2), np.zeros(3), np.zeros(2), 0.0)
+SEVERAL = ONE._replace(measurement=np.ones((2, 3)), valid=np.ones(3, dtype=bool))
+PLAIN = {"type": "estimate", "id": 1, "mean": packed_array(np.arange(4)), "covariance": packed_array(np.eye(4))}
+MORE = PLAIN | {"innovation": packed_array(np.ones(2)), "innovation_covariance": packed_array(np.eye(2))}
+TRACKS = {
+    "type": "tracks",
+    "id": 1,
+    "ids": packed_array([0, 1]),
+    "mean": packed_array(np.ones((4, 2))),
+    "covariance": packed_array(np.eye(4)[:, :, None] * np.ones(2)),
+    "used": packed_array([0, 1]),
+}
+
+
+def outcome(content: bytes) -> str:
+    try:
+        message = unpacked(content)
+        if message.get("type") not in ("estimate", "tracks", "none"):
+            return "refused"
+        if plain_estimate(message, [4], [4, 4]):
+            return "accepted"
+        several = message["type"] == "tracks"
+        form, scan = (TRACKS_FORM, SEVERAL) if several else (ESTIMATE_FORM, ONE)
+        form.check(answer_of(message, several), scan)
+    except (NotAFrame, TrackerFault) as refused:
+        return "refused" if str(refused) and "\n" not in str(refused) else "not in one line"
+    return "accepted"
+
+
+def test_three_thousand_damaged_answers() -> None:
+    draw, whole = random.Random(0), [msgpack.packb(message) for message in (PLAIN, MORE, TRACKS)]
+    assert [outcome(content) for content in whole] == ["accepted"] * 3
+    outcomes: Counter[str] = Counter()
+    for number in range(3000):
+        content = bytearray(whole[number % 3])
+        for _ in range(draw.randint(1, 4)):
+            damage = [0, 0x7F, 0x91, 0xC0, 0xC1, 0xDD, 0xDF, 0xFF, draw.randrange(256)]
+            content[draw.randrange(len(content))] = draw.choice(damage)
+        if draw.random() < 0.05:
+            content = bytearray(b"\x81\xa1a" + b"\x91" * draw.randint(10, 5000) + b"\xc0")
+        with np.errstate(all="ignore"):
+            outcomes[outcome(bytes(content[: draw.choice([None, draw.randrange(1, len(content))])]))] += 1
+    assert outcomes["refused"] > 1500
+    assert set(outcomes) == {"refused", "accepted"}
