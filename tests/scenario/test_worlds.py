@@ -16,7 +16,7 @@ name: small
 truth: {source: scripted, duration_s: 6, rate_hz: 10, objects: {a: {start: {x: 30, y: 5, speed_mps: 8}}}}
 sensors:
   radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.2}
-  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, effects: [{type: faces}]}
+  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, detection_probability: 0.9}
 trackers:
   slow: {filter: ekf, motion: cv, acceleration_sigma_mps2: 0.3}
   fast: {filter: ekf, motion: cv, acceleration_sigma_mps2: 30}
@@ -55,9 +55,48 @@ def test_the_recorded_world_has_the_motion_of_the_package_and_the_scenarios_targ
         tb.load("roundabout", set={"world": "recorded"})
 
 
-def test_the_ideal_world_has_no_effects_that_are_written() -> None:
-    assert effects(tb.load(SCRIPTED))["lidar"] == ["faces"]
-    assert effects(tb.load(SCRIPTED, set={"world": "ideal"}))["lidar"] == []
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"truth.drivers": "steady"}, "truth.drivers: the world human sets this to human: remove it"),
+        (
+            {"sensors.front_radar.effects": [{"type": "reflection", "along_m": 1}]},
+            "front_radar.effects: the world human",
+        ),
+    ],
+)
+def test_what_a_world_sets_is_not_stated_otherwise(stated: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        tb.load("highway", set={**stated, "world": "human"})
+    with pytest.raises(InputError, match=message):
+        tb.worlds(tb.load("highway", set=stated), ["human"])
+    assert tb.load("highway", set={"truth.drivers": "human", "world": "human"}).config.truth.drivers == "human"
+
+
+def test_recorded_traffic_is_in_the_recorded_world_as_it_is() -> None:
+    written, scenario = tb.load("recorded/i80").config, tb.load("recorded/i80", set={"world": "recorded"})
+    assert scenario.config.truth == written.truth
+    assert all(effects(scenario).values())
+
+
+def test_the_recorded_world_has_as_many_scenes_as_are_asked_for() -> None:
+    for scenes, expected in ((3, 3), (20, 10)):
+        truth = tb.load("highway", set={"world": "recorded"}, scenes=scenes).config.truth
+        assert len(truth.scenes()) == expected
+
+
+@pytest.mark.parametrize(
+    ("worlds", "settings", "message"),
+    [
+        (",", (), "--worlds: name at least one of ideal, human"),
+        ("ideal,ideal", (), "--worlds: ideal is named twice"),
+        ("ideal", ("--set", "world=human"), "world: is in the world human already"),
+    ],
+)
+def test_worlds_that_contradict_are_refused(cli, worlds: str, settings: tuple[str, ...], message: str) -> None:
+    done = cli("run", "highway", "--worlds", worlds, *settings)
+    assert done.status == 2
+    assert message in done.err
 
 
 def test_worlds_in_which_a_scenario_cannot_be_say_none_and_why() -> None:

@@ -134,7 +134,10 @@ def run_command(
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "scenes": scenes, "trackers": only}
-    loaded, unchanged = load_several(files, settings, worlds=names_in(worlds or ""), **options)
+    in_worlds = names_in(worlds or "")
+    if worlds is not None and not in_worlds:
+        raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
+    loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
     check_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet)
     for note in unchanged:

@@ -110,6 +110,9 @@ def _in_world(document: YamlDocument) -> YamlDocument:
     except NoSuchWorld as error:
         origin = document.origin(("world",))
         raise NoSuchWorld(error.message, key="world", file=origin.file, line=origin.line) from None
+    except InputError as error:
+        origin = document.origin(_key_path(document, error.key))
+        raise InputError(error.message, key=error.key, file=origin.file, line=origin.line) from None
 
 
 def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]], more: int) -> InputError:
@@ -172,11 +175,17 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
     Raises:
         InputError: there is no world of a name.
     """
-    for world in worlds:
+    for index, world in enumerate(worlds):
         if world not in WORLDS:
             raise InputError(f"no world {world!r}; {nearest(world, WORLDS)}", key="--worlds")
+        if world in worlds[:index]:
+            raise InputError(f"{world} is named twice; remove one", key="--worlds")
+    own = loaded.config.world
+    if worlds and own is not None:
+        message = f"is in the world {own} already, by its key world: remove that, or --worlds"
+        raise loaded.locate(InputError(message, key="world"))
     chosen = [*worlds] or loaded.config.worlds
-    if not chosen or loaded.config.world is not None:
+    if not chosen or own is not None:
         return [loaded], []
     scenarios, notes = [], []
     for world in chosen:

@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 World = Literal["ideal", "human", "typical", "recorded"]
 WORLDS: tuple[World, ...] = get_args(World)
 MEANING: dict[World, str] = {
-    "ideal": "steady drivers, ideal sensors",
+    "ideal": "steady drivers where they are simulated, ideal sensors",
     "human": "human drivers, ideal sensors",
     "typical": "human drivers where they are simulated, typical sensors",
     "recorded": "recorded traffic, typical sensors",
@@ -23,11 +23,12 @@ MEANING: dict[World, str] = {
 MOTORWAYS = ("highway-v0", "highway-fast-v0", "merge-v0", "merge-generic-v0", "two-way-v0", "exit-v0")
 #: Rows of each car of the recording per second: no sensor can be faster there.
 RECORDED_HZ = 10
-#: NGSIM I-80, smoothed, from ten of its cars: each a scene, and no car in two.
+#: Cars of NGSIM I-80 that are far enough apart: each is the observer of a scene, and no car is in two.
+I80_CARS = ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]
+#: The recording, smoothed.
 I80: dict[str, Any] = {
     "source": "recorded-traffic",
     "format": "i80",
-    "observer": {"vehicle": ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]},
     "smoothing": {"window_s": 2.1, "order": 2},
 }
 
@@ -41,17 +42,20 @@ def changes(scenario: Mapping[str, Any], world: World) -> list[str]:
 
     Raises:
         NoSuchWorld: it cannot be in it.
+        InputError: it states itself what the world sets, and otherwise.
     """
     truth, sensors = (part if isinstance(part := scenario.get(key), dict) else {} for key in ("truth", "sensors"))
-    return [*_truth(truth, world), *_sensors(sensors, world)]
+    return [*_truth(truth, world), *_sensors(sensors, world, truth.get("source") == "recorded-traffic")]
 
 
-def _sensors(sensors: Mapping[str, Any], world: World) -> Iterator[str]:
+def _sensors(sensors: Mapping[str, Any], world: World, recorded: bool) -> Iterator[str]:
     effects = "typical" if world in ("typical", "recorded") else "ideal"
     for name, sensor in sensors.items():
+        stated = sensor if isinstance(sensor, dict) else {}
+        _refuse_another(stated.get("effects"), effects, world, f"sensors.{name}.effects")
         yield f"sensors.{name}.effects={effects}"
-        rate = sensor.get("rate_hz") if isinstance(sensor, dict) else None
-        if world == "recorded" and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
+        rate = stated.get("rate_hz")
+        if world == "recorded" and not recorded and not (isinstance(rate, int | float) and rate <= RECORDED_HZ):
             yield f"sensors.{name}.rate_hz={RECORDED_HZ}"
 
 
@@ -59,13 +63,25 @@ def _truth(truth: Mapping[str, Any], world: World) -> Iterator[str]:
     if truth.get("source") == "recording" and (truth.get("readings") or truth.get("format") == "udacity"):
         raise NoSuchWorld("none, for its measurements are recorded, and no world changes them", key="world")
     simulated = truth.get("source") == "highway-env"
+    drivers = "steady" if world == "ideal" else "human"
+    if world == "recorded" and truth.get("source") == "recorded-traffic":
+        return
     if world == "recorded":
         if not simulated or truth.get("env") not in MOTORWAYS:
             raise NoSuchWorld("none, for no recording of its kind of road comes with trackbench", key="world")
         targets = truth.get("targets")
         named = isinstance(targets, dict) and "ids" in targets
-        yield f"truth={json.dumps(I80 | ({} if targets is None or named else {'targets': targets}))}"
+        seeds = truth.get("seeds")
+        number = len(seeds) if isinstance(seeds, list) else seeds if isinstance(seeds, int) else len(I80_CARS)
+        recording = I80 | {"observer": {"vehicle": I80_CARS[: max(number, 1)]}}
+        yield f"truth={json.dumps(recording | ({} if targets is None or named else {'targets': targets}))}"
     elif simulated:
-        yield f"truth.drivers={'steady' if world == 'ideal' else 'human'}"
+        _refuse_another(truth.get("drivers"), drivers, world, "truth.drivers")
+        yield f"truth.drivers={drivers}"
     elif world == "human":
         raise NoSuchWorld("none, for its truth has no simulated drivers", key="world")
+
+
+def _refuse_another(stated: Any, value: str, world: World, key: str) -> None:
+    if stated not in (None, value):
+        raise InputError(f"the world {world} sets this to {value}: remove it, or leave the worlds out", key=key)
