@@ -9,6 +9,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Mask, RecordedNoise
+from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 from trackbench.truth.smoothing import GridTrack
@@ -16,6 +17,11 @@ from trackbench.truth.smoothing import GridTrack
 #: No tyre holds more, m/s^2: a coefficient of friction of 0.9 on dry asphalt (Wong, Theory of Ground Vehicles, section
 #: 1.3) is 8.8.
 POSSIBLE_MPS2 = 9.0
+#: Brakes take this long to build their pressure up, s (Bosch, Automotive Handbook, "Braking response"): acceleration
+#: changes by no more than ``POSSIBLE_MPS2`` meanwhile.
+PEDAL_S = 0.1
+#: Faster than this a vehicle points where it drives, m/s, but for a slip of less than so much, rad.
+ROLLING_MPS, LARGEST_SLIP = 3.0, np.radians(30.0)
 #: Smoothing that moves a vehicle further hides a jump, m: it moves one that brakes as hard as it can by 1.
 LARGEST_SHIFT_M = 1.5
 #: Boxes that are this far inside each other are two vehicles in one place, m.
@@ -78,6 +84,36 @@ def figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) 
     )
 
 
+class JerkyMotion(NamedTuple):
+    """Where the acceleration of a vehicle changes most within ``PEDAL_S``."""
+
+    vehicle: str
+    time_s: float
+    change_mps2: float
+
+
+def jerkiest(tracks: Sequence[GridTrack], dt: float, start: float) -> JerkyMotion:
+    """Of the motion as it is used; see :func:`figures`."""
+    worst = JerkyMotion(tracks[0].track.id, 0.0, 0.0)
+    for track in tracks:
+        acceleration = np.stack([np.diff(track.vx), np.diff(track.vy)]) / dt
+        for lag in range(1, max(1, round(PEDAL_S / dt)) + 1):
+            change = np.hypot(*(acceleration[:, lag:] - acceleration[:, :-lag]))
+            if change.max(initial=0.0) > worst.change_mps2:
+                step = int(np.argmax(change))
+                worst = JerkyMotion(track.track.id, (track.first + step + 1) * dt - start, float(change[step]))
+    return worst
+
+
+def slip_of(track: GridTrack, dt: float) -> float:
+    """Median angle between the heading that the file states and the displacement, rad, while the vehicle rolls."""
+    dx, dy = np.diff(track.x), np.diff(track.y)
+    rolling = np.hypot(dx, dy) > ROLLING_MPS * dt
+    if track.track.heading is None or not rolling.any():
+        return 0.0
+    return float(np.median(np.abs(wrap_angle(np.arctan2(dy, dx) - track.heading[:-1])[rolling])))
+
+
 def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
     """What smoothing took away, root mean square: from the positions per axis, and from the speeds."""
     shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
@@ -123,13 +159,27 @@ def refuse_impossible(
         InputError: with the figure, and how to override.
     """
     remedy = "audit: repair takes the recording as it is"
+    smoother = "smooth longer" if smooths else "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
     if used.impossible:
-        smoother = "smooth longer" if smooths else "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
         raise InputError(
             f"{used.vehicle} accelerates by {used.acceleration_max_mps2:.3g} m/s^2 at {used.time_s:.2f} s "
             f"({used.impossible} of {counted(len(tracks), 'vehicle')} by more than {POSSIBLE_MPS2:g}), which no "
             f"vehicle does: {smoother}; {remedy}",
             key="truth.smoothing" if smooths else "truth.audit",
+        )
+    jerky = jerkiest(tracks, dt, start)
+    if jerky.change_mps2 > POSSIBLE_MPS2:
+        raise InputError(
+            f"the acceleration of {jerky.vehicle} changes by {jerky.change_mps2:.3g} m/s^2 within {PEDAL_S:g} s at "
+            f"{jerky.time_s:.2f} s, and no pedal changes it by more than {POSSIBLE_MPS2:g}: {smoother}; {remedy}",
+            key="truth.smoothing" if smooths else "truth.audit",
+        )
+    turned = max(tracks, key=lambda track: slip_of(track, dt))
+    if slip_of(turned, dt) > LARGEST_SLIP:
+        raise InputError(
+            f"the heading of {turned.track.id} is {np.degrees(slip_of(turned, dt)):.0f}° off the way it drives "
+            f"(median): check its unit, and that it counts counter-clockwise from the x axis; {remedy}",
+            key="truth.audit",
         )
     shifts = [np.hypot(track.raw_x - track.x, track.raw_y - track.y) for track in tracks]
     far = int(np.argmax([shift.max() for shift in shifts]))
