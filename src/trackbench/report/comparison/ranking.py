@@ -18,7 +18,8 @@ from trackbench.report.tables import TONE
 
 _RANKED = (
     f"With {REACH}. Bold: the best of the scenario, and every tracker that was not shown to be worse "
-    "than it by more than the margin (paired over runs; 5 % in each scenario, Holm over its pairs)."
+    "than it by more than the margin (paired over runs; 5 % in each scenario, with all of its worlds, Holm over the "
+    "pairs)."
 )
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
@@ -131,7 +132,8 @@ def _tracks(matrix: _Matrix) -> Iterator[Block]:
 
 _METHOD = (
     "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
-    "by more than the margin (paired over runs; 5 % in each scenario, Holm over its pairs), a half for each where "
+    "by more than the margin (paired over runs; 5 % in each scenario, with all of its worlds, Holm over the pairs), "
+    "a half for each where "
     "neither is. Won, lost and tied count the same pairings. Scenarios that share scenes are one set, whose rank is "
     "the mean of theirs. The interval, and the p-value of the lead, are about sets of this kind, each with as many "
     "runs: both the choice of scenes and the noise within them are in the spread of the ranks. Two mean ranks differ "
