@@ -112,7 +112,7 @@ def standing(result: Result) -> Standing:
     A reference or a smoother is no competitor and has none.
     """
     score, pairs = result.summary.score, Pairs(result)
-    margin, names = margin_words(score.margin, "m"), [tracker.name for tracker in result.contenders]
+    margin, names = margin_words(score.margin, "m"), [tracker.name for tracker in result.contenders if tracker.paired]
     if score.against is None:
         heading = short = "group"
         meaning, cells = f"no difference over {margin} shown between those that share a letter", groups(names, pairs)

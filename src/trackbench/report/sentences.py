@@ -163,6 +163,8 @@ def made_elsewhere(result: Result) -> list[str]:
     names = joined([tracker.name for tracker in trackers])
     sentences = [f"{names}: offline, made elsewhere: nothing shows that they did not see the future"]
     for tracker in trackers:
+        if not tracker.paired:
+            sentences.append(f"{tracker.name}: no fingerprint says of which scans, so compared with no tracker")
         offset = tracker.time_offset
         if offset is None or offset.value is None:
             sentences.append(f"{tracker.name}: time offset n/a: nothing that it is on moves")

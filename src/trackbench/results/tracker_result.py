@@ -130,6 +130,8 @@ class TrackerResult(ResultModel):
     """Whether it says that it draws random numbers: it was not driven a second time."""
     offline: bool = False
     """Whether its tracks were made elsewhere: nothing shows that they were made without the measurements to come."""
+    paired: bool = True
+    """False of tracks made elsewhere that do not say of which scans: they are compared with no tracker."""
     time_offset: MetricValue | None = None
     """Of tracks made elsewhere, what has to be added to their time stamps for the least position error, s."""
     first_velocity: FirstVelocity | None = None

@@ -85,7 +85,7 @@ def assemble(
     scores = replace(scores, ranked=[name for name in scores.ranked if name not in too_good])
     references = {tracker.name for tracker in trackers if tracker.is_reference}
     baseline = scenario.score.baseline if scenario.score.baseline in scores.ranked else None
-    contenders = [name for name in scores.ranked if name not in references]
+    contenders = [name for name in scores.ranked if name not in references | work.unpaired]
     best = contenders[0] if baseline is None and len(contenders) > MOST_PAIRED else None
     expected = {
         (item.metric, frozenset((item.tracker, item.better_than))) for item in scenario.expect if item.better_than
@@ -93,7 +93,7 @@ def assemble(
     family = Family(baseline or best, best is not None, expected)
     pairs = []
     if work.has_truth:
-        names = [name for name in scores.evaluations if name in scores.ranked]
+        names = [name for name in scores.evaluations if name in scores.ranked and name not in work.unpaired]
         names = [name for name in names if best is None or name not in references]
         intervals, values = (
             {name: getattr(scores.evaluations[name], field) for name in names} for field in ("intervals", "values")
@@ -161,6 +161,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
         "confirmation": None if associate is None else associate.confirmation,
         "smoother": getattr(config, "smoother", None),
         "offline": name in work.filed,
+        "paired": name not in work.unpaired,
         "engine": None if engine is None else engine.engine,
         **stated,
         "failed": failure,

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from trackbench.base.errors import InputError
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.assignment import count_by_gospa, nearby
-from trackbench.runner.filed_tracks import at_instants, offset_sums, rows_of_run, truth_at
+from trackbench.runner.filed_tracks import at_instants, offset_sums, rows_of_run, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.truth.config.filed import TracksConfig
 
@@ -36,6 +37,10 @@ class FiledRun(HiddenRun):
         def histories(run: int) -> tuple[TruthHistory, TrackHistory]:
             number = self._piece.runs.start + run
             rows = rows_of_run(every, self._piece.scene, number)
+            problem = why_other_scans(rows, every, self._hidden.digests[run].hex()[:16])
+            if problem is not None:
+                where = f"scene {self._piece.scene}, run {number}"
+                raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")
             history, stamp = at_instants(rows, self._time, shift)
             truth = truth_at(self._truth, number, self._truth_of(run), stamp)
             near = nearby(truth, history, self._work.cutoff or 0.0)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, shortened
 from trackbench.base.types import Array, Indices, Truth
 from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
@@ -37,6 +37,25 @@ def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
         if column is not None:
             chosen &= np.array([text in (str(number), f"{number}.0") for text in column], dtype=bool)
     return rows if chosen.all() else rows.rows(np.flatnonzero(chosen))
+
+
+def why_other_scans(own: TrackRows, every: TrackRows, fingerprint: str) -> str | None:
+    """Why the tracks of a run were not made of its scans; None where nothing speaks against it.
+
+    Args:
+        own: the rows of the run.
+        every: those of the file.
+        fingerprint: of the run's measurements.
+    """
+    if not len(own) and every.run is not None:
+        return "the file has no tracks of this run; write some, or take fewer runs or scenes"
+    stated = sorted({*(own.fingerprint or ())} - {fingerprint})
+    if not stated:
+        return None
+    if stated == [""]:
+        return "rows without a fingerprint, where others have one"
+    remedy = "they were made of other scans (name, seed, sensors or truth of the scenario are others): export them anew"
+    return f"the tracks have the fingerprint {shortened(stated[-1], 40)!r}, the measurements {fingerprint!r}; {remedy}"
 
 
 def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:

@@ -143,6 +143,12 @@ class Work:
         return self.runs * sum(objects_and_scans) * len(self.trackers)
 
     @property
+    def unpaired(self) -> set[str]:
+        """The trackers whose tracks were made elsewhere, and do not say of which scans where noise is simulated."""
+        recorded = all(sensor.recorded for scene in self.scenes for sensor in scene.sensors)
+        return set() if recorded else {name for name, rows in self.filed.items() if rows.fingerprint is None}
+
+    @property
     def engine_here(self) -> Engine:
         """What computes on this machine, which may be another than that on which the engine was chosen."""
         return "numpy" if self.engine == "numpy" or unavailable() else "fused"

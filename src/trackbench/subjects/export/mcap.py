@@ -225,6 +225,6 @@ def _track(rows: TrackRows, row: int) -> dict[str, Any]:
     if rows.covariance is not None:
         values = rows.covariance[..., row].tolist()
         track["covariance"] = [[None if np.isnan(entry) else entry for entry in line] for line in values]
-    if rows.existence is not None:
+    if rows.existence is not None and np.isfinite(rows.existence[row]):
         track["existence"] = float(rows.existence[row])
     return track
