@@ -67,6 +67,12 @@ def test_detections_are_those_that_trackers_get(tmp_path: Path, text: str) -> No
         for message, scan in zip(messages, scans, strict=True):
             assert seconds(inside(message, 2)) == pytest.approx(scan.arrival_time, abs=1e-9)
             assert seconds(inside(message, 9)) == pytest.approx(scan.time, abs=1e-9)
+            x, y, yaw = scan.sensor_pose
+            assert [doubles(inside(message, 3, part)) for part in (2, 3, 4)] == [
+                [x, y, 0.0],
+                [0.0, 0.0, yaw],
+                [*scan.sensor_velocity, 0.0],
+            ]
             data = inside(message, 26, of_kind)
             assert seconds(inside(data, 1, 1)) == pytest.approx(scan.time, abs=1e-9)
             assert message_in(inside(data, 1, 7)).get(1) == [place]

@@ -22,7 +22,7 @@ from trackbench.truth.formats import osi
 #: Of the interface: major, minor, patch.
 VERSION = (3, 7, 0)
 #: Numbers of fields beside those that are read.
-MEASURED_AT, FEATURE_DATA, SENSOR_ID = 9, 26, 5
+HOST_LOCATION, SENSOR_ID, MEASURED_AT, FEATURE_DATA = 3, 5, 9, 26
 RADARS, LIDARS = 2, 3
 HEADER, DETECTION = 1, 2
 #: Of a detection, and of the velocity of a radar's.
@@ -73,7 +73,10 @@ def _write(path: Path, messages: Iterable[bytes]) -> None:
 
 
 def _sensor_data(scan: Scan, sensor: Sensor, number: int) -> bytes:
-    """A SensorData message: its time stamp is that of arrival; detections are in the sensor's own frame."""
+    """A SensorData message: its time stamp is that of arrival; detections are in the sensor's own frame.
+
+    The location of the host vehicle is that of the sensor, which then has no mounting position.
+    """
     sigma = np.sqrt(np.diag(scan.noise_covariance)).tolist()
     header = _message(1, _stamp(scan.time)) + _message(7, _whole(1, number))
     detections, radar = [], isinstance(sensor, Radar)
@@ -91,8 +94,11 @@ def _sensor_data(scan: Scan, sensor: Sensor, number: int) -> bytes:
     data = _message(HEADER, header) + b"".join(_message(DETECTION, item) for item in detections)
     features = _message(1, _version()) + _message(RADARS if radar else LIDARS, data)
     stamps = _message(osi.TIMESTAMP, _stamp(scan.arrival_time)), _message(MEASURED_AT, _stamp(scan.time))
-    identity = _message(SENSOR_ID, _whole(1, number))
-    return _message(1, _version()) + stamps[0] + identity + stamps[1] + _message(FEATURE_DATA, features)
+    x, y, yaw = scan.sensor_pose
+    location = _message(osi.POSITION, _doubles(x, y, 0.0)) + _message(osi.ORIENTATION, _doubles(0.0, 0.0, yaw))
+    location += _message(osi.VELOCITY, _doubles(*scan.sensor_velocity, 0.0))
+    carrier = _message(HOST_LOCATION, location) + _message(SENSOR_ID, _whole(1, number))
+    return _message(1, _version()) + stamps[0] + carrier + stamps[1] + _message(FEATURE_DATA, features)
 
 
 def _ground_truth(truth: Truth, step: int, run: int) -> bytes:
