@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -115,6 +115,10 @@ worlds: $(VENV)/.installed-dev
 	$(BIN)/trackbench run highway --worlds ideal,human,typical,recorded --scenes 20 --runs 20 --no-recording \
 	  --out results/worlds
 	$(BIN)/python -m benchmarks.worlds
+
+# What perception costs a driver by rules: results/gym; a quarter of an hour on one core.
+gym: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.gym
 
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev

@@ -30,9 +30,9 @@ def _driven(name: str, drivers: str, seed: int) -> tuple[float, int]:
     """Seconds, and how many steps of a vehicle these were."""
     stated = load_scenario(name).config.truth.model_dump()
     config = HighwayTruth.model_validate({**stated, "drivers": drivers, "seed": seed, "targets": "all"})
-    with highway._isolated():
-        env = highway._prepare(config)
-        recorder = Recorder(env, highway._control(env, config))
+    with highway.isolated():
+        env = highway.prepare(config)
+        recorder = Recorder(env, highway.control_of(env, config))
         action = highway._neutral(env.action_type)
         begin = time.process_time()
         for _ in range(int(min(config.duration_s, LONGEST_S) * env.config["policy_frequency"])):

@@ -79,9 +79,9 @@ def test_a_driver_is_the_same_whoever_else_drives() -> None:
 
 def test_the_draws_of_the_environment_are_left_alone() -> None:
     config = HighwayTruth(env="highway-v0", seed=1, duration_s=1, rate_hz=10, drivers="human")
-    env = highway._prepare(config)
+    env = highway.prepare(config)
     before = env.np_random.bit_generator.state
-    recorder = Recorder(env, highway._control(env, config))
+    recorder = Recorder(env, highway.control_of(env, config))
     for _ in range(3):
         env.step(highway._neutral(env.action_type))
     assert len(recorder.frames) == 30
@@ -184,7 +184,7 @@ def test_no_acceleration_jumps() -> None:
 
 
 def test_bends_are_as_fast_as_their_radius_allows() -> None:
-    network = highway._prepare(HighwayTruth(env="roundabout-v1", duration_s=1, rate_hz=20)).road.network
+    network = highway.prepare(HighwayTruth(env="roundabout-v1", duration_s=1, rate_hz=20)).road.network
     speeds = bend_speeds(network, 3.0)
     assert speeds["se", "ex", 0] == pytest.approx(math.sqrt(3.0 * network.get_lane(("se", "ex", 0)).radius), rel=1e-3)
     assert ("ser", "ses", 0) not in speeds

@@ -92,7 +92,7 @@ def ideal_sensors(
             if name in from_file:
                 ideal.append(_as_recorded(truth, name, config, from_file[name]))
             else:
-                ideal.append(_ideal(truth, name, config, firing_steps(config, truth.time)))
+                ideal.append(ideal_sensor(truth, name, config, firing_steps(config, truth.time)))
     return ideal
 
 
@@ -157,7 +157,8 @@ def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
     return sensor.time + stream(seed, scenario, 0, f"latency of {sensor.name}").uniform(low, high, len(sensor.time))
 
 
-def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
+def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
+    """What a synthesised sensor would read without noise at some steps of the truth."""
     motion = motion_at(truth, config, steps)
     pose, velocity = motion
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
@@ -202,7 +203,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
     # An object that a cycle detected at another of its instants was not missed at this one.
     missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
     silenced = silent(config, truth.time[steps])[:, None, None]
-    ideal = _ideal(truth, name, config, steps)
+    ideal = ideal_sensor(truth, name, config, steps)
     within = ideal.in_view | valid[:, :, None]
     return replace(
         ideal,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -280,7 +280,7 @@ class Recorder:
     def __call__(self, dt: float) -> None:
         vehicles = list(self._env.road.vehicles)
         numbers = [self._number(vehicle) for vehicle in vehicles]
-        before = [(*v.position, v.heading, v.speed, *v.velocity, v.crashed) for v in vehicles]
+        before = [_state(v) for v in vehicles]
         self._step(dt)
         # Steering is what this step used, so it is read after the step has clipped it.
         self.frames.append(
@@ -289,6 +289,10 @@ class Recorder:
                 for number, v, state in zip(numbers, vehicles, before, strict=True)
             }
         )
+
+    def __len__(self) -> int:
+        """Number of vehicles that have been there."""
+        return len(self._bodies)
 
     def note_clock(self) -> None:
         """The environment's time between two of its steps; within one it runs ahead."""
@@ -304,16 +308,32 @@ class Recorder:
 
     def result(self, steps: int, dt: float) -> Frames:
         """The first ``steps`` frames; the ego is body 0."""
-        raw = np.full((8, min(steps, len(self.frames)), len(self._bodies)), np.nan)
-        for k, frame in enumerate(self.frames[:steps]):
-            for body, state in frame.items():
-                raw[:, k, body] = state
-        seen = np.isfinite(raw[0]).any(axis=0)
-        raw = raw[:, :, seen]
+        raw = _stacked(self.frames[:steps], len(self._bodies))
+        seen = np.flatnonzero(np.isfinite(raw[0]).any(axis=0))
+        return self._frames(raw[:, :, seen], seen, dt, self._times(raw.shape[1]))
+
+    def since(self, first: int, dt: float, places: int) -> Frames:
+        """The frames from number ``first`` on, and that of now; the ego is body 0.
+
+        How the vehicles steer in the step that begins now is not known yet: as in the one before.
+
+        Args:
+            first: number of the first frame.
+            dt: between two, s.
+            places: number of bodies; places that no vehicle has had yet are absent.
+        """
+        frames = [*self.frames[first:], self._now()]
+        raw = _stacked(frames, max(places, len(self._bodies)))
+        return self._frames(raw, range(raw.shape[2]), dt, np.full(len(frames), math.nan))
+
+    def _now(self) -> dict[int, tuple[float, ...]]:
+        return {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
+
+    def _frames(self, raw: Array, numbers: Iterable[int], dt: float, clock: Array) -> Frames:
         px, down, clockwise, speed, vx, vy_down, crashed, steering = raw
         return Frames(
             dt=dt,
-            ids=tuple("ego" if i == 0 else f"v{i}" for i in np.flatnonzero(seen)),
+            ids=tuple("ego" if i == 0 else f"v{i}" for i in numbers),
             px=px,
             # The simulator's y points down its screen, to the right of the cars; the fixed frame's points up.
             py=-down,
@@ -324,11 +344,29 @@ class Recorder:
             reported_vx=vx,
             reported_vy=-vy_down,
             collided=crashed == 1.0,
-            length=np.array([float(v.LENGTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
-            width=np.array([float(v.WIDTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
-            clock=self._times(px.shape[0]),
+            length=self._sizes("LENGTH", numbers),
+            width=self._sizes("WIDTH", numbers),
+            clock=clock,
         )
+
+    def _sizes(self, name: str, numbers: Iterable[int]) -> Array:
+        known = len(self._bodies)
+        return np.array([float(getattr(self._bodies[i], name)) if i < known else 1.0 for i in numbers])
 
     def _times(self, steps: int) -> Array:
         kept = any(self._clock.values())
         return np.array([self._clock.get(k, math.nan) if kept else math.nan for k in range(steps)])
+
+
+def _state(vehicle: Any) -> tuple[float, ...]:
+    """Of a vehicle at the start of a step, as highway-env has it: y to the right, headings clockwise."""
+    return (*vehicle.position, vehicle.heading, vehicle.speed, *vehicle.velocity, vehicle.crashed)
+
+
+def _stacked(frames: Sequence[Mapping[int, tuple[float, ...]]], bodies: int) -> Array:
+    """``(8, frames, bodies)``, NaN where a body is absent."""
+    raw = np.full((8, len(frames), bodies), np.nan)
+    for k, frame in enumerate(frames):
+        for body, state in frame.items():
+            raw[:, k, body] = state
+    return raw

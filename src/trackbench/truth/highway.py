@@ -73,8 +73,8 @@ def validate(config: HighwayOptions) -> None:
     Raises:
         InputError: an unknown id or key, a value of the wrong type, rates that do not divide.
     """
-    with _isolated():
-        _prepare(config).close()
+    with isolated():
+        prepare(config).close()
 
 
 def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
@@ -88,9 +88,9 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
         InputError: see `validate`; a target that never appears; an audit that is told to refuse.
     """
     steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
-    with _isolated():
-        env = _prepare(config)
-        recorder = Recorder(env, _control(env, config))
+    with isolated():
+        env = prepare(config)
+        recorder = Recorder(env, control_of(env, config))
         action = _neutral(env.action_type)
         ended = None
         try:
@@ -145,7 +145,7 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     return replace(result, audit={**result.audit, "velocity_jumps": summarised(result).model_dump(mode="json")})
 
 
-def _control(env: AbstractEnv, config: HighwayOptions) -> Control | None:
+def control_of(env: AbstractEnv, config: HighwayOptions) -> Control | None:
     """What is done to each vehicle when it appears; None where it stays as the environment makes it."""
     rate, drivers = config.steering_rate_degps, config.drivers_vary
     if drivers is not None:
@@ -160,12 +160,12 @@ def _fixed(at: FixedObserver, steps: int) -> Observer:
     return Observer(px, py, yaw, zero, zero, zero)
 
 
-def _prepare(config: HighwayOptions) -> AbstractEnv:
+def prepare(config: HighwayOptions, render_mode: str | None = None) -> AbstractEnv:
     """The environment, reset and with the ego's driver in place."""
     ids = list_envs()
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest(config.env, ids)}", key="truth.env")
-    env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True).unwrapped
+    env: AbstractEnv = gymnasium.make(config.env, render_mode=render_mode, disable_env_checker=True).unwrapped
     settings = _settings(config, env.config)
     try:
         env.reset(seed=config.seed, options={"config": settings})
@@ -260,28 +260,40 @@ def _reason(env: AbstractEnv, truncated: bool) -> str:
 
 
 @contextlib.contextmanager
-def _isolated() -> Iterator[None]:
+def isolated(own: dict[type[Any], dict[str, Any]] | None = None) -> Iterator[None]:
     """Nothing leaks out: no warning, no message, and no change of highway-env's classes.
 
     Intersections tune the driver model by writing to the attributes of its class, so that without this a scenario's
     truth would depend on which scenarios ran before it.
+
+    Args:
+        own: by class, the attributes that an environment has written before, which hold meanwhile; updated.
     """
     log = logging.getLogger("highway_env")
     level = log.level
     before = {cls: dict(vars(cls)) for cls in _family(Vehicle)}
     log.setLevel(logging.CRITICAL)
+    for cls, attributes in (own or {}).items():
+        for name, value in attributes.items():
+            setattr(cls, name, value)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
         log.setLevel(level)
+        if own is not None:
+            own.update({cls: _changed(cls, attributes) for cls, attributes in before.items()})
         for cls, attributes in before.items():
             for name in [name for name in vars(cls) if name not in attributes]:
                 delattr(cls, name)
             for name, value in attributes.items():
                 if vars(cls)[name] is not value:
                     setattr(cls, name, value)
+
+
+def _changed(cls: type[Any], before: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in vars(cls).items() if name not in before or before[name] is not value}
 
 
 def _family(cls: type[Any]) -> Iterator[type[Any]]:
