@@ -31,7 +31,8 @@ SENSORS = {
 }  # fmt: skip
 CONFIG = {
     "action": {"type": "DiscreteMetaAction", "target_speeds": [0, 5, 10, 15, 20, 25, 30]},
-    "vehicles_count": 20,
+    "lanes_count": 4,
+    "vehicles_count": 15,
     "vehicles_density": 1.5,
     "duration": 20,
     "policy_frequency": 2,
@@ -62,7 +63,7 @@ LARGEST_GAP = 3.0
 def environment(arm: str) -> Any:
     """In which the driver sees what an arm says."""
     return gymnasium.make(
-        trackbench.gym.ID, env="highway-v0", config=CONFIG, sensors=SENSORS, tracker=ARMS[arm], rows=40
+        trackbench.gym.ID, env="highway-fast-v0", config=CONFIG, sensors=SENSORS, tracker=ARMS[arm], rows=40
     )
 
 
@@ -128,12 +129,12 @@ INTRODUCTION = """\
 # What perception costs a driver
 
 Made by `make gym`. One driver by rules (IDM and MOBIL, [`IdmMobil`](../../docs/gym.md#a-driver-by-rules)) drives
-{count} episodes of 20 s on `highway-v0` among 20 other cars, on each kind of what it sees: the truth; the tracks of an
-EKF (constant velocity, acceleration of 3 m/s^2; `sluggish`: 0.2) with some methods of association; and the detections
-of the latest scans as they are. Episodes are paired: traffic and noise are those of the seed. Two radars look ahead and
-back, each with 20 false alarms in a scan, and a lidar around, with 2; each detects a car that it sees with probability
-0.7. The reward is highway-env's, of 40 decisions at most 1 each. The smallest time gap is that to the car ahead on the
-own lane, over the episode, at most {largest:g} s.
+{count} episodes of 20 s on `highway-fast-v0` among 15 other cars, on each kind of what it sees: the truth; the tracks
+of an EKF (constant velocity, acceleration of 3 m/s^2; `sluggish`: 0.2) with some methods of association; and the
+detections of the latest scans as they are. Episodes are paired: traffic and noise are those of the seed. Two radars
+look ahead and back, each with 20 false alarms in a scan, and a lidar around, with 2; each detects a car with
+probability 0.7. The reward is highway-env's, of 40 decisions at most 1 each. The smallest time gap is that to the car
+ahead on the own lane, over the episode, at most {largest:g} s.
 
 """
 DIFFERENCES = """

@@ -60,7 +60,7 @@ MENU = {
         "projects/udacity-simulator",
         "projects/comma2k19",
     ],
-    "Python": ["python", "plug-ins", "api"],
+    "Python": ["python", "plug-ins", "gym", "api"],
     "For developers": ["developing"],
 }
 

@@ -33,3 +33,12 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     assert "paired over 50 runs" in printed
     assert "lidar sigma, m: [0.1" in printed
     assert (tmp_path / "velocity.svg").is_file()
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_gymnasium_runs_from_top_to_bottom(fenced: Callable[[Path], list[Any]], tmp_path: Path) -> None:
+    blocks = [block for block in fenced(DOCS / "gym.md") if block.language == "python"]
+    assert [block.note for block in blocks].count("not run") == 1
+    printed = python("\n".join(block.text for block in blocks if block.note != "not run"), tmp_path)
+    assert printed.startswith("(5, 10)")
+    assert "'min_time_gap_s'" in printed
