@@ -29,8 +29,9 @@ LANE_WIDTH = 4.0
 ON_LANE = 2.4
 #: No other change begins where the ego is further from the middle of its lane, m.
 CENTRED = 0.5
-#: For how long the acceleration, and the movement of others across, is meant to go on, s.
-HORIZON = 1.0
+#: For how long the movement of others across is meant to go on, s, and the own acceleration: the speeds to choose from
+#: are far apart.
+ACROSS, AHEAD = 1.0, 2.0
 NEEDED = ("presence", "x", "y", "vx", "vy")
 
 
@@ -117,7 +118,7 @@ class IdmMobil:
         lane = min(max(round(own_y / LANE_WIDTH), 0), self._lanes - 1)
         along, beside = columns["x"][1:][there], own_y + columns["y"][1:][there]
         sideways = float(columns["vy"][0]) + columns["vy"][1:][there]
-        across = np.stack([beside, beside + sideways * HORIZON])
+        across = np.stack([beside, beside + sideways * ACROSS])
         return _Scene(speed, lane, own_y - LANE_WIDTH * lane, across, along, speed + columns["vx"][1:][there])
 
     def _acceleration(self, scene: _Scene, lane: int) -> float:
@@ -139,7 +140,7 @@ class IdmMobil:
             "SLOWER": float(self._speeds[max(nearest - 1, 0)]),
             "FASTER": float(self._speeds[min(nearest + 1, len(self._speeds) - 1)]),
         }
-        wanted = speed + acceleration * HORIZON
+        wanted = speed + acceleration * AHEAD
         action = min(targets, key=lambda name: abs(targets[name] - wanted))
         self._target = targets[action]
         return action
