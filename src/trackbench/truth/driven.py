@@ -21,7 +21,7 @@ MORE_PLACES = 16
 
 
 @dataclass(frozen=True)
-class Stretch:
+class LatestTruth:
     """The truth since the last look, with the step before it."""
 
     truth: Truth
@@ -90,7 +90,7 @@ class DrivenTraffic:
             _, reward, terminated, truncated, info = self.env.step(action)
         return float(reward), bool(terminated), bool(truncated), info
 
-    def look(self) -> Stretch:
+    def look(self) -> LatestTruth:
         """The truth since the last look."""
         first, new = max(self._looked, 0), self._looked + 1
         self._looked = len(self._recorder.frames)
@@ -102,7 +102,7 @@ class DrivenTraffic:
             frames = with_sizes(frames, self._config.sizes, self._seed)
         truth = frames.truth(range(1, len(frames.ids)), frames.carrier(0))
         truth = at_instants(truth, np.ones(len(truth.ids), dtype=bool))
-        return Stretch(replace(truth, time=truth.time + first * self.dt), first, new)
+        return LatestTruth(replace(truth, time=truth.time + first * self.dt), first, new)
 
     def _time_gap(self) -> float:
         ego = self.env.vehicle

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trackbench.base.types import Observer, Tracks
-from trackbench.subjects.gym.layout import CORRELATIONS, DEFAULT, FEATURES, Layout
+from trackbench.subjects.gym.layout import CORRELATIONS, DEFAULT, FEATURES, ObservationLayout
 
 RANGES = {"x": (-200.0, 200.0), "y": (-16.0, 16.0), "vx": (-80.0, 80.0), "vy": (-80.0, 80.0)}
 
@@ -23,7 +23,7 @@ def tracks(mean: np.ndarray, covariance: np.ndarray, existence: np.ndarray | Non
 
 
 def test_a_row_in_si_units_and_in_the_axes_of_highway_env() -> None:
-    layout = Layout(3, FEATURES, RANGES, normalised=False)
+    layout = ObservationLayout(3, FEATURES, RANGES, normalised=False)
     root = np.array([[0.4, 0, 0, 0], [0.1, 0.3, 0, 0], [0.2, 0.1, 0.5, 0], [-0.1, 0.2, 0.1, 0.6]])
     covariance = root @ root.T
     state = np.array([[12.0], [3.0], [21.0], [-1.0]])
@@ -47,7 +47,7 @@ def test_a_row_in_si_units_and_in_the_axes_of_highway_env() -> None:
 
 
 def test_the_nearest_come_first_and_the_others_are_left_out() -> None:
-    layout = Layout(3, DEFAULT, RANGES, normalised=False)
+    layout = ObservationLayout(3, DEFAULT, RANGES, normalised=False)
     mean = np.array([[30.0, -5.0, 10.0, 100.0], [0.0] * 4, [0.0] * 4, [0.0] * 4])
     rows = layout.from_array(layout.observe(ego(0, 0, 0, 0), tracks(mean, np.zeros((4, 4, 4)))))
     assert rows["x"].tolist() == [0.0, -5.0, 10.0]
@@ -68,14 +68,17 @@ numbers = st.floats(-1e9, 1e9, allow_nan=False)
 def test_whatever_is_tracked_is_in_the_space(
     states: list[tuple[float, ...]], variance: float, own: tuple[float, ...], normalised: bool
 ) -> None:
-    layout = Layout(4, FEATURES, RANGES, normalised)
+    layout = ObservationLayout(4, FEATURES, RANGES, normalised)
     mean = np.array(states, dtype=float).reshape(-1, 4).T
     covariance = np.broadcast_to((variance * np.eye(4))[:, :, None], (4, 4, mean.shape[1]))
     assert layout.observe(ego(*own), tracks(mean, covariance)) in layout.space()
 
 
 def test_the_space_is_normalised_or_in_si_units() -> None:
-    space, plain = Layout(2, DEFAULT, RANGES).space(), Layout(2, DEFAULT, RANGES, normalised=False).space()
+    space, plain = (
+        ObservationLayout(2, DEFAULT, RANGES).space(),
+        ObservationLayout(2, DEFAULT, RANGES, normalised=False).space(),
+    )
     assert space.low.min() == -1.0
     assert space.high.max() == 1.0
     assert plain.high[0].tolist() == [1, 200, 16, 80, 80, 10, 10, 10, 10, 1]

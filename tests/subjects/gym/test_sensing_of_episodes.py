@@ -15,7 +15,7 @@ from trackbench.sensing.scans import ideal_sensors
 from trackbench.sensing.view import reach
 from trackbench.subjects.gym.sensing import EpisodeSensing
 from trackbench.subjects.gym.setting import setting_of
-from trackbench.truth.driven import Stretch
+from trackbench.truth.driven import LatestTruth
 
 STEPS, EVERY, DT = 60, 7, 0.1
 RADAR = {"type": "radar", "rate_hz": 5, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1,
@@ -64,7 +64,7 @@ def traffic() -> Truth:
     )  # fmt: skip
 
 
-def stretches(truth: Truth) -> list[Stretch]:
+def pieces(truth: Truth) -> list[LatestTruth]:
     """The truth piece by piece, as it becomes known."""
     result, first = [], 0
     for last in [0, *range(EVERY, STEPS, EVERY), STEPS - 1]:
@@ -75,7 +75,7 @@ def stretches(truth: Truth) -> list[Stretch]:
             **{name: getattr(truth.observer, name)[part] for name in ("px", "py", "yaw", "vx", "vy", "yaw_rate")},
         )
         piece = replace(truth, observer=observer, **{name: getattr(truth, name)[part] for name in names})
-        result.append(Stretch(piece, first, 0 if last == 0 else first + 1))
+        result.append(LatestTruth(piece, first, 0 if last == 0 else first + 1))
         first = last
     return result
 
@@ -88,9 +88,9 @@ def test_piece_by_piece_is_as_all_at_once(name: str) -> None:
     whole = sense_hidden(ideal_sensors(truth, sensors), 11, "episodes", range(2, 3))
     episode = EpisodeSensing(sensors, truth.time, 11, "episodes", 2)
     arrived = []
-    for stretch in stretches(truth):
-        now = stretch.truth.time[-1]
-        for item in episode.arrived(stretch):
+    for latest in pieces(truth):
+        now = latest.truth.time[-1]
+        for item in episode.arrived(latest):
             assert item.scan.time <= item.scan.arrival_time <= now + 1e-6
             arrived.append(item)
     wanted = [i for i, scan in enumerate(whole.scans) if scan.arrival_time <= truth.time[-1] + 1e-6]
@@ -109,6 +109,6 @@ def test_each_episode_and_seed_has_its_own_noise() -> None:
     sensors, truth = setting(SENSORS["plain"]).config.sensors, traffic()
     drawn = set()
     for seed, run in ((1, 0), (1, 1), (2, 0)):
-        (first, *_) = EpisodeSensing(sensors, truth.time, seed, "episodes", run).arrived(stretches(truth)[0])
+        (first, *_) = EpisodeSensing(sensors, truth.time, seed, "episodes", run).arrived(pieces(truth)[0])
         drawn.add(first.scan.measurement.tobytes())
     assert len(drawn) == 3

@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Tracks
 from trackbench.driving.isolation import Isolation
 from trackbench.subjects.gym.layout import layout_of
-from trackbench.subjects.gym.perception import Detections, KnownTruth, Perception, Tracked
+from trackbench.subjects.gym.perception import BareDetections, KnownTruth, Perception, Tracked
 from trackbench.subjects.gym.sensing import EpisodeSensing
 from trackbench.subjects.gym.setting import DETECTIONS, TRACKER, TRUTH, asked_errors, setting_of
 from trackbench.truth.config import HighwayOptions
@@ -87,9 +87,11 @@ class TrackedEnv(gymnasium.Env[Any, Any]):
         if tracker == TRUTH:
             return KnownTruth()
         if tracker == DETECTIONS:
-            return Detections()
+            return BareDetections()
         entry = loaded.config.trackers[TRACKER]
         name = tracker if isinstance(tracker, str) else getattr(entry, "use", TRACKER)
+        if unguarded := isolation.missing(name, entry):
+            gymnasium.logger.warn(unguarded)
         try:
             return Tracked(name, entry, loaded.path.resolve().parent, isolation)
         except InputError as error:
@@ -146,9 +148,9 @@ class TrackedEnv(gymnasium.Env[Any, Any]):
         return float(self.scenario.truth.duration_s if own is None else own)  # type: ignore[attr-defined]
 
     def _observe(self) -> Array:
-        stretch = self._drive.look()
-        self.tracks = self._perception.take(self._sensing.arrived(stretch), stretch.truth)
-        observation: Array = self.layout.observe(stretch.truth.observer, self.tracks)
+        latest = self._drive.look()
+        self.tracks = self._perception.take(self._sensing.arrived(latest), latest.truth)
+        observation: Array = self.layout.observe(latest.truth.observer, self.tracks)
         return observation
 
     def _info(self, rewards: Mapping[str, Any]) -> dict[str, Any]:

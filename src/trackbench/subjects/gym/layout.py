@@ -30,7 +30,7 @@ DOWN = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True)
-class Layout:
+class ObservationLayout:
     """How the ego vehicle and tracks become an array ``(rows, features)``, in highway-env's axes.
 
     The first row is the ego vehicle; the others are tracks relative to it, the nearest first. Rows that are not needed
@@ -125,7 +125,7 @@ class Layout:
         return np.nan_to_num(np.stack([values[name] for name in self.features], axis=-1))
 
 
-def layout_of(env: Any, rows: int | None, features: Sequence[str] | None, normalised: bool) -> Layout:
+def layout_of(env: Any, rows: int | None, features: Sequence[str] | None, normalised: bool) -> ObservationLayout:
     """The layout of an environment: rows and ranges are those of its own Kinematics observation unless stated.
 
     Source: ``KinematicObservation`` of highway-env, for the ranges where an environment states none.
@@ -138,6 +138,6 @@ def layout_of(env: Any, rows: int | None, features: Sequence[str] | None, normal
     ranges |= {name: (float(low), float(high)) for name, (low, high) in stated.items() if name in ranges}
     if isinstance(features, str):
         raise InputError(f"must be a list of names, not {features!r}", key="features")
-    return Layout(
+    return ObservationLayout(
         own.get("vehicles_count", 5) if rows is None else rows, tuple(features or DEFAULT), ranges, normalised
     )

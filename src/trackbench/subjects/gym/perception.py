@@ -53,7 +53,7 @@ class KnownTruth:
         """Nothing is left."""
 
 
-class Detections:
+class BareDetections:
     """The detections of the latest scan of each sensor, each as a track that starts with it would be.
 
     Where a sensor measures the range rate, the velocity is that along the line of sight; else it is zero.

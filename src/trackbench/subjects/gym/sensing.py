@@ -14,7 +14,7 @@ from trackbench.models.sensors.effects import Bodies
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import IdealSensor, ideal_sensor
 from trackbench.sensing.view import firing_steps
-from trackbench.truth.driven import Stretch
+from trackbench.truth.driven import LatestTruth
 
 #: By array of ``IdealSensor`` and of ``Bodies``, the axis of its instants.
 INSTANTS = {
@@ -65,11 +65,11 @@ class EpisodeSensing:
         self._latest = -np.inf
         self._on_their_way: list[SensedScan] = []
 
-    def arrived(self, stretch: Stretch) -> list[SensedScan]:
+    def arrived(self, latest: LatestTruth) -> list[SensedScan]:
         """The scans that have arrived since the last call, in the order in which they did."""
         for name, config in self._sensors.items():
-            self._note(name, config, stretch)
-        now = float(stretch.truth.time[-1])
+            self._note(name, config, latest)
+        now = float(latest.truth.time[-1])
         with np.errstate(invalid="ignore"):
             # What is to come is NaN.
             hidden = sense_hidden([*self._ideal.values()], self._seed, self._name, range(self._run, self._run + 1))
@@ -83,12 +83,12 @@ class EpisodeSensing:
         self._on_their_way = [item for item in self._on_their_way if item.scan.arrival_time > now + CLOSE]
         return sorted(there, key=lambda item: (item.scan.arrival_time, item.scan.time))
 
-    def _note(self, name: str, config: Sensor, stretch: Stretch) -> None:
-        """Add what one sensor would read without noise at its instants of a stretch."""
+    def _note(self, name: str, config: Sensor, latest: LatestTruth) -> None:
+        """Add what one sensor would read without noise at its instants of what is new."""
         steps = self._steps[name]
-        last = stretch.first + len(stretch.truth.time) - 1
-        there = np.flatnonzero((steps >= stretch.new) & (steps <= last))
-        part, whole = ideal_sensor(stretch.truth, name, config, steps[there] - stretch.first), self._ideal.get(name)
+        last = latest.first + len(latest.truth.time) - 1
+        there = np.flatnonzero((steps >= latest.new) & (steps <= last))
+        part, whole = ideal_sensor(latest.truth, name, config, steps[there] - latest.first), self._ideal.get(name)
         changes = _placed(whole, part, len(steps), there)
         if part.bodies is not None:
             bodies = None if whole is None else whole.bodies
