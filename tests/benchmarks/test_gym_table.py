@@ -1,4 +1,4 @@
-"""The table of what perception costs: its tests against closed forms, and that the committed page is that of its numbers."""
+"""The table of what perception costs: its tests against closed forms, and the page against its numbers."""
 
 from __future__ import annotations
 
