@@ -204,7 +204,7 @@ def test_a_picture_of_the_truth_is_drawn() -> None:
         ({"tracker": "gmn"}, "no tracker 'gmn'; did you mean"),
         ({"tracker": "nowhere:Nothing"}, "tracker.use: cannot import"),
         ({"tracker": {"filter": "ekf"}}, "tracker.motion: missing"),
-        ({"sensors": {}}, "sensors: must not be empty"),
+        ({"sensors": {}}, "sensors: missing"),
         ({"sensors": [1]}, "sensors: must be a mapping, not [1]"),
         ({"tracker": 5}, "tracker: must be a mapping, not 5"),
         ({"features": "x"}, "features: must be a list of names"),
