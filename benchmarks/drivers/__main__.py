@@ -1,5 +1,5 @@
-"""Fit the drivers to recorded traffic and compare them with it (results/drivers/); see how trackers do with them, and
-what they cost.
+"""Compare the drivers with recorded traffic, and find the sizes that would meet it (results/drivers/); see how trackers
+do with them, and what they cost.
 
 python -m benchmarks.drivers fit|reversal|cost
 """
@@ -20,17 +20,16 @@ from trackbench.base.types import no_progress
 from trackbench.document.drawing import svg_file
 from trackbench.scenario import load_scenario
 from trackbench.truth import simulated as cache
+from trackbench.truth.config import HUMAN
 from trackbench.truth.sources import HighwayTruth
 
 from . import cost, page, recorded, reversal, statistics
-from .fit import fit
+from .fit import FEWER_SEEDS, OTHER_TIMES, SEEDS, SPEEDS_MPS, Lanes, range_of, simulated, sizes, trials
 from .simulated import congested
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "results" / "drivers"
 FIGURE = ROOT / "docs" / "images" / "drivers.svg"
-#: Simulated with other draws than those of the fit.
-OTHER_SEED = 1000
 
 
 def speeds_of(windows: list[recorded.Window]) -> list[float]:
@@ -39,29 +38,57 @@ def speeds_of(windows: list[recorded.Window]) -> list[float]:
 
 
 def fitted() -> None:
-    """Write the fit, its table and figure."""
+    """Write how ``human`` is beside the recordings, the sizes that would meet them, the tables and the figure."""
     half, held_back, us101 = recorded.i80(0), recorded.i80(1), recorded.us101()
-    drivers, trials = fit(statistics.of(half), speeds_of(half))
+    leaders = speeds_of(half)
+    lanes = simulated(1.0, leaders, SEEDS)
+    alike = {"I-80, fitted": half, "I-80, held back": held_back, "I-80, all": half + held_back}
+    found = {name: sizes(windows, lanes, len(leaders)) for name, windows in alike.items()}
+    tried = {1.0: trials(1.0, half, lanes)}
+    print(json.dumps(page.rounded({"sizes": found, "trials": tried[1.0]})), flush=True)
+    tried |= {slower: trials(slower, half, simulated(slower, leaders, FEWER_SEEDS)) for slower in OTHER_TIMES}
+    # The first of the lanes are those of ``human`` as it is.
+    simulations = {
+        "human": lanes[0],
+        "steady": congested(None, leaders, [1]),
+        "human, US-101": congested(HUMAN, speeds_of(us101), range(1, FEWER_SEEDS + 1)),
+    }
+    human, steady, human_us101 = ([window for lane in of for window in lane] for of in simulations.values())
     columns = {
         "I-80, fitted": half,
         "I-80, held back": held_back,
-        "human": congested(drivers, speeds_of(held_back), OTHER_SEED),
-        "steady": congested(None, speeds_of(held_back), OTHER_SEED),
+        "human": human,
+        "steady": steady,
         "US-101": us101,
-        "human, US-101": congested(drivers, speeds_of(us101), OTHER_SEED),
+        "human, US-101": human_us101,
         "human, highway": highway("human"),
         "steady, highway": highway("steady"),
     }
     table: dict[str, Any] = {
-        "drivers": drivers.model_dump(mode="json"),
-        "trials": trials,
+        "drivers": HUMAN.model_dump(mode="json"),
+        "sizes": found,
+        "trials": [list(each) for each in zip(*(tried[slower] for slower in sorted(tried)), strict=True)],
         "statistics": {name: statistics.of(windows) for name, windows in columns.items()},
+        "rms_of_seeds": rms_of_seeds(lanes[0], len(leaders)),
+        "by_speed": {name: by_speed(of) for name, of in (("I-80", half + held_back), ("human", human))},
         "overlaps": recorded.overlaps(),
         "gaps_s": np.percentile(recorded.us101_gaps(), [10, 50, 90]).tolist(),
     }
     write("fit", table)
     shown = {name: columns[name] for name in ("I-80, held back", "human", "steady")}
     FIGURE.write_text(svg_file(page.figure(shown)), encoding="utf-8")
+
+
+def rms_of_seeds(lanes: Lanes, leaders: int) -> list[float]:
+    """RMS of the acceleration of all leaders of one seed, m/s^2, for each seed."""
+    seeds = [lanes[first : first + leaders] for first in range(0, len(lanes), leaders)]
+    return [statistics.of([window for lane in of for window in lane])["rms"] for of in seeds]
+
+
+def by_speed(windows: list[recorded.Window]) -> list[dict[str, float]]:
+    """How many windows are in each range of ``SPEEDS_MPS``, and the statistics of these."""
+    ranges = [[window for window in windows if range_of(window) == i] for i in range(len(SPEEDS_MPS) - 1)]
+    return [{"windows": len(of), **statistics.of(of)} for of in ranges]
 
 
 def highway(drivers: str) -> list[recorded.Window]:

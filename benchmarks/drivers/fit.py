@@ -1,4 +1,4 @@
-"""The values of ``human`` that are fitted: acceleration and wander."""
+"""The sizes of acceleration and wander of ``human`` at which simulated drivers vary as recorded ones."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from trackbench.truth.config import HUMAN, Drivers
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.truth.config import HUMAN
 
 from . import statistics
+from .recorded import Window
 from .simulated import congested
 
 
@@ -18,19 +22,27 @@ class Effect(NamedTuple):
     size: str
     time: str
     alike: tuple[str, ...]
-    """The first is met exactly for each correlation time; the others choose among the times."""
+    """The first is met exactly for each correlation time; the others tell how well the time does."""
 
 
 EFFECTS = (
     Effect("acceleration_rms_mps2", "acceleration_time_s", ("rms", "median", "p90", "p99", "small", "time")),
     Effect("wander_m", "wander_time_s", ("side", "side_speed")),
 )
-#: Correlation times that are tried, s.
-TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
-#: Times whose misfit is this little above the smallest fit as well: the longest of them, whose jerk is least, is taken.
-AS_WELL = 0.02
-#: Simulations for each, in which the sizes are brought to the recorded ones.
-STEPS = 3
+#: Sizes that are simulated, over those of ``human``. A logarithm of a statistic is taken as a straight line in that of
+#: the size, between them and beyond.
+SIMULATED = (1.0, 1.5)
+#: Correlation times that are tried beside those of ``human``, over these.
+OTHER_TIMES = (0.25, 0.5, 2.0, 4.0)
+#: Of each leader: at the times of ``human``, and at the others.
+SEEDS, FEWER_SEEDS = 8, 2
+#: Draws of vehicles and of seeds for an interval.
+DRAWS = 2000
+#: Edges of the ranges of the mean speed of a window, m/s.
+SPEEDS_MPS = (0, 4, 6, 8, 10, 20)
+
+Lanes = list[list[Window]]
+"""The windows of each lane, the leaders of the first seed first."""
 
 
 class Trial(NamedTuple):
@@ -42,32 +54,86 @@ class Trial(NamedTuple):
     """RMS of the logarithms of simulated over recorded statistics."""
 
 
-def fit(recorded: Mapping[str, float], speeds: Sequence[float]) -> tuple[Drivers, list[list[Trial]]]:
-    """The drivers whose statistics are those recorded, and what was tried of each effect.
+class Size(NamedTuple):
+    """The size of the acceleration that meets the recorded RMS, m/s^2, and its 95 % interval."""
+
+    value: float
+    least: float
+    most: float
+
+
+def simulated(slower: float, speeds: Sequence[float], seeds: int) -> tuple[Lanes, Lanes]:
+    """Lanes of both of the sizes ``SIMULATED``, with the correlation times of ``human`` times ``slower``.
 
     The effects are fitted in the same simulations: nobody accelerates for the sake of a place in the lane.
     """
-    trials: list[list[Trial]] = [[] for _ in EFFECTS]
-    for time_s in TIMES_S:
-        drivers = HUMAN.model_copy(update={effect.size: recorded[effect.alike[0]] / 2 for effect in EFFECTS})
-        drivers = drivers.model_copy(update={effect.time: time_s for effect in EFFECTS})
-        for _ in range(STEPS):
-            simulated = statistics.of(congested(drivers, speeds))
-            ratios = {effect.size: recorded[effect.alike[0]] / simulated[effect.alike[0]] for effect in EFFECTS}
-            tried, drivers = drivers, _scaled(drivers, ratios)
-        for effect, kept in zip(EFFECTS, trials, strict=True):
-            off = [math.log(simulated[key] / recorded[key]) ** 2 for key in effect.alike]
-            kept.append(Trial(time_s, getattr(tried, effect.size), math.sqrt(sum(off) / len(off))))
-    best = [
-        max(kept, key=lambda trial: (trial.off < min(t.off for t in kept) + AS_WELL, trial.time_s)) for kept in trials
-    ]
-    values = {
-        key: value
-        for effect, trial in zip(EFFECTS, best, strict=True)
-        for key, value in ((effect.size, round(trial.size, 2)), (effect.time, trial.time_s))
-    }
-    return HUMAN.model_copy(update=values), trials
+    low, high = (
+        congested(
+            HUMAN.model_copy(
+                update={effect.size: getattr(HUMAN, effect.size) * times for effect in EFFECTS}
+                | {effect.time: getattr(HUMAN, effect.time) * slower for effect in EFFECTS}
+            ),
+            speeds,
+            range(1, seeds + 1),
+        )
+        for times in SIMULATED
+    )
+    return low, high
 
 
-def _scaled(drivers: Drivers, ratios: Mapping[str, float]) -> Drivers:
-    return drivers.model_copy(update={key: getattr(drivers, key) * ratio for key, ratio in ratios.items()})
+def trials(slower: float, recorded: Sequence[Window], lanes: tuple[Lanes, Lanes]) -> list[Trial]:
+    """Of each effect, how it does with this correlation time."""
+    wanted = statistics.of(recorded)
+    low, high = (statistics.of([window for lane in of for window in lane]) for of in lanes)
+    return [_trial(effect, slower * getattr(HUMAN, effect.time), wanted, low, high) for effect in EFFECTS]
+
+
+def _trial(
+    effect: Effect, time_s: float, wanted: Mapping[str, float], low: Mapping[str, float], high: Mapping[str, float]
+) -> Trial:
+    met = effect.alike[0]
+    along = math.log(wanted[met] / low[met]) / math.log(high[met] / low[met])
+    off = [math.log(low[key] / wanted[key]) + along * math.log(high[key] / low[key]) for key in effect.alike]
+    size = getattr(HUMAN, effect.size) * (SIMULATED[1] / SIMULATED[0]) ** along
+    return Trial(time_s, size, math.sqrt(sum(each**2 for each in off) / len(off)))
+
+
+def sizes(recorded: Sequence[Window], lanes: tuple[Lanes, Lanes], leaders: int) -> list[Size]:
+    """For all speeds together and for each range of ``SPEEDS_MPS``: the size that meets the recorded RMS.
+
+    For the interval vehicles are drawn again, and of each leader the seeds.
+    """
+    random = np.random.default_rng(1)
+    vehicles, seeds = len(recorded), len(lanes[0]) // leaders
+    every = np.arange(seeds * leaders)
+    seen = np.vstack([np.arange(vehicles), random.integers(vehicles, size=(DRAWS, vehicles))])
+    driven = np.vstack(
+        [every, random.integers(seeds, size=(DRAWS, len(every))) * leaders + every % leaders],
+    )
+    wanted = _log_rms(_sums([[window] for window in recorded])[seen])
+    low, high = (_log_rms(_sums(of)[driven]) for of in lanes)
+    size = HUMAN.acceleration_rms_mps2 * (SIMULATED[1] / SIMULATED[0]) ** ((wanted - low) / (high - low))
+    interval = np.nanpercentile(size[1:], [2.5, 97.5], axis=0)
+    return [Size(*map(float, each)) for each in zip(size[0], *interval, strict=True)]
+
+
+def _sums(lanes: Sequence[Sequence[Window]]) -> Array:
+    """``(lanes, 1 + ranges, 2)``: instants and the sum of squares of the acceleration, of all speeds and each range."""
+    sums = np.zeros((len(lanes), len(SPEEDS_MPS), 2))
+    for lane, kept in zip(lanes, sums, strict=True):
+        for window in lane:
+            of = statistics.acceleration(window)
+            kept[[0, 1 + range_of(window)]] += len(of), of @ of
+    return sums
+
+
+def _log_rms(sums: Array) -> Array:
+    """``(draws, 1 + ranges)`` of ``(draws, lanes, 1 + ranges, 2)``; NaN where a draw has no window of the range."""
+    number, squares = np.moveaxis(sums.sum(axis=1), -1, 0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.log(squares / number) / 2)
+
+
+def range_of(window: Window) -> int:
+    """Which range of ``SPEEDS_MPS`` the window is in."""
+    return int(np.searchsorted(SPEEDS_MPS[1:-1], window.speed.mean(), side="right"))

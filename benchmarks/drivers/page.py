@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.document import Figure, LegendEntry
 
 from ..markdown import table
+from .fit import EFFECTS, FEWER_SEEDS, SEEDS, SPEEDS_MPS
 from .recorded import DT, Window
 from .reversal import RUNS, SCENES
 from .statistics import NAMES, acceleration, autocorrelation
@@ -40,26 +41,63 @@ def page(kept: Mapping[str, Any]) -> str:
 def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
     drivers = fit["drivers"]
     yield "Made by `make drivers`; [the page](../../docs/drivers.md) says what it means. Accelerations are slopes of a"
-    yield "polynomial of second order over 2.1 s, of recorded and of simulated speeds."
+    yield "polynomial of second order over 2.1 s, of recorded and of simulated speeds, without the first and the last"
+    yield "second of a window."
     yield ""
     columns = fit["statistics"]
     yield from table(
         ["", *columns], [[name, *(_short(of[key]) for of in columns.values())] for key, name in NAMES.items()]
     )
+    seeds = fit["rms_of_seeds"]
+    yield f"RMS of the acceleration of `human` by single seeds of five leaders: {', '.join(map(_short, seeds))} m/s²."
+    yield ""
     yield "![Distribution and autocorrelation of the acceleration](../../docs/images/drivers.svg)"
     yield ""
-    yield "What was tried: the size that meets the RMS at each correlation time. The misfit is the RMS of the"
-    yield "logarithms of simulated over recorded statistics."
+    yield "By the mean speed of a window, all of I-80 and `human`; the size of acceleration that would meet the RMS of"
+    yield "I-80 in this range, with its 95 % interval over vehicles and seeds:"
     yield ""
-    for name, size, trials in zip(
-        ("acceleration, m/s²", "lateral deviation, m"),
-        ("acceleration_rms_mps2", "wander_m"),
-        fit["trials"],
-        strict=True,
-    ):
-        yield f"{name}; taken: `{size}: {drivers[size]:g}`"
+    yield from by_speed(fit)
+    yield f"Size that meets the RMS at all speeds together; `human` has {drivers['acceleration_rms_mps2']:g} m/s²:"
+    yield ""
+    yield from table(["", "size, m/s²"], [[name, _interval(of[0])] for name, of in fit["sizes"].items()])
+    yield "By correlation time: the size that meets the RMS of the half that is fitted. The misfit is the RMS of the"
+    yield "logarithms of simulated over recorded statistics."
+    yield f"{SEEDS} seeds of each leader with the times of `human`, {FEWER_SEEDS} with others."
+    yield ""
+    for name, effect, tried in zip(("acceleration, m/s²", "lateral deviation, m"), EFFECTS, fit["trials"], strict=True):
+        values = ", ".join(f"`{key}: {drivers[key]:g}`" for key in (effect.size, effect.time))
+        yield f"{name}; `human` has {values}"
         yield ""
-        yield from table(["correlation time, s", "size", "misfit"], [[_short(v) for v in trial] for trial in trials])
+        yield from table(["correlation time, s", "size", "misfit"], [[_short(v) for v in trial] for trial in tried])
+
+
+def by_speed(fit: Mapping[str, Any]) -> Iterator[str]:
+    """The table of ranges of speed."""
+    heads = [
+        "mean speed, m/s",
+        "vehicles of I-80",
+        *(f"{what}: {who}" for what in ("RMS, m/s²", "below 0.1 m/s², %") for who in ("I-80", "human")),
+        "size that meets the RMS",
+    ]
+    rows = [
+        [
+            f"{low} to {high}",
+            str(road["windows"]),
+            _short(road["rms"]),
+            _short(human["rms"]),
+            f"{100 * road['small']:.0f}",
+            f"{100 * human['small']:.0f}",
+            _interval(size),
+        ]
+        for low, high, road, human, size in zip(
+            SPEEDS_MPS, SPEEDS_MPS[1:], *fit["by_speed"].values(), fit["sizes"]["I-80, all"][1:], strict=False
+        )
+    ]
+    return table(heads, rows)
+
+
+def _interval(size: Sequence[float]) -> str:
+    return "{:.3f} ({:.3f} to {:.3f})".format(*size)
 
 
 def _reversal(worlds: Mapping[str, Any]) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,9 @@ class Lane:
         return [Window(*kept[w, :, c].T) for w in range(WINDOWS) for c in range(CARS - 1)]
 
 
-def congested(drivers: Drivers | None, speeds: list[float], seed: int = 1) -> list[Window]:
-    """Traffic behind leaders of these speeds; of steady drivers where ``drivers`` is None."""
-    return [window for i, speed in enumerate(speeds) for window in Lane(drivers, speed, seed + i).windows()]
+def congested(drivers: Drivers | None, speeds: Sequence[float], seeds: Iterable[int]) -> list[list[Window]]:
+    """The windows of each lane: behind a leader of each of these speeds, by each seed.
+
+    The drivers are steady where ``drivers`` is None.
+    """
+    return [Lane(drivers, speed, 100 * seed + i).windows() for seed in seeds for i, speed in enumerate(speeds)]

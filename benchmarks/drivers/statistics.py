@@ -14,6 +14,9 @@ from .recorded import DT, SAME_LANE_M, Window
 
 #: A polynomial of second order over so many samples: 2.1 s.
 SMOOTHED_OVER = 21
+#: Samples at either end of a window that have no neighbours on one side. They are left out: the error of a slope
+#: there is several times as large.
+END = SMOOTHED_OVER // 2
 #: Accelerations below are as good as none, m/s^2.
 SMALL_MPS2 = 0.1
 
@@ -32,8 +35,8 @@ NAMES = {
 
 
 def acceleration(window: Window) -> Array:
-    """Slope of the smoothed speed, m/s^2."""
-    return np.asarray(savgol_filter(window.speed, SMOOTHED_OVER, 2, deriv=1, delta=DT))
+    """Slope of the smoothed speed away from the ends of the window, m/s^2."""
+    return np.asarray(savgol_filter(window.speed, SMOOTHED_OVER, 2, deriv=1, delta=DT))[END:-END]
 
 
 def of(windows: Sequence[Window]) -> dict[str, float]:
@@ -41,7 +44,7 @@ def of(windows: Sequence[Window]) -> dict[str, float]:
     series = [acceleration(window) for window in windows]
     size = np.abs(np.concatenate(series))
     median, p90, p99 = np.percentile(size, [50, 90, 99])
-    sides = [savgol_filter(w.side, SMOOTHED_OVER, 2) for w in windows if w.side is not None]
+    sides = [savgol_filter(w.side, SMOOTHED_OVER, 2)[END:-END] for w in windows if w.side is not None]
     sides = [side for side in sides if np.ptp(side) < SAME_LANE_M]
     return {
         "speed": float(np.median(np.concatenate([window.speed for window in windows]))),

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.drivers import fit as fitting
 from benchmarks.drivers import page, recorded, statistics
+from benchmarks.drivers.recorded import Window
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 from tests.support.places import ROOT
@@ -230,9 +232,47 @@ def test_mistakes_are_named(truth: dict[str, Any], message: str) -> None:
         tb.truth(content)
 
 
-def test_the_values_of_human_are_those_of_the_fit() -> None:
+def test_human_is_what_was_compared_and_meets_i80_within_the_interval() -> None:
     fit = json.loads((ROOT / "results" / "drivers" / "fit.json").read_text(encoding="utf-8"))
     assert HUMAN.model_dump(mode="json") == fit["drivers"]
+    value, least, most = fit["sizes"]["I-80, all"][0]
+    assert least < HUMAN.acceleration_rms_mps2 < most
+    assert least < value < most
+
+
+def shaken(acceleration_mps2: float, mean_mps: float = 5.0) -> Window:
+    """A window of constant acceleration about a mean speed."""
+    time = (np.arange(recorded.SAMPLES) - recorded.SAMPLES // 2) * recorded.DT
+    return Window(mean_mps + acceleration_mps2 * time, 0.1 * time)
+
+
+def test_accelerations_are_taken_away_from_the_ends_of_a_window() -> None:
+    random = np.random.default_rng(1)
+    weight = 0.01 / (recorded.DT**2 * sum(k**2 for k in range(-10, 11)))
+    noisy = [Window(0.1 * random.standard_normal(recorded.SAMPLES), None) for _ in range(400)]
+    slopes = np.array([statistics.acceleration(window) for window in noisy])
+    assert slopes.shape == (400, recorded.SAMPLES - 20)
+    # The variance of the slope of a line through 21 points; at an end of the window it would be 15 times as large.
+    assert slopes.var(axis=0) == pytest.approx(np.full(81, weight), rel=5 * math.sqrt(2 / 400))
+    assert statistics.of([shaken(0.4)])["rms"] == pytest.approx(0.4)
+
+
+def test_the_size_that_meets_the_recorded_rms_has_its_closed_form() -> None:
+    ratio = fitting.SIMULATED[1]
+    # RMS in proportion to the size: 0.2 m/s^2 at that of human.
+    low, high = ([[shaken(times * 0.2)] for _ in range(4)] for times in (1.0, ratio))
+    size, *ranges = fitting.sizes([shaken(0.26), shaken(-0.26)], (low, high), leaders=2)
+    assert size == pytest.approx([1.3 * HUMAN.acceleration_rms_mps2] * 3)
+    assert ranges[1] == pytest.approx(size)
+    assert math.isnan(ranges[0].value)
+
+
+def test_the_interval_of_the_size_holds_that_of_single_seeds() -> None:
+    seeds = (0.1, 0.2, 0.3)
+    low, high = ([[shaken(times * rms)] for rms in seeds] for times in fitting.SIMULATED)
+    size = fitting.sizes([shaken(0.2)], (low, high), leaders=1)[0]
+    met = [0.2 / rms * HUMAN.acceleration_rms_mps2 for rms in (0.3, math.sqrt(np.mean(np.square(seeds))), 0.1)]
+    assert [size.least, size.value, size.most] == pytest.approx(met)
 
 
 def test_what_the_page_says_of_the_recorded_traffic_comes_from_the_files() -> None:

@@ -29,7 +29,11 @@ class Drivers(Config):
         "Gauss-Markov process, which the car follows.",
     )
     reaction_s: float = Field(
-        0, ge=0, le=2, description="How long ago a driver saw the vehicle ahead, to which it reacts now."
+        0,
+        ge=0,
+        le=2,
+        description="Delay of the braking for the vehicle ahead: all of the model's interaction, of the gap and both "
+        "speeds, is of so long ago.",
     )
     speed_spread: float = Field(
         0, ge=0, le=0.3, description="Standard deviation over drivers of the desired speed, relative to its mean."
@@ -46,7 +50,11 @@ class Drivers(Config):
     grip_mps2: Positive | None = Field(
         None, description="Largest acceleration of the tyres, along and across together."
     )
-    jerk_mps3: Positive | None = Field(None, description="Largest rate at which the pedals change the acceleration.")
+    jerk_mps3: Positive | None = Field(
+        None,
+        description="Largest rate of change of the acceleration that the driver wants, before acceleration_rms_mps2 is "
+        "added and grip and standing limit it.",
+    )
     steering_rate_degps: Positive = Field(
         30, description="Rate of the front wheels, degrees per second, where truth.steering_rate_degps is not given."
     )
