@@ -74,7 +74,8 @@ COMMANDS: dict[str, list[str]] = {
     "doctor_naive": ["doctor {scenarios}/traffic/cut_in.yaml#naive --json --out {out}/doctor"],
     "audit": ["audit {scenarios}/recorded/udacity_fusion.yaml --json --out {out}/audit"],
     "effects": [
-        f"{_RUN} --engine numpy --out {{out}}/known --set sensors.radar.effects=[{_EFFECTS}]",
+        f"{_RUN} --engine numpy --out {{out}}/known"
+        f" --set sensors.radar.max_range_m=150 --set sensors.radar.effects=[{_EFFECTS}]",
         f"{_RUN_HIDDEN} --engine numpy --out {{out}}/hidden --set sensors.front_radar.effects=[{_EFFECTS}]",
         f"{_RUN_HIDDEN} --engine numpy --out {{out}}/typical --set sensors.roof_lidar.effects=typical",
     ],
