@@ -268,7 +268,7 @@ def test_one_that_is_no_program_says_so(tmp_path: Path) -> None:
     (tmp_path / "program").write_text("no program")
     (tmp_path / "program").chmod(0o755)
     config = PluginConfig.model_validate({"use": {"command": ["./program"]}})
-    with pytest.raises(TrackFault, match=r"its last words: .*program cannot be started: .*Exec format error"):
+    with pytest.raises(TrackFault, match=r"its last words: .*program cannot be started: .*xec format error"):
         Program(config, tmp_path, Isolation(), several=False)
 
 

@@ -52,12 +52,11 @@ def test_not_yaml(tmp_path: Path, old: str, new: str, expected: str) -> None:
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (b"", "FILE:1: the file is empty; a scenario has the keys name, truth, sensors, trackers"),
-        (b"# only a comment\n", "FILE:1: the file is empty; a scenario has the keys name, truth, sensors, trackers"),
+        (b"", "FILE:1: the file is empty; a scenario has the keys name, truth, trackers"),
+        (b"# only a comment\n", "FILE:1: the file is empty; a scenario has the keys name, truth, trackers"),
         (
             b"- a\n- b\n",
-            "FILE:1: the file is not a mapping of keys to values; a scenario has the keys name, truth, sensors, "
-            "trackers",
+            "FILE:1: the file is not a mapping of keys to values; a scenario has the keys name, truth, trackers",
         ),
         (b"name: a\nb: \xff\n", "FILE:2: not UTF-8 text (byte 0xff); save the file as UTF-8"),
         (b"name: [" * 3000, "FILE:1: nested too deeply"),

@@ -183,17 +183,26 @@ class Commands(click.Group):
         defer_pandas()
         return command
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        # The usage has them: with all commands the help still fits a screen.
+        self.format_commands(ctx, formatter)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, COMMANDS[name].summary) for name in self.list_commands(ctx)])
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    options_metavar="[--version]",
+)
 @click.version_option(package_name="trackbench", prog_name="trackbench")
 def cli() -> None:
     """
     \b
     Example:  trackbench run highway    # trackers, on the same truth and noise
+              trackbench run --help     # what a command does
     """
 
 

@@ -21,6 +21,7 @@ from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.config import PluginConfig
 
 
 def scans_of(probe: Probe, names: tuple[str, ...] = ("lidar", "radar"), until: float = 0.0) -> list[Scan]:
@@ -102,7 +103,7 @@ def test_in_its_own_process_too(tmp_path: Path, write_module: Callable[[Path, st
         "        self.lock, self.total = threading.Lock(), 0.0\n\n    def step(self, state, scan):\n"
         "        self.total += np.nansum(scan.measurement)\n        return None, (np.full(4, self.total), np.eye(4))\n"
     )
-    make = fresh(f"{write_module(tmp_path, code)}:T", {}, tmp_path, Isolation(timeout=30))
+    make = fresh(PluginConfig(use=f"{write_module(tmp_path, code)}:T"), tmp_path, Isolation(timeout=30))
     session = TrackerSession(make)
     one, two, three = scans_of(GENERAL[0], ("lidar",))[:3]
     session.step(one)
