@@ -166,7 +166,7 @@ def prepare(config: HighwayOptions, render_mode: str | None = None) -> AbstractE
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest(config.env, ids)}", key="truth.env")
     # Some environments of highway-env take no render mode.
-    rendering = {} if render_mode is None else {"render_mode": render_mode}
+    rendering: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
     env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True, **rendering).unwrapped
     settings = _settings(config, env.config)
     try:
