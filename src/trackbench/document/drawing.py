@@ -185,12 +185,18 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
 @contextmanager
 def _colours(colours: Mapping[str, str]) -> Iterator[None]:
     """Names of colours for matplotlib, while a figure is drawn; afterwards they are those on white."""
-    known = get_named_colors_mapping()
-    known.update(colours)
+    _name_colours(colours)
     try:
         yield
     finally:
-        known.update(_ON_WHITE)
+        _name_colours(_ON_WHITE)
+
+
+def _name_colours(colours: Mapping[str, str]) -> None:
+    known = get_named_colors_mapping()
+    for name, colour in colours.items():
+        # Not by update(), which leaves matplotlib's cache of what names stood for before.
+        known[name] = colour
 
 
 def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
