@@ -113,7 +113,9 @@ def sizes(recorded: Sequence[Window], lanes: tuple[Lanes, Lanes], leaders: int) 
     wanted = _log_rms(_sums([[window] for window in recorded])[seen])
     low, high = (_log_rms(_sums(of)[driven]) for of in lanes)
     size = HUMAN.acceleration_rms_mps2 * (SIMULATED[1] / SIMULATED[0]) ** ((wanted - low) / (high - low))
-    interval = np.nanpercentile(size[1:], [2.5, 97.5], axis=0)
+    known = np.isfinite(size[1:]).any(axis=0)
+    interval = np.full((2, *known.shape), np.nan)
+    interval[:, known] = np.nanpercentile(size[1:][:, known], [2.5, 97.5], axis=0)
     return [Size(*map(float, each)) for each in zip(size[0], *interval, strict=True)]
 
 
