@@ -195,14 +195,13 @@ class Commands(click.Group):
 @click.group(
     cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    options_metavar="[--version]",
+    options_metavar="[--version] [--help]",
 )
 @click.version_option(package_name="trackbench", prog_name="trackbench")
 def cli() -> None:
     """
     \b
     Example:  trackbench run highway    # trackers, on the same truth and noise
-              trackbench run --help     # what a command does
     """
 
 
