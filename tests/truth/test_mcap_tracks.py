@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.support.mcap_tracks import write_tracks
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.export.mcap import write_tracks, written
+from trackbench.subjects.export.mcap import written
 from trackbench.truth.formats.mcap import Mcap
 from trackbench.truth.track_rows import TrackRows
 

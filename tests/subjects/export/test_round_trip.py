@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from tests.support.mcap_tracks import write_tracks
 from tests.support.places import DOCS
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.export.mcap import write_tracks
 from trackbench.truth.formats.tables import Csv
 
 PAGE = (DOCS / "export.md").read_text(encoding="utf-8")

@@ -124,6 +124,34 @@ def test_gates(files: Path, cli: Callable[..., Any], gate: str, status: int, fai
     assert names == failed
 
 
+def test_gates_stand_in_the_json(files: Path, cli: Callable[..., Any]) -> None:
+    gates = ["--gate", "gospa:0.6", "--gate", "gospa:2%"]
+    done = cli("score", "old.csv", "new.parquet", "--truth", "boxes.csv", *gates, "--json", "--no-recording")
+    result = json.loads(done.out)
+    assert (done.status, result["passed"]) == (1, False)
+    one, other, relative = result["gates"]
+    values = {item["name"]: item["metrics"]["gospa"] for item in result["trackers"]}
+    for gate in (one, other, relative):
+        assert {key: gate[key] for key in ("value", "unit", "ci95")} == {
+            key: values[gate["tracker"]].get(key) for key in ("value", "unit", "ci95")
+        }
+    assert [(gate["tracker"], gate["metric"], gate["passed"]) for gate in (one, other, relative)] == [
+        ("old", "gospa", True),
+        ("new", "gospa", False),
+        ("new", "gospa", False),
+    ]
+    assert (one["limit"], one["percent"], relative["percent"]) == (0.6, None, 2)
+    assert relative["limit"] == pytest.approx(1.02 * values["old"]["value"], rel=1e-12)
+    # An expectation beside the gates counts too, and a metric without a value fails its gate.
+    set_to = ["--set", "expect=[{tracker: old, metric: gospa, below: 0.1}]"]
+    done = cli("score", "old.csv", "--truth", "boxes.csv", *gates[:2], *set_to, "--json", "--no-recording")
+    result = json.loads(done.out)
+    assert (done.status, result["passed"], result["gates"][0]["passed"]) == (1, False, True)
+    done = cli("score", "old.csv", "--truth", "boxes.csv", "--gate", "velocity_rmse:4", "--json", "--no-recording")
+    (gate,) = json.loads(done.out)["gates"]
+    assert (done.status, gate["value"], gate["passed"]) == (1, None, False)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -1,4 +1,4 @@
-"""Scans, truths and tracks in MCAP, as JSON: Foxglove's schemas for viewers, the bench's own for programs."""
+"""Scans and truths in MCAP, as JSON: Foxglove's schemas for viewers, the bench's own for programs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.export.schemas import SCHEMAS
 from trackbench.subjects.export.source import RunKey, ScanSource
 from trackbench.subjects.export.tables import component_columns
-from trackbench.truth.formats.foxglove import BOXES, POINTS, SCAN, TRACKS, TRANSFORMS
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.formats.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
 
 #: The frame that is fixed to the ground.
 FIXED = "world"
@@ -61,32 +60,6 @@ def _write_truth(truth: Truth, run: int, path: Path) -> None:
             bodies = np.flatnonzero(truth.alive[step]).tolist()
             entities = [_entity(truth, step, body, run) for body in bodies]
             write("/truth", BOXES, time, {"deletions": [], "entities": entities})
-
-
-def write_tracks(rows: TrackRows, path: Path) -> None:
-    """Tracks as ``trackbench.Tracks``, one message for each time; of several runs for each time and run.
-
-    Args:
-        rows: in the order of time.
-        path: the file.
-
-    Raises:
-        InputError: the package is missing.
-    """
-    keys = {name: getattr(rows, name) for name in ("scene", "run", "fingerprint") if getattr(rows, name) is not None}
-    groups: dict[tuple[Any, ...], list[int]] = {}
-    for row, time in enumerate(rows.time.tolist()):
-        groups.setdefault((*(column[row] for column in keys.values()), time), []).append(row)
-    with written(path) as write:
-        for (*of_run, time), members in groups.items():
-            tracks = [_track(rows, row) for row in members]
-            message = {
-                **dict(zip(keys, of_run, strict=True)),
-                "time_s": time,
-                "timestamp": stamp_of(time),
-                "tracks": tracks,
-            }
-            write("/tracks", TRACKS, time, message)
 
 
 @contextmanager
@@ -215,16 +188,3 @@ def _entity(truth: Truth, step: int, body: int, run: int) -> dict[str, Any]:
         "cubes": [cube],
         **nothing,
     }
-
-
-def _track(rows: TrackRows, row: int) -> dict[str, Any]:
-    mean = [rows.px, rows.py, rows.vx, rows.vy]
-    if rows.vx is None or rows.vy is None:
-        raise InputError("the tracks have no velocity, which trackbench.Tracks needs")
-    track: dict[str, Any] = {"id": rows.id[row], "mean": [float(part[row]) for part in mean if part is not None]}
-    if rows.covariance is not None:
-        values = rows.covariance[..., row].tolist()
-        track["covariance"] = [[None if np.isnan(entry) else entry for entry in line] for line in values]
-    if rows.existence is not None and np.isfinite(rows.existence[row]):
-        track["existence"] = float(rows.existence[row])
-    return track

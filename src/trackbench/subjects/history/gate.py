@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from trackbench.base.errors import InputError
 from trackbench.compare.comparison import GateOutcome, GateResult
 from trackbench.compare.differences import Match, differences
 from trackbench.compare.limits import Limit, held, require_directed
+from trackbench.results.metric_value import ResultModel
 from trackbench.subjects.history.changes import Ways
 from trackbench.subjects.history.found import PastResult
 
@@ -17,20 +17,21 @@ OPTION = "--gate"
 _ORDER: tuple[GateOutcome, ...] = ("error", "failed", "undecided", "passed")
 
 
-class HeldLimit(NamedTuple):
-    """A limit held against a tracker of the last result: the fields of ``HistoryGate``."""
+class HistoryGate(ResultModel):
+    """A limit held against one tracker of the last result."""
 
     tracker: str
     metric: str
     percent: float
     outcome: GateOutcome
     against: int | None
+    """Of the window, the result that it does worst against; None where there is none."""
     text: str
 
 
 def gates(
     entries: Sequence[PastResult], trackers: Sequence[str], limits: Sequence[Limit], window: int
-) -> list[HeldLimit]:
+) -> list[HistoryGate]:
     """Each limit against each tracker: it fails where the last result is worse by more than the limit than any result
     of the window, and shown to be worse, all differences corrected together.
 
@@ -62,18 +63,24 @@ def gates(
     return [
         *(_worst(limit, name, outcomes, refused) for limit in limits for name in there),
         *(
-            HeldLimit(name, limit.metric, limit.percent, "error", before[-1] + 1, "is not in the last result")
+            _gate(limit, name, "error", before[-1] + 1, "is not in the last result")
             for limit in limits
             for name in lost
         ),
     ]
 
 
-def _worst(limit: Limit, tracker: str, outcomes: Sequence[GateResult], refused: Sequence[str]) -> HeldLimit:
+def _worst(limit: Limit, tracker: str, outcomes: Sequence[GateResult], refused: Sequence[str]) -> HistoryGate:
     """What decides on a tracker: the worst outcome, of equal ones that of the latest result."""
     own = [item for item in outcomes if (item.metric, item.entrant.tracker) == (limit.metric, tracker)]
     if not own:
         why = f"no result of the window can be compared: {refused[-1]}" if refused else "there is no result before it"
-        return HeldLimit(tracker, limit.metric, limit.percent, "undecided", None, why)
+        return _gate(limit, tracker, "undecided", None, why)
     item = min(own, key=lambda item: (_ORDER.index(item.outcome), -item.entrant.set))
-    return HeldLimit(tracker, limit.metric, limit.percent, item.outcome, item.entrant.set + 1, item.text)
+    return _gate(limit, tracker, item.outcome, item.entrant.set + 1, item.text)
+
+
+def _gate(limit: Limit, tracker: str, outcome: GateOutcome, against: int | None, text: str) -> HistoryGate:
+    return HistoryGate(
+        tracker=tracker, metric=limit.metric, percent=limit.percent, outcome=outcome, against=against, text=text
+    )

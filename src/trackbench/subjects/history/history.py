@@ -8,14 +8,13 @@ from typing import Any
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.execution import one_blas_thread
-from trackbench.compare.comparison import GateOutcome
 from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import ResultModel
 from trackbench.subjects.history.changes import MarkedStretches, causes, scenario_sha256, stretches_of
 from trackbench.subjects.history.found import PastResult, results_of_scenario
-from trackbench.subjects.history.gate import OPTION, gates
+from trackbench.subjects.history.gate import OPTION, HistoryGate, gates
 
 SCHEMA_VERSION = 1
 #: Results before the last one that it is held against, unless told otherwise.
@@ -79,18 +78,6 @@ class HistoryBreak(ResultModel):
     since: int
     trackers: list[str]
     reason: str
-
-
-class HistoryGate(ResultModel):
-    """A limit held against one tracker of the last result."""
-
-    tracker: str
-    metric: str
-    percent: float
-    outcome: GateOutcome
-    against: int | None
-    """Of the window, the result that it does worst against; None where there is none."""
-    text: str
 
 
 class History(ResultModel):
@@ -159,7 +146,7 @@ def history_of(
         changes=_changes(entries, stretches),
         breaks=_breaks(stretches),
         looks=stretches.looks,
-        gates=[HistoryGate(**item._asdict()) for item in gates(entries, names, limits, window)],
+        gates=gates(entries, names, limits, window),
         notes=found.notes,
     )
 

@@ -41,7 +41,7 @@ from trackbench.cli.terminal import quiet_option
 )
 @artifact_options
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the gates as JUnit XML.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
 @quiet_option("One line, and what failed.")
 def score_command(
     tracks: tuple[Path, ...],
@@ -69,13 +69,15 @@ def score_command(
       trackbench score old.csv new.csv --truth boxes.csv --gate gospa:2%
 
     \b
-    Exit status: 0 gates passed, 1 one failed, 2 bad input, 4 cannot write
+    Exit status: 0 gates passed, 1 one failed, 2 bad input, 3 a tracker
+    failed, 4 cannot write
     """
     from trackbench.api.plan import RunPlan
     from trackbench.api.session import prepare, run
     from trackbench.base.errors import InputError
     from trackbench.base.execution import InProcess
     from trackbench.base.files import write_whole
+    from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
     from trackbench.subjects.score.gate import Gate, judged
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
@@ -98,16 +100,20 @@ def score_command(
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run(prepared, plan, executor, output)
-    cases = judged(limits, result)
+    judgements = judged(limits, result)
+    cases = [item.case(result.name) for item in judgements]
     if junit is not None:
         from trackbench.report.junit import Suite, suite_of_run, to_xml
 
         suite = suite_of_run(result)
         results.write_text(junit, to_xml([Suite(suite.name, [*suite.cases, *cases])]))
+    kept = all(item.passed for item in judgements)
     if as_json:
-        click.echo(json.dumps(result.json(), indent=2, allow_nan=False))
+        summary = result.json()
+        gates_as_json = [item._asdict() for item in judgements]
+        content = {**summary, "passed": summary["passed"] and kept, "gates": gates_as_json}
+        click.echo(json.dumps(content, indent=2, allow_nan=False))
     else:
         for case in cases:
             click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
-    failed = any(case.outcome != "passed" for case in cases)
-    raise click.exceptions.Exit(FAILED_EXPECTATION if failed else 0)
+    raise click.exceptions.Exit(status([result]) or (0 if kept else FAILED_EXPECTATION))

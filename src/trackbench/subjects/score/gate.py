@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.compare.comparison import GateOutcome
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report.junit import Case
 from trackbench.results import Result
@@ -64,13 +65,37 @@ class Gate(NamedTuple):
         return f"{self.metric} {'at most' if smaller else 'at least'} {self.limit:g}"
 
 
-def judged(gates: Sequence[Gate], result: Result) -> list[Case]:
+class JudgedGate(NamedTuple):
+    """A limit held against the tracks of one file."""
+
+    tracker: str
+    metric: str
+    limit: float | None
+    """What the value is held against; None where the first file has no value."""
+    percent: float | None
+    """How much worse than the first file's it may be; None where the limit was given as a value."""
+    value: float | None
+    unit: str
+    ci95: tuple[float, float] | None
+    passed: bool
+    text: str
+    """What must hold."""
+    found: str
+
+    def case(self, scenario: str) -> Case:
+        """The same as a test case; an error where a value is missing."""
+        missing = self.value is None or self.limit is None
+        outcome: GateOutcome = "passed" if self.passed else "error" if missing else "failed"
+        return Case(f"{self.tracker}: {self.text}", f"{scenario}.{self.tracker}", outcome, self.found)
+
+
+def judged(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:
     """Each limit held against each file; of a percentage, against each but the first.
 
     The values are compared as they are: of the same files the outcome is always the same.
     """
     trackers = result.summary.trackers
-    cases = []
+    judgements = []
     for gate in gates:
         first = trackers[0].metrics[gate.metric].value
         for tracker in trackers[1:] if gate.relative else trackers:
@@ -79,10 +104,11 @@ def judged(gates: Sequence[Gate], result: Result) -> list[Case]:
             limit: float | None = gate.limit
             if gate.relative:
                 limit = None if first is None else first + sign * abs(first) * gate.limit / 100
-            outcome, message = "error", metric.reason or "the first file has no value"
+            passed, found = False, metric.reason or "the first file has no value"
             if metric.value is not None and limit is not None:
-                outcome = "failed" if sign * (metric.value - limit) > 0 else "passed"
-                message = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
-            named: Any = outcome
-            cases.append(Case(f"{tracker.name}: {gate.text}", f"{result.name}.{tracker.name}", named, message))
-    return cases
+                passed = sign * (metric.value - limit) <= 0
+                found = f"{metric.value:.4g} {metric.unit}" + (f", the first {first:.4g}" if gate.relative else "")
+            percent = gate.limit if gate.relative else None
+            value = (metric.value, metric.unit, metric.ci95)
+            judgements.append(JudgedGate(tracker.name, gate.metric, limit, percent, *value, passed, gate.text, found))
+    return judgements

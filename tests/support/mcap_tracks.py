@@ -1,0 +1,41 @@
+"""Tracks as messages of MCAP."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.subjects.export.mcap import stamp_of, written
+from trackbench.truth.formats.foxglove import TRACKS
+from trackbench.truth.track_rows import TrackRows
+
+
+def write_tracks(rows: TrackRows, path: Path) -> None:
+    """Tracks as ``trackbench.Tracks``, one message for each time; of several runs for each time and run."""
+    keys = {name: getattr(rows, name) for name in ("scene", "run", "fingerprint") if getattr(rows, name) is not None}
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for row, time in enumerate(rows.time.tolist()):
+        groups.setdefault((*(column[row] for column in keys.values()), time), []).append(row)
+    with written(path) as write:
+        for (*of_run, time), members in groups.items():
+            tracks = [_track(rows, row) for row in members]
+            message = {
+                **dict(zip(keys, of_run, strict=True)),
+                "time_s": time,
+                "timestamp": stamp_of(time),
+                "tracks": tracks,
+            }
+            write("/tracks", TRACKS, time, message)
+
+
+def _track(rows: TrackRows, row: int) -> dict[str, Any]:
+    mean = [rows.px, rows.py, rows.vx, rows.vy]
+    track: dict[str, Any] = {"id": rows.id[row], "mean": [float(part[row]) for part in mean if part is not None]}
+    if rows.covariance is not None:
+        values = rows.covariance[..., row].tolist()
+        track["covariance"] = [[None if np.isnan(entry) else entry for entry in line] for line in values]
+    if rows.existence is not None and np.isfinite(rows.existence[row]):
+        track["existence"] = float(rows.existence[row])
+    return track
