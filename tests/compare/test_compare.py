@@ -276,11 +276,11 @@ def test_rounding_is_no_difference() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"trackers": 3}, "result.json: not the result of a run: trackers: "),
-        ({"scenario": {"text": 3}}, "result.json: not the result of a run: scenario.text: "),
-        ({"runs": 0}, "result.json: not the result of a run: runs: "),
+        ({"trackers": 3}, "result.json: not a result: trackers: "),
+        ({"scenario": {"text": 3}}, "result.json: not a result: scenario.text: "),
+        ({"runs": 0}, "result.json: not a result: runs: "),
         ({"runs": 11}, "runs.parquet does not hold the 11 runs of"),
-        ({"ranking": ["raw"]}, "not the result of a run: ranking does not name its trackers"),
+        ({"ranking": ["raw"]}, "not a result: ranking does not name its trackers"),
         ({"schema_version": 1}, "schema_version is not 4 or 5: this result is of another version"),
     ],
 )

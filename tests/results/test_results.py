@@ -243,7 +243,7 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         (b"\xff\xfe", "result.json: not a readable result: "),
         (b"[1, 2]", "result.json: schema_version is not 4 or 5"),
         (b'{"schema_version": 1}', "schema_version is not 4 or 5: this result is of another version"),
-        (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not the result of a run: scenario: Field required"),
+        (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not a result: scenario: Field required"),
         (to_json({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
     ],
 )

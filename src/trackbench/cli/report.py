@@ -25,10 +25,11 @@ if TYPE_CHECKING:
 
 _SAVED = dict(offered("documents"))
 _KINDS = "".join(f" or of {kind_of(name)}," for name in _SAVED)
+_NOTES = [offer.summary for offer in _SAVED.values() if offer.summary]
 _REPORT_HELP = f"""Write the report of a saved result in any format.
 
 RUN is the folder of a run, of several runs, which are compared,{_KINDS}
-or a comparison.json. {"; ".join(["Nothing is run again", *(offer.summary for offer in _SAVED.values())])}.
+or a comparison.json. {"; ".join(["Nothing is run again", *_NOTES])}.
 
 \b
 Examples:
@@ -88,8 +89,9 @@ def _document(run: Path) -> Document:
     from trackbench.report.result import result_document
 
     for file, offer in _SAVED.items():
-        if (run / file).is_file():
-            saved: Document = resolve(offer.target)(run / file)
+        path = run if run.name == file else run / file
+        if path.is_file():
+            saved: Document = resolve(offer.target)(path)
             return saved
     if run.suffix == ".json" and run.name != results.SUMMARY:
         return document(load(run))

@@ -68,7 +68,7 @@ class Group:
         own = [metric for summary in summaries for metric in summary.score.metrics]
         metrics = compared_metrics(own, built_in=summaries[0].identities == "known")
         if self.ranked_by not in metrics:
-            problem = f"not the result of a run: {self.ranked_by} is none of its metrics"
+            problem = f"not a result: {self.ranked_by} is none of its metrics"
             raise InputError(problem, file=self.cells[0].entries[0].label)
         return metrics
 

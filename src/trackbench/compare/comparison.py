@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from trackbench.base.errors import InputError
-from trackbench.base.files import read_json
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
-from trackbench.results.metric_value import ResultModel
+from trackbench.results.metric_value import ResultModel, read_model
 
 SCHEMA_VERSION = 4
 #: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
@@ -316,17 +314,4 @@ def load(file: Path) -> Comparison:
     Raises:
         InputError: it cannot be read, or is none of this version.
     """
-    try:
-        raw = read_json(file)
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=file) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not a readable comparison: {error}", file=file) from error
-    if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
-        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this comparison is of another version", file=file)
-    try:
-        return Comparison.model_validate({key: value for key, value in raw.items() if key != "passed"})
-    except ValidationError as invalid:
-        first = invalid.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"not a comparison: {where}: {first['msg']}", file=file) from None
+    return read_model(Comparison, file, "comparison", [SCHEMA_VERSION])

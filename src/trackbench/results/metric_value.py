@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.base.files import read_json
 
 Json = dict[str, Any]
 K = TypeVar("K")
+Kept = TypeVar("Kept", bound=BaseModel)
 #: Values that differ by less, relative to the larger, differ by rounding, which is another's in each engine.
 ROUNDING = 1e-9
 
@@ -20,6 +30,45 @@ class ResultModel(BaseModel):
     """A part of a result: frozen, and without keys that are not known."""
 
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Iterable[int]) -> Kept:
+    """What the values of a JSON file are.
+
+    Args:
+        kind: the model.
+        raw: the values.
+        file: for error messages.
+        what: it is, in a word.
+        versions: of its schema that can be read.
+
+    Raises:
+        InputError: they are none, or of another version.
+    """
+    if not isinstance(raw, dict) or raw.get("schema_version") not in versions:
+        numbers = " or ".join(map(str, versions))
+        raise InputError(f"schema_version is not {numbers}: this {what} is of another version", file=file)
+    try:
+        return kind.model_validate({key: raw[key] for key in raw if key != "passed" or key in kind.model_fields})
+    except ValidationError as invalid:
+        error = invalid.errors()[0]
+        where = ".".join(map(str, error["loc"]))
+        raise InputError(f"not a {what}: {where}: {error['msg']}", file=file) from None
+
+
+def read_model(kind: type[Kept], file: Path, what: str, versions: Iterable[int]) -> Kept:
+    """What a JSON file holds; see :func:`model_of`.
+
+    Raises:
+        InputError: it cannot be read, or is none.
+    """
+    try:
+        raw = read_json(file)
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=file) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not a readable {what}: {error}", file=file) from error
+    return model_of(kind, raw, file, what, versions)
 
 
 def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:

@@ -10,13 +10,12 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from pydantic import ValidationError
 
 from trackbench.base.errors import InputError, counted, nearest
 from trackbench.base.files import read_json
 from trackbench.results.differences import Difference, differences_of
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
-from trackbench.results.metric_value import data_frame, value_columns
+from trackbench.results.metric_value import data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import TrackerResult
@@ -208,15 +207,7 @@ def summary_of(raw: Any, file: Path) -> Summary:
     Raises:
         InputError: they are no summary, or one of another version.
     """
-    if not isinstance(raw, dict) or raw.get("schema_version") not in READABLE:
-        versions = " or ".join(map(str, READABLE))
-        raise InputError(f"schema_version is not {versions}: this result is of another version", file=file)
-    try:
-        summary = Summary.model_validate(raw)
-    except ValidationError as invalid:
-        error = invalid.errors()[0]
-        where = ".".join(str(part) for part in error["loc"])
-        raise InputError(f"not the result of a run: {where}: {error['msg']}", file=file) from None
+    summary = model_of(Summary, raw, file, "result", READABLE)
     if sorted(tracker.name for tracker in summary.trackers) != sorted(summary.ranking):
-        raise InputError("not the result of a run: ranking does not name its trackers", file=file)
+        raise InputError("not a result: ranking does not name its trackers", file=file)
     return summary

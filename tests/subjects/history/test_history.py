@@ -168,6 +168,15 @@ def test_the_command_prints_writes_and_gates(nights: Path, cli: Cli, tmp_path: P
     assert kept["passed"] is False
     page = (tmp_path / "page" / "history.html").read_text(encoding="utf-8")
     assert "<svg" in page
+    # A kept history is shown again, by its folder or its file.
+    for place, folder in (("page", "again"), ("page/history.json", "once_more")):
+        assert cli("report", place, "--format", "html", "--out", folder).status == 0
+        assert (tmp_path / folder / "history.html").read_text(encoding="utf-8") == page
+    assert cli("report", "page").out == done.out
+    (tmp_path / "page" / "history.json").write_text(json.dumps({**kept, "looks": "many"}), encoding="utf-8")
+    damaged = cli("report", "page")
+    assert (damaged.status, len(damaged.err.splitlines())) == (2, 1)
+    assert "page/history.json: not a history: looks: " in damaged.err
     assert cli("history", nights).status == 0
 
 

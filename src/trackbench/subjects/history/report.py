@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,8 @@ from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
 from trackbench.report.tables import unit_of
 from trackbench.results import MetricValue
-from trackbench.subjects.history.history import History, HistoryChange, HistoryEntry
+from trackbench.results.metric_value import read_model
+from trackbench.subjects.history.history import SCHEMA_VERSION, History, HistoryChange, HistoryEntry
 
 _TONES: Mapping[str, Tone] = {
     "better": "good",
@@ -62,6 +64,15 @@ def history_document(history: History) -> Document:
         blocks=tuple(_blocks(history, colours)),
         trackers=tuple(tracker_styles(colours).values()),
     )
+
+
+def saved_document(file: Path) -> Document:
+    """The page of a history that was kept as JSON.
+
+    Raises:
+        InputError: it cannot be read, or is none of this version.
+    """
+    return history_document(read_model(History, file, "history", [SCHEMA_VERSION]))
 
 
 def _lead(history: History) -> str:
