@@ -30,12 +30,28 @@ github_option = click.option(
 )
 
 
-def print_annotations(suites: Iterable[Suite], as_json: bool) -> None:
-    """Those of ``--github``."""
+def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_json: bool) -> None:
+    """Write those of ``--junit``, and print those of ``--github``."""
     from trackbench.report.annotations import to_annotations
+    from trackbench.report.junit import to_xml
+    from trackbench.results import write_text
 
-    for line in to_annotations(suites):
+    if junit is not None:
+        write_text(junit, to_xml(suites))
+    for line in to_annotations(suites) if github else ():
         click.echo(line, err=as_json)
+
+
+def out_option(summary: str, default: str | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """``--out``, a folder."""
+    return click.option(
+        "--out",
+        type=click.Path(path_type=Path, file_okay=False),
+        metavar="DIR",
+        default=default,
+        show_default=default is not None,
+        help=summary,
+    )
 
 
 class NearestChoice(click.Choice[str]):

@@ -14,7 +14,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of, offered, resolve
-from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, print_annotations
+from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, write_suites
 from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def compare_command(
     from trackbench.document.files import require_ending
     from trackbench.document.terminal import print_document
     from trackbench.report.comparison.document import ENDINGS, comparison_files, document
-    from trackbench.report.junit import suites_of_comparison, to_xml
+    from trackbench.report.junit import suites_of_comparison
 
     parsed = [Limit.parse(text) for text in limits]
     for given, key in ((junit is not None, "--junit"), (github, "--github")):
@@ -182,10 +182,7 @@ def compare_command(
     for file, content in comparison_files(comparison, out) if out is not None else ():
         results.write_bytes(file, content)
         written.append(file)
-    if junit is not None:
-        results.write_text(junit, to_xml(suites_of_comparison(comparison)))
-    if github:
-        print_annotations(suites_of_comparison(comparison), as_json)
+    write_suites(suites_of_comparison(comparison), junit, github, as_json)
     if as_json:
         click.echo(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:

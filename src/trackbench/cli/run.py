@@ -27,10 +27,11 @@ from trackbench.cli.options import (
     github_option,
     isolation_options,
     names_in,
-    print_annotations,
+    out_option,
     scenarios_argument,
     subject_options,
     trackers_of_scenarios,
+    write_suites,
 )
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
@@ -81,14 +82,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
     help="In each of these worlds: ideal, human, typical, recorded.",
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    default=Path("results"),
-    show_default=True,
-    help="Each scenario gets a folder in it.",
-)
+@out_option("Each scenario gets a folder in it.", "results")
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
@@ -147,13 +141,10 @@ def run_command(
         with followers(of_subjects) as output.followers:
             finished = run(prepared, plan, chosen, output)
             if junit is not None or github:
-                from trackbench.report.junit import suite_of_run, to_xml
+                from trackbench.report.junit import suite_of_run
 
                 suites = [suite_of_run(result, item.scenario) for result, item in zip(finished, prepared, strict=True)]
-                if junit is not None:
-                    results.write_text(junit, to_xml(suites))
-                if github:
-                    print_annotations(suites, as_json)
+                write_suites(suites, junit, github, as_json)
             if as_json:
                 summaries: Any = [result.json() for result in finished]
                 click.echo(json.dumps(summaries[0] if len(finished) == 1 else summaries, indent=2, allow_nan=False))

@@ -20,7 +20,6 @@ from trackbench.report.sentences import (
     drawing_random,
     duration,
     expectations_met,
-    failure,
     made_elsewhere,
     missing_estimates,
     precision_reached,
@@ -163,7 +162,9 @@ def print_outcome(result: Result, console: Console) -> None:
 def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
         label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NOT RANKED ", STYLE["warn"])
-        print_hanging(console, Text(*label), Text(f"{tracker.name}: {failure(result, tracker)}{_errors_of(tracker)}"))
+        print_hanging(
+            console, Text(*label), Text(f"{tracker.name}: {result.why_unscored(tracker)}{_errors_of(tracker)}")
+        )
 
 
 def _errors_of(tracker: TrackerResult) -> str:

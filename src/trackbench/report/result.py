@@ -57,7 +57,6 @@ from trackbench.report.sentences import (
     drawing_random,
     expectations_met,
     facts,
-    failure,
     headline,
     made_elsewhere,
     missing_estimates,
@@ -102,7 +101,7 @@ def _verdict(result: Result) -> Iterator[Block]:
     if summary.truth.known:
         yield from _standings(result)
     if missing:
-        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
+        failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
         numbers = tables.unranked(result)
         yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
 

@@ -250,11 +250,6 @@ def _without_charged(metric: MetricValue) -> str:
     return f"{fixed(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
 
 
-def failure(result: Result, tracker: TrackerResult) -> str:
-    """Why a tracker is not ranked; where it failed, the cause and where it happened."""
-    return result.why_unscored(tracker) if tracker.failed is None else str(tracker.failed)
-
-
 def headline(result: Result) -> str:
     """Which tracker is the most accurate, by how much, and whether the difference was shown.
 
@@ -264,7 +259,7 @@ def headline(result: Result) -> str:
     labelled = summary.identities == "known"
     if not names:
         # Where all finished and identities are hidden, there was nothing to track.
-        reasons = {failure(result, tracker) for tracker in result.unscored if tracker.failed is None}
+        reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
         reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,7 +32,7 @@ class ResultModel(BaseModel):
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Iterable[int]) -> Kept:
+def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Sequence[int]) -> Kept:
     """What the values of a JSON file are.
 
     Args:
@@ -56,7 +56,7 @@ def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Iterab
         raise InputError(f"not a {what}: {where}: {error['msg']}", file=file) from None
 
 
-def read_model(kind: type[Kept], file: Path, what: str, versions: Iterable[int]) -> Kept:
+def read_model(kind: type[Kept], file: Path, what: str, versions: Sequence[int]) -> Kept:
     """What a JSON file holds; see :func:`model_of`.
 
     Raises:

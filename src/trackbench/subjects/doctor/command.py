@@ -14,7 +14,7 @@ import click
 from trackbench import results
 from trackbench.base import files
 from trackbench.base.errors import InputError
-from trackbench.cli.options import isolation_options
+from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
 from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
@@ -36,12 +36,7 @@ CANNOT_RUN = 3
     metavar="FILE",
     help="Use the sensors and the observer of this scenario.",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Folder of the files.  [default: results/doctor/TRACKER]",
-)
+@out_option("Folder of the files.  [default: results/doctor/TRACKER]")
 @click.option(
     "--identities",
     type=click.Choice(["known", "hidden"]),

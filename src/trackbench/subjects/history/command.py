@@ -9,7 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, print_annotations
+from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, out_option, write_suites
 
 
 @click.command("history")
@@ -34,12 +34,7 @@ from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, 
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the limits as JUnit XML.")
 @github_option
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Write history.html, history.md and history.json there.",
-)
+@out_option("Write history.html, history.md and history.json there.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def history_command(
     folders: tuple[Path, ...],
@@ -70,7 +65,6 @@ def history_command(
     """
     from trackbench.compare import Limit
     from trackbench.document.terminal import print_document
-    from trackbench.report.junit import to_xml
     from trackbench.subjects.history.api import history_files
     from trackbench.subjects.history.gate import OPTION
     from trackbench.subjects.history.history import history_of
@@ -94,10 +88,7 @@ def history_command(
     )
     for file, content in history_files(found, out) if out is not None else ():
         results.write_bytes(file, content)
-    if junit is not None:
-        results.write_text(junit, to_xml([suite_of_history(found)]))
-    if github:
-        print_annotations([suite_of_history(found)], as_json)
+    write_suites([suite_of_history(found)], junit, github, as_json)
     if as_json:
         click.echo(results.to_json(found.json()), nl=False)
     else:

@@ -8,7 +8,7 @@ import click
 from rich.console import Console
 
 from trackbench import results
-from trackbench.cli.options import scenario_paths
+from trackbench.cli.options import out_option, scenario_paths
 from trackbench.cli.terminal import progress
 
 FOUND = 1
@@ -16,12 +16,7 @@ FOUND = 1
 
 @click.command("audit")
 @click.argument("log", type=click.Path(path_type=Path), metavar="LOG", shell_complete=scenario_paths)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Folder of the files.  [default: results/audit/NAME]",
-)
+@out_option("Folder of the files.  [default: results/audit/NAME]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")
 def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
     """Find what is wrong with a log, and put it right.

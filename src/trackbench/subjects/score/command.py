@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from trackbench import results
-from trackbench.cli.options import FAILED_EXPECTATION, artifact_options
+from trackbench.cli.options import FAILED_EXPECTATION, artifact_options, github_option, out_option, write_suites
 from trackbench.cli.terminal import quiet_option
 
 
@@ -31,16 +31,10 @@ from trackbench.cli.terminal import quiet_option
 )
 @click.option("--gate", "gates", multiple=True, metavar="METRIC:LIMIT", help="As gospa:0.8, or gospa:2% of the first.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    default=Path("results"),
-    show_default=True,
-    help="The result gets a folder in it.",
-)
+@out_option("The result gets a folder in it.", "results")
 @artifact_options
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the gates as JUnit XML.")
+@github_option
 @click.option("--json", "as_json", is_flag=True, help="Print the result and its gates as JSON, and nothing else.")
 @quiet_option("One line, and what failed.")
 def score_command(
@@ -55,6 +49,7 @@ def score_command(
     out: Path,
     left_out: frozenset[str],
     junit: Path | None,
+    github: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -79,6 +74,7 @@ def score_command(
     from trackbench.base.files import write_whole
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
+    from trackbench.report.junit import Suite, suite_of_run
     from trackbench.subjects.score.gate import Gate, judged
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
@@ -102,11 +98,8 @@ def score_command(
     (result,) = run(prepared, plan, executor, output)
     judgements = judged(limits, result)
     cases = [item.case(result.name) for item in judgements]
-    if junit is not None:
-        from trackbench.report.junit import Suite, suite_of_run, to_xml
-
-        suite = suite_of_run(result)
-        results.write_text(junit, to_xml([Suite(suite.name, [*suite.cases, *cases])]))
+    suite = suite_of_run(result)
+    write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
     kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()

@@ -16,7 +16,7 @@ import jinja2
 
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import attribute, classes, explained, searched
-from trackbench.cli.options import NearestChoice
+from trackbench.cli.options import NearestChoice, out_option
 from trackbench.metrics.registry import unfit_name
 from trackbench.subjects.templates.language import LANGUAGES, PYTHON
 
@@ -229,13 +229,7 @@ def _parameters(method: Any) -> list[inspect.Parameter]:
     help="Of a tracker of one object: python, cpp, cpp-eigen, c or python-program.  [default: python]",
 )
 @click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=".",
-    metavar="DIR",
-    help="Where to; here unless given.",
-)
+@out_option("Where to.", ".")
 def new_command(kind: str, name: str, language: str, around: str | None, out: Path) -> None:
     """Write a plug-in of your own that works, with its test.
 
