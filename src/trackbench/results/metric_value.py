@@ -21,7 +21,7 @@ from trackbench.base.files import read_json
 
 Json = dict[str, Any]
 K = TypeVar("K")
-Kept = TypeVar("Kept", bound=BaseModel)
+M = TypeVar("M", bound=BaseModel)
 #: Values that differ by less, relative to the larger, differ by rounding, which is another's in each engine.
 ROUNDING = 1e-9
 
@@ -32,7 +32,7 @@ class ResultModel(BaseModel):
     model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Sequence[int]) -> Kept:
+def model_of(kind: type[M], raw: Any, file: Path, what: str, versions: Sequence[int]) -> M:
     """What the values of a JSON file are.
 
     Args:
@@ -56,7 +56,7 @@ def model_of(kind: type[Kept], raw: Any, file: Path, what: str, versions: Sequen
         raise InputError(f"not a {what}: {where}: {error['msg']}", file=file) from None
 
 
-def read_model(kind: type[Kept], file: Path, what: str, versions: Sequence[int]) -> Kept:
+def read_model(kind: type[M], file: Path, what: str, versions: Sequence[int]) -> M:
     """What a JSON file holds; see :func:`model_of`.
 
     Raises:

@@ -115,8 +115,10 @@ def test_a_command_without_a_scenario(files: Path, cli: Callable[..., Any]) -> N
     [("gospa:0.6", 1, ["new"]), ("gospa:4", 0, []), ("gospa:2%", 1, ["new"]), ("hota:0.1", 0, []), ("mota:60%", 0, [])],
 )
 def test_gates(files: Path, cli: Callable[..., Any], gate: str, status: int, failed: list[str]) -> None:
-    arguments = ["--truth", "boxes.csv", "--gate", gate, "--junit", "gates.xml", "--no-recording"]
-    assert cli("score", "old.csv", "new.parquet", *arguments).status == status
+    arguments = ["--truth", "boxes.csv", "--gate", gate, "--junit", "gates.xml", "--github", "--no-recording"]
+    done = cli("score", "old.csv", "new.parquet", *arguments)
+    assert done.status == status
+    assert done.out.count("::error") == len(failed)
     suite = ET.parse(files / "gates.xml").getroot()
     names = [
         case.attrib["name"].partition(":")[0] for case in suite.iter("testcase") if case.find("failure") is not None
