@@ -22,6 +22,7 @@ from tests.support.browser import CHROMIUM
 # How long an example takes says how busy the machine is, and nothing of the code.
 from tests.support.places import DOCS
 from tests.support.slow_tests import fifth, listed
+from tests.support.udacity import data_folder
 
 from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
@@ -65,6 +66,12 @@ Run = Callable[..., Result]
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The part of the slow tier that a run takes."""
     parser.addoption("--fifth", type=int, choices=range(5), help="of the slow tests and the pages, only this fifth")
+
+
+def pytest_configure() -> None:
+    """The folder that holds recordings, for scenarios that name it by TRACKBENCH_DATA."""
+    if data_folder().is_dir():
+        os.environ.setdefault("TRACKBENCH_DATA", str(data_folder()))
 
 
 @pytest.hookimpl(tryfirst=True)

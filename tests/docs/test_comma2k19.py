@@ -19,7 +19,6 @@ SIGMAS = np.array([0.3, np.deg2rad(0.5), 0.2])
 def project() -> Iterator[ModuleType]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(DOCS / "projects"))
-        patch.setenv("TRACKBENCH_DATA", str(data_folder()))
         import comma2k19
 
         yield comma2k19

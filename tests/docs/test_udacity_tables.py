@@ -25,7 +25,6 @@ pytestmark = pytest.mark.skipif(
 def project() -> ModuleType:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(DOCS / "projects"))
-        patch.setenv("TRACKBENCH_DATA", str(data_folder()))
         import udacity
 
         return udacity
@@ -33,9 +32,7 @@ def project() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def results(project: ModuleType) -> dict[str, Result]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TRACKBENCH_DATA", str(data_folder()))
-        return {name: project.result(name) for name in ("udacity_ukf_tuning", "udacity_fusion")}
+    return {name: project.result(name) for name in ("udacity_ukf_tuning", "udacity_fusion")}
 
 
 def test_every_digit_of_the_published_ukf_comes_back(project: ModuleType, results: dict[str, Result]) -> None:

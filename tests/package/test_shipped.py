@@ -112,7 +112,6 @@ def test_the_module_beside_a_shipped_scenario_is_found(tmp_path: Path, monkeypat
     if not (data_folder() / "udacity").is_dir():
         pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
     for name, tracker in load_scenario("recorded/udacity_ukf_tuning").config.trackers.items():
         if getattr(tracker, "use", "").startswith("published_ukf:"):
             assert subject(f"recorded/udacity_ukf_tuning#{name}", {}).make()

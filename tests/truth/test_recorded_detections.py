@@ -324,8 +324,7 @@ def test_a_result_without_truth_is_saved_and_shown(tmp_path: Path) -> None:
     not (data_folder() / "comma2k19" / "radar.csv").is_file(),
     reason="no recording: set TRACKBENCH_DATA to the folder that holds comma2k19/",
 )
-def test_the_shipped_recording_of_a_real_radar_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
+def test_the_shipped_recording_of_a_real_radar_runs() -> None:
     loaded = load_scenario("recorded/comma2k19")
     truths = truths_of(loaded)
     detections = truths[0].measurements["radar"]  # type: ignore[index]

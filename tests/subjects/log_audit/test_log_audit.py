@@ -261,10 +261,9 @@ def test_sigma_without_outliers() -> None:
     assert clipped_sigma(values) == pytest.approx(2, rel=0.03)
 
 
-def test_the_recording_of_a_cyclist(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_recording_of_a_cyclist() -> None:
     if not (data_folder() / "udacity").is_dir():
         pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
-    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
     item = audit("recorded/udacity_fusion")
     assert item.findings == ()
     for name, sigmas in {"lidar": (0.15, 0.15), "radar": (0.3, 0.03, 0.3)}.items():

@@ -308,10 +308,9 @@ def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
         Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})
 
 
-def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(tmp_path: Path) -> None:
     if not (data_folder() / "udacity").is_dir():
         pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
-    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
     scenario = load("recorded/udacity_ukf_tuning")
     table = [name for name in scenario.config.trackers if name.startswith("tuned_")]
     assert len(table) == 8
