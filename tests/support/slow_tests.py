@@ -13,8 +13,8 @@ from pathlib import Path
 from zlib import crc32
 
 LIST = Path(__file__).parents[1] / "slow_tests.txt"
-LARGEST_NUMBER = 500
-"""A tenth of the 5,058 tests that `make test` had before the list was made."""
+LARGEST_NUMBER = 700
+"""A tenth of all tests."""
 
 DURATION = re.compile(r"^\s*([\d.]+)s (?:call|setup|teardown) +(\S.*)$", re.MULTILINE)
 OUTCOME = re.compile(r"^(?:\[gw\d+\] \[ *\d+%\] )?(?:PASSED|XFAIL) (tests/.*?)\s*$", re.MULTILINE)
