@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import OrderInWorlds
-from trackbench.document import Cell, Column, Item, Items, Paragraph, Section, Table, Tone
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.report.numbers import joined
 from trackbench.scenario.worlds import MEANING
 
@@ -18,11 +18,11 @@ _TONE: dict[str, Tone] = {"holds": "good", "turns": "bad", "holds in part": "war
 
 
 def section(comparison: Comparison) -> Section:
-    """Every pair of contenders, those whose order is shown in some world first."""
-    tables = []
+    """Every pair of contenders whose order is shown in some world, and the number of the others."""
+    parts: list[Block] = []
     for scenario in dict.fromkeys(order.scenario for order in comparison.worlds):
         orders = [order for order in comparison.worlds if order.scenario == scenario]
-        shown = sorted(orders, key=lambda order: order.order == "not shown")
+        shown = [order for order in orders if order.order != "not shown"]
         columns = [Column("trackers", left=True), *map(Column, orders[0].ahead), Column("order", left=True)]
         rows = [
             (
@@ -32,10 +32,14 @@ def section(comparison: Comparison) -> Section:
             )
             for order in shown
         ]
-        tables.append(Table(f"worlds of {scenario}", tuple(columns), tuple(rows)))
+        if shown:
+            parts.append(Table(f"worlds of {scenario}", tuple(columns), tuple(rows)))
+        if len(shown) < len(orders):
+            number = f"{len(orders) - len(shown)} of the {len(orders)}"
+            parts.append(Paragraph(f"{scenario}: for {number} pairs no order is shown in any world."))
     names = dict.fromkeys(world for order in comparison.worlds for world in order.ahead)
     items = tuple(Item(meaning, label=world) for world, meaning in MEANING.items() if world in names)
-    return Section("In which worlds does it hold?", (Items(items), Paragraph(_METHOD), *tables))
+    return Section("In which worlds does it hold?", (Items(items), Paragraph(_METHOD), *parts))
 
 
 def sentences(comparison: Comparison) -> Iterator[str]:
