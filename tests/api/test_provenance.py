@@ -116,6 +116,21 @@ def test_code_that_options_name_counts_too(scene: Path) -> None:
     assert provenance_of(tb.load(scene, entry)).code == {"mine": hashlib.sha256("".join(digests).encode()).hexdigest()}
 
 
+def test_the_report_says_it(scene: Path, commit: str) -> None:
+    (scene.parent / "mine.py").write_text(TRACKER, encoding="utf-8")
+    scene.write_text(SCENE.replace("{raw: ", "{mine: {use: 'mine:T'}, raw: "), encoding="utf-8")
+    result = tb.run(scene, in_process=True)
+    made = result.summary.provenance
+    assert made is not None
+    text = str(result.report())
+    section = text[text.index("Provenance") :]
+    assert f"{made.time:%Y-%m-%d %H:%M:%S} UTC" in section
+    assert f"{commit[:10]} (changed)" in section
+    assert hashlib.sha256(TRACKER.encode()).hexdigest()[:16] in section
+    old = result.updated(provenance=None)
+    assert "Provenance" not in str(old.report())
+
+
 def test_a_result_of_an_earlier_version_has_none(scene: Path) -> None:
     result = tb.run(scene)
     summary = {**result.json(), "schema_version": 4}

@@ -61,6 +61,7 @@ from trackbench.report.sentences import (
     made_elsewhere,
     missing_estimates,
     other_switch_costs,
+    provenance,
     reused_identities,
     verdict,
     verdict_on_tracks,
@@ -120,13 +121,12 @@ def _standings(result: Result) -> Iterator[Block]:
         yield from map(Paragraph, against_oracle(result))
 
     def item(tracker: TrackerResult) -> Item:
-        sentence, description = (
-            verdict_on_tracks(tracker),
-            ", ".join(filter(None, (tracker.association, _confirmed(tracker), tracker.describe))),
-        )
         if labelled:
             sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
             description = tracker.describe
+        else:
+            sentence = verdict_on_tracks(tracker)
+            description = ", ".join(filter(None, (tracker.association, _confirmed(tracker), tracker.describe)))
         label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
         return Item(f"{sentence}.", label, description, tracker.name)
 
@@ -388,12 +388,12 @@ def _reproduction(result: Result) -> Iterator[Block]:
     if summary.command:
         yield Code(summary.command, "sh")
     yield Paragraph(f"{summary.made_with}.")
-    by_engine: dict[str, list[str]] = {}
-    for tracker in summary.trackers:
-        if tracker.engine is not None:
-            by_engine.setdefault(tracker.engine, []).append(tracker.name)
+    engines = dict.fromkeys(tracker.engine for tracker in summary.trackers if tracker.engine is not None)
+    by_engine = {name: [tracker.name for tracker in summary.trackers if tracker.engine == name] for name in engines}
     if len(by_engine) > 1:
         yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))
     yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
+    if made := provenance(result):
+        yield Section("Provenance", (Items(tuple(Item(text, label) for label, text in made)),))
     overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
     yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)

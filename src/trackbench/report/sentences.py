@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC
 
 from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
@@ -45,6 +46,19 @@ def facts(result: Result) -> tuple[str, ...]:
         f"seed {summary.seed}",
         summary.engine_in_words,
     )
+
+
+def provenance(result: Result) -> list[tuple[str, str]]:
+    """When and of which code it was made, each with what it is; nothing of a result that does not say."""
+    made = result.summary.provenance
+    if made is None:
+        return []
+    reason = f": {made.no_commit}" if made.no_commit else ""
+    return [
+        ("made", f"{made.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("commit of the scenario", f"{made.commit_in_words}{reason}"),
+        *((f"code of {name}", f"sha256 {code[:16]}" if code else "not found") for name, code in made.code.items()),
+    ]
 
 
 def duration(result: Result) -> str:

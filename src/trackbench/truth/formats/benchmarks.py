@@ -1,0 +1,124 @@
+"""Text files of tracking benchmarks, whose cells stand at fixed places: MOTChallenge, and KITTI.
+
+Sources: Dendorfer et al. (2021), "MOTChallenge: A Benchmark for Single-Camera Multiple Target Tracking", section 3.4,
+and the 3D benchmark of 2015, whose x and y are metres on the ground; Geiger, Lenz and Urtasun (2012), "Are we ready for
+autonomous driving? The KITTI vision benchmark suite", and the readme.txt of its development kit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import Positive
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
+from trackbench.truth import jumps
+from trackbench.truth.recorded.rows import NUMBER, text_of
+from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import RowsFormat
+
+
+class TextLine(NamedTuple):
+    """The cells of a line."""
+
+    number: int
+    """From 1."""
+    cells: list[str]
+
+
+def read_lines(file: Path, separator: str | None, least: int, layout: str) -> list[TextLine]:
+    """The lines of a file that are not empty.
+
+    Args:
+        file: the file.
+        separator: between cells; None: white space.
+        least: number of cells of a line; there may be more.
+        layout: what they are, for messages.
+
+    Raises:
+        InputError: it cannot be read or is empty, or a line has fewer cells.
+    """
+    lines = []
+    for number, text in enumerate(text_of(file).splitlines(), 1):
+        if not text.strip():
+            continue
+        cells = [cell.strip() for cell in text.split(separator)]
+        if len(cells) < least:
+            message = f"{len(cells)} columns, where {least} are needed: {layout}"
+            raise InputError(message, file=file, line=number)
+        problem = jumps.why_no_name(cells[1]) or (None if cells[1] else "its id is empty")
+        if problem is not None:
+            raise InputError(problem, file=file, line=number)
+        lines.append(TextLine(number, cells))
+    return lines
+
+
+def numbers_of(lines: Sequence[TextLine], column: int, file: Path) -> Array:
+    """A column of finite numbers, of lengths or smaller ones.
+
+    Raises:
+        InputError: a cell is none.
+    """
+    values = np.empty(len(lines))
+    for row, line in enumerate(lines):
+        cell = line.cells[column]
+        values[row] = float(cell) if NUMBER.fullmatch(cell) else math.nan
+        if not abs(values[row]) <= jumps.LARGEST["length"]:
+            message = f"column {column + 1} is {cell[:20]!r}, where a number up to {jumps.LARGEST['length']:.0e} is due"
+            raise InputError(message, file=file, line=line.number)
+    return values
+
+
+class MotChallenge(RowsFormat):
+    """MOTChallenge with positions on the ground: frame, id, left, top, width, height, confidence, x, y, z."""
+
+    endings: ClassVar[tuple[str, ...]] = (".txt",)
+    rate_hz: Positive = Field(description="Frames per second, Hz; frame 1 is at 0 s.")
+
+    def rows(self, file: Path) -> TrackRows:
+        lines = read_lines(file, ",", 10, "frame, id, left, top, width, height, confidence, x, y, z")
+        frame, x, y = (numbers_of(lines, column, file) for column in (0, 7, 8))
+        if (x == -1).all() and (y == -1).all():
+            message = "x and y are -1: these are boxes in the picture, and positions on the ground are scored"
+            raise InputError(message, file=file)
+        return TrackRows([row.cells[1] for row in lines], (frame - 1) / self.rate_hz, x, y)
+
+
+FRAME, ID, TYPE, WIDTH, LENGTH, X, Z, ROTATION = 0, 1, 2, 11, 12, 13, 15, 16
+COLUMNS = 17
+NO_OBJECT = "DontCare"
+
+
+class Kitti(RowsFormat):
+    """KITTI tracking: labels, or tracks with a score after them; x is forward and y left of the camera."""
+
+    endings: ClassVar[tuple[str, ...]] = (".txt",)
+    rate_hz: Positive = Field(10, description="Frames per second, Hz; frame 0 is at 0 s.")
+
+    def rows(self, file: Path) -> TrackRows:
+        every = read_lines(file, None, COLUMNS, "frame, id, type and 14 numbers")
+        lines = [line for line in every if line.cells[TYPE] != NO_OBJECT]
+        if not lines:
+            raise InputError("there is no object in this file", file=file)
+
+        def column(number: int) -> Array:
+            return numbers_of(lines, number, file)
+
+        # The camera's x points right, y down and z forward; its angle turns from x over -z.
+        return TrackRows(
+            [line.cells[ID] for line in lines],
+            column(FRAME) / self.rate_hz,
+            column(Z),
+            -column(X),
+            heading=np.asarray(wrap_angle(-column(ROTATION) - np.pi / 2)),
+            length=column(LENGTH),
+            width=column(WIDTH),
+            kind=[line.cells[TYPE].lower() for line in lines],
+        )
