@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -13,6 +14,9 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.trackers.answers import Tracker, shaped, unpack
 
+#: Time from the last scan to that by which copies are tried, s.
+TRIED = 0.05
+SHARED = "its copies share its state"
 #: How the message of `CannotCopy` begins.
 NOT_COPIED = "it cannot be copied"
 
@@ -56,8 +60,8 @@ class Stateful(Generic[Answer]):
 class Alone(Stateful[Estimate | None]):
     """A tracker as it is, with its state: its answers have the right shapes and are not checked further.
 
-    A copy is made by ``copy.deepcopy``. Where that fails (an open file, a module, a lock, a generator), the copy is a
-    fresh tracker that is given the same scans again.
+    A copy is made by ``copy.deepcopy``. Where that fails (an open file, a module, a lock, a generator), or the copy
+    shares its state with the original (a handle of C code), it is a fresh tracker that is given the same scans again.
 
     Args:
         make: gives a fresh tracker.
@@ -71,6 +75,8 @@ class Alone(Stateful[Estimate | None]):
         self.not_copied: str | None = None
         """Why ``copy.deepcopy`` does not copy it; None while it has not failed."""
         self._latest: Estimate | None = None
+        self._apart = False
+        """Whether it was tried if its copies have a state of their own."""
 
     @property
     def latest(self) -> Estimate | None:
@@ -90,18 +96,37 @@ class Alone(Stateful[Estimate | None]):
             CannotCopy: it can neither be copied nor repeated.
             TrackFault: its process has ended.
         """
+        if self.not_copied is None and hasattr(self.tracker, "__del__") and not hasattr(self.tracker, "__deepcopy__"):
+            self.not_copied = "it has a destructor, which the end of a copy would call"
         if self.not_copied is None:
             try:
-                tracker, state = copy.deepcopy((self.tracker, self.state))
+                if self.given and not self._apart:
+                    self._apart = True
+                    self._try_apart()
+                if self.not_copied is None:
+                    return self._copied()
             except TrackFault:
                 raise
             except Exception as error:
                 self.not_copied = fault_of(error).cause
-            else:
-                twin = copy.copy(self)
-                twin.tracker, twin.state, twin.given = tracker, state, list(self.given)
-                return twin
         return self._repeated()
+
+    def _copied(self) -> Alone:
+        twin = copy.copy(self)
+        twin.tracker, twin.state = copy.deepcopy((self.tracker, self.state))
+        twin.given = list(self.given)
+        return twin
+
+    def _try_apart(self) -> None:
+        """Step one copy, then another: if they differ, the first may have moved this one too. It is repeated then, as
+        only a tracker that draws no random numbers can be."""
+        last = self.given[-1]
+        tried = last._replace(time=last.time + TRIED)
+        one, other = self._copied(), self._copied()
+        with suppress(Exception):
+            if _gap(one.step(tried), other.step(tried)) > 0.0:
+                again = self._repeated()
+                self.tracker, self.state, self.not_copied = again.tracker, again.state, SHARED
 
     def _repeated(self) -> Alone:
         twin = Alone(self._make)

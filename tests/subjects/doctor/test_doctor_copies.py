@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -123,3 +123,46 @@ def test_an_unrepeatable_tracker_without_a_copy_has_one_finding() -> None:
     (finding,) = failure_findings(tracker)
     assert finding.fault == "not_deterministic"
     assert finding.evidence.startswith("it cannot be copied (TypeError: cannot pickle")
+
+
+class Handled(PlainEkf):
+    """Its tracks are behind a handle, as those of a library in C are."""
+
+    tracks: ClassVar[list[Any]] = []
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.handle = len(self.tracks)
+        self.tracks.append(None)
+
+    def step(self, state: Any, scan: Any) -> tuple[Any, Any]:
+        self.tracks[self.handle], answer = super().step(self.tracks[self.handle], scan)
+        return None, answer
+
+
+class Freeing(Handled):
+    """Its destructor frees the track."""
+
+    def __del__(self) -> None:
+        self.tracks[self.handle] = "freed"
+
+
+@pytest.mark.parametrize("kind", [Handled, Freeing])
+def test_a_state_behind_a_handle_is_not_taken_for_a_copy(kind: type) -> None:
+    handled, plain = TrackerSession(kind), TrackerSession(PlainEkf)
+    *first, last = scans_of(GENERAL[0])
+    for scan in first:
+        one, other = handled.step(scan), plain.step(scan)
+        assert (one is None) == (other is None)
+    assert plain.not_copied is None
+    for tried in (empty_scan(last), last._replace(measurement=last.measurement + 0.5), last):
+        one, other = handled.peek(tried), plain.peek(tried)
+        assert one is not None
+        assert other is not None
+        np.testing.assert_array_equal(one.mean, other.mean)
+        assert plain.not_copied is None
+        assert handled.not_copied
+    one, other = handled.step(last), plain.step(last)
+    assert one is not None
+    assert other is not None
+    np.testing.assert_array_equal(one.mean, other.mean)
