@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 
 from trackbench.base.types import Scan
-from trackbench.driving.frames import NotAFrame, packed_array, plain_estimate, unpacked
+from trackbench.driving.frames import NotAFrame, each_of, packed_array, plain_estimate, unpacked
 from trackbench.driving.program_steppers import answer_of
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM
 from trackbench.trackers.answers import TrackerFault
@@ -26,35 +26,44 @@ TRACKS = {
     "covariance": packed_array(np.eye(4)[:, :, None] * np.ones(2)),
     "used": packed_array([0, 1]),
 }
+LISTED = {
+    "type": "estimate",
+    "id": 1,
+    "mean": packed_array(np.ones((4, 3))),
+    "covariance": packed_array(np.eye(4)[:, :, None] * np.ones(3)),
+}
+WHOLE = (PLAIN, MORE, TRACKS, LISTED, LISTED | {"given": packed_array([1, 0, 1])})
 
 
-def outcome(content: bytes) -> str:
+def outcome(content: bytes, listed: bool) -> str:
     try:
         message = unpacked(content)
         if message.get("type") not in ("estimate", "tracks", "none"):
             return "refused"
-        if plain_estimate(message, [4], [4, 4]):
+        if plain_estimate([message], *([3] if listed else [])):
             return "accepted"
-        several = message["type"] == "tracks"
-        form, scan = (TRACKS_FORM, SEVERAL) if several else (ESTIMATE_FORM, ONE)
-        form.check(answer_of(message, several), scan)
+        for each in each_of(message, 3) if listed else [message]:
+            several = each["type"] == "tracks"
+            form, scan = (TRACKS_FORM, SEVERAL) if several else (ESTIMATE_FORM, ONE)
+            form.check(answer_of(each, several), scan)
     except (NotAFrame, TrackerFault) as refused:
         return "refused" if str(refused) and "\n" not in str(refused) else "not in one line"
     return "accepted"
 
 
 def test_three_thousand_damaged_answers() -> None:
-    draw, whole = random.Random(0), [msgpack.packb(message) for message in (PLAIN, MORE, TRACKS)]
-    assert [outcome(content) for content in whole] == ["accepted"] * 3
+    draw, whole = random.Random(0), [msgpack.packb(message) for message in WHOLE]
+    assert [outcome(content, number > 2) for number, content in enumerate(whole)] == ["accepted"] * 5
     outcomes: Counter[str] = Counter()
     for number in range(3000):
-        content = bytearray(whole[number % 3])
+        content = bytearray(whole[number % 5])
         for _ in range(draw.randint(1, 4)):
             damage = [0, 0x7F, 0x91, 0xC0, 0xC1, 0xDD, 0xDF, 0xFF, draw.randrange(256)]
             content[draw.randrange(len(content))] = draw.choice(damage)
         if draw.random() < 0.05:
             content = bytearray(b"\x81\xa1a" + b"\x91" * draw.randint(10, 5000) + b"\xc0")
         with np.errstate(all="ignore"):
-            outcomes[outcome(bytes(content[: draw.choice([None, draw.randrange(1, len(content))])]))] += 1
+            cut = draw.choice([None, draw.randrange(1, len(content))])
+            outcomes[outcome(bytes(content[:cut]), number % 5 > 2)] += 1
     assert outcomes["refused"] > 1500
     assert set(outcomes) == {"refused", "accepted"}

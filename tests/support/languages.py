@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shutil
 import subprocess
 from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from tests.support.places import ROOT
 
+#: What has been compiled, by what it was compiled from, so that each source is compiled once.
+BUILT = ROOT / ".pytest_cache" / "d" / "compiled"
 LANGUAGES = Path(str(files("trackbench.subjects.templates").joinpath("languages")))
 EIGEN = next(
     (place for place in map(Path, ("/usr/include/eigen3", "/usr/local/include/eigen3")) if place.is_dir()), None
@@ -33,9 +38,14 @@ def compiled(folder: Path, source: str, *flags: str, library: bool = False) -> P
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
     paths = [f"-isystem{EIGEN}"] if eigen else []
     command = [compiler, "-O2", *standard, *warnings, *how, *flags, *paths, source, "-o", output.name, "-lm"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return output
+    content = [file.read_bytes() for file in (folder / source, *sorted(LANGUAGES.glob("*.h*")), Path(compiler))]
+    built = BUILT / hashlib.sha256(b"".join([*content, repr(command).encode()])).hexdigest()
+    if not built.exists():
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        BUILT.mkdir(parents=True, exist_ok=True)
+        os.replace(shutil.copy2(output, f"{built}.{os.getpid()}"), built)
+    return Path(shutil.copy2(built, output))
 
 
 def examples(folder: Path) -> None:

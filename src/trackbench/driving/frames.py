@@ -16,21 +16,16 @@ import msgpack
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan, Tracks
-from trackbench.trackers.answers import ASYMMETRY
+from trackbench.trackers.answers import tracks_of_floats
 
 VERSION = 1
 LENGTH = struct.Struct("<I")
 #: Bytes of a frame. The length of a longer one would be that of printed text: a byte of text is 9 or more.
 LARGEST = 1 << 27
 FLOAT = np.dtype("<f8")
-_SIXTEEN = struct.Struct("<16d")
-_FOUR = struct.Struct("<4d")
-#: The entries above the diagonal of a covariance, and those that mirror them.
-_MIRRORED = ((1, 4), (2, 8), (3, 12), (6, 9), (7, 13), (11, 14))
 _OPTIONAL = ("innovation", "innovation_covariance", "mode_probabilities", "repaired")
 _packer = msgpack.Packer()
 _pack = _packer.pack
-_YES, _NO = (FLOAT.type(value).tobytes() for value in (1.0, 0.0))
 
 
 class NotAFrame(Exception):
@@ -40,7 +35,7 @@ class NotAFrame(Exception):
 def packed_array(value: Any) -> list[Any]:
     """An array as a message has it."""
     array = np.asarray(value, dtype=FLOAT)
-    return [array.shape, array.tobytes()]
+    return [list(array.shape), array.tobytes()]
 
 
 def framed(message: Mapping[str, Any]) -> bytes:
@@ -77,34 +72,26 @@ class ScanFrames:
         for name in ("detection_probability", "clutter_density"):
             if (value := getattr(scan, name)) is not None:
                 shared[name] = float(value)
-        head: bytes = _packer.pack_map_header(len(shared) + 3)
-        self._shared = head + b"".join(_pack(name) + _pack(value) for name, value in shared.items())
+        # Their map has less than 16 entries, so that its head is one byte.
+        self._shared = _packer.pack_map_header(len(shared) + 3) + _pack(shared)[1:]
 
-    def of(self, number: int, measurement: Array, valid: Any) -> bytes:
-        """The frame for a tracker.
+    def of(self, whom: bytes, given: Scan) -> bytes:
+        """The frame for whom ``id_of`` or ``ids_of`` names, with the measurement that is given."""
+        arrays = (("measurement", given.measurement), ("valid", given.valid))
+        entries = [_entry(name, array.shape) + array.astype(FLOAT).tobytes() for name, array in arrays]
+        content = b"".join((self._shared, *entries, whom))
+        return LENGTH.pack(len(content)) + content
 
-        Args:
-            number: of the tracker.
-            measurement: ``(m, ...)``.
-            valid: ``(...)``.
-        """
-        content = self._shared + _entry("measurement", measurement.shape) + measurement.tobytes()
-        content += _entry("valid", valid.shape) + valid.astype(FLOAT).tobytes() + b"\xa2id" + _pack(number)
-        frame: bytes = LENGTH.pack(len(content)) + content
-        return frame
 
-    def of_each(self, numbers: Sequence[int], measurements: Array, valid: Sequence[bool]) -> list[bytes]:
-        """The frames for trackers of one object each: measurements ``(n, m)``, valid ``(n,)``."""
-        size = measurements.shape[1]
-        before = self._shared + _entry("measurement", (size,))
-        between = _entry("valid", ())
-        content, width = measurements.astype(FLOAT).tobytes(), size * FLOAT.itemsize
-        frames = []
-        for place, number in enumerate(numbers):
-            own = content[place * width : (place + 1) * width]
-            frame = b"".join((before, own, between, _YES if valid[place] else _NO, b"\xa2id", _pack(number)))
-            frames.append(LENGTH.pack(len(frame)) + frame)
-        return frames
+def id_of(number: int) -> bytes:
+    """The entry of a map that names one tracker."""
+    entry: bytes = b"\xa2id" + _pack(number)
+    return entry
+
+
+def ids_of(numbers: Sequence[int]) -> bytes:
+    """The entry of a map that names several trackers."""
+    return _entry("ids", (len(numbers),)) + np.array(numbers, dtype=FLOAT).tobytes()
 
 
 @lru_cache(maxsize=1024)
@@ -115,7 +102,7 @@ def _entry(name: str, shape: tuple[int, ...]) -> bytes:
     return array[: len(array) - size]
 
 
-def unpacked(content: bytes | memoryview) -> dict[str, Any]:
+def unpacked(content: bytes | bytearray) -> dict[str, Any]:
     """The message of a frame.
 
     Raises:
@@ -170,33 +157,56 @@ def tracks_of(message: Mapping[str, Any]) -> Tracks:
     """
     parts: dict[str, Any] = {name: array_of(message, name) for name in ("ids", "mean", "covariance")}
     parts |= {name: array_of(message, name) for name in ("existence", "used") if message.get(name) is not None}
-    for name in {"ids", "used"} & set(parts):
-        if np.all(np.abs(parts[name]) < 1 << 53) and np.all(parts[name] == np.floor(parts[name])):
-            parts[name] = parts[name].astype(np.intp)
-    return Tracks(**parts)
+    return tracks_of_floats(parts)
 
 
-def plain_estimate(message: Mapping[str, Any], one: list[int], square: list[int]) -> tuple[bytes, bytes] | None:
-    """The numbers of one mean and covariance that need no further check; None where they do, or there is more.
+def each_of(message: Mapping[str, Any], count: int) -> list[dict[str, Any]]:
+    """The answer for a list of trackers as one for each of them; no estimate has who is not ``given`` one.
 
-    The checks of arrays take ten times as long for so few numbers.
+    Raises:
+        NotAFrame: an array is not of the right form.
+    """
+    if message["type"] != "estimate":
+        return [{"type": message["type"]}] * count
+    names = {"mean", "covariance", "given", *_OPTIONAL}
+    arrays = {name: array_of(message, name) for name in names if message.get(name) is not None}
+    for name, array in arrays.items():
+        if array.shape[-1:] != (count,):
+            raise NotAFrame(f"{name} has the shape {array.shape} in an answer for {count} trackers")
+    given = arrays.pop("given", np.ones(count))
+    return [
+        {"type": "estimate"} | {name: packed_array(array[..., place]) for name, array in arrays.items()}
+        if given[place]
+        else {"type": "none"}
+        for place in range(count)
+    ]
+
+
+def plain_estimate(messages: Sequence[Mapping[str, Any]], *batch: int) -> Estimate | None:
+    """The estimate ``(4, n)`` of answers that need no closer look: all are right, and say no more than an estimate.
 
     Args:
-        message: an answer.
-        one: the shape of the mean, of 4 numbers.
-        square: the shape of the covariance, of 16.
+        messages: for one member each; or one message.
+        batch: members of the one message.
     """
-    if len(message) != 4 or message["type"] != "estimate":
-        return None
+    means, covariances, size = [], [], 4 * FLOAT.itemsize * math.prod(batch)
     try:
-        (shape, mean), (square_shape, covariance) = message["mean"], message["covariance"]
-        if shape != one or square_shape != square:
-            return None
-        values = _SIXTEEN.unpack(covariance)
-        if not math.isfinite(sum(values) + sum(_FOUR.unpack(mean))):
-            return None
-    except (KeyError, TypeError, ValueError, struct.error):
+        for message in messages:
+            (shape, mean), (square, covariance) = message["mean"], message["covariance"]
+            if len(message) != 4 or shape != [4, *batch] or square != [4, 4, *batch]:
+                return None
+            if len(mean) != size or len(covariance) != 4 * size or message["type"] != "estimate":
+                return None
+            means.append(mean)
+            covariances.append(covariance)
+        flat, square = (np.frombuffer(bytearray(b"".join(parts)), dtype=FLOAT) for parts in (means, covariances))
+    except (KeyError, TypeError, ValueError):
         return None
-    tolerance = ASYMMETRY * max(values)
-    symmetric = all(abs(values[i] - values[j]) <= tolerance for i, j in _MIRRORED)
-    return (mean, covariance) if symmetric else None
+    if not math.isfinite(flat.dot(flat) + square.dot(square)):
+        return None
+    if batch:
+        flat, square = flat.reshape(4, *batch), square.reshape(4, 4, *batch)
+    else:
+        flat = np.ascontiguousarray(flat.reshape(-1, 4).T)
+        square = np.ascontiguousarray(square.reshape(-1, 4, 4).transpose(1, 2, 0))
+    return Estimate(flat, square) if np.array_equal(square, square.transpose(1, 0, 2)) else None

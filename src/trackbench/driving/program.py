@@ -26,6 +26,8 @@ from trackbench.trackers.foreign import Command
 
 #: Bytes that a pipe holds, so that a batch goes through it in few pieces, where the system allows it.
 PIPE = 1 << 20
+#: Bytes that are read at once: for more, each read gets its memory from the system, which takes 20 us.
+READ = 1 << 16
 #: The first byte of a MessagePack map.
 MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
 #: Of an answer that is no frame, characters that are shown.
@@ -80,7 +82,7 @@ class Program(GuardedProcess):
             os.close(writing)
         self._poll = select.poll()
         self._poll.register(self._in, select.POLLIN)
-        self._unsent, self._received = hello, b""
+        self._unsent, self._received = hello, bytearray()
         self._numbers = 0
         self.send([])
         self._understand(self.receive())
@@ -121,42 +123,35 @@ class Program(GuardedProcess):
         if sent < len(content):
             self._send_rest(memoryview(content)[sent:])
 
-    def receive(self, number: int | None = None) -> dict[str, Any]:
+    def receive(self, numbers: Sequence[int] = ()) -> dict[str, Any]:
         """The next answer.
 
         Args:
-            number: of the tracker that was asked; None of the first answer of all.
+            numbers: of the trackers that a scan was for; none of the first answer of all.
 
         Raises:
-            TrackFault: the program says that it failed, has ended, is late, or wrote what is no answer.
+            TrackFault: the program says that it failed (its member is then the number of a list that it names), has
+                ended, is late, or wrote what is no answer.
         """
         self._until = time.monotonic() + self.timeout
-        content = self._received
-        while len(content) < 5:
-            content += self._read()
-        (size,) = LENGTH.unpack_from(content)
+        self._take(LENGTH.size + 1)
+        (size,) = LENGTH.unpack_from(self._received)
+        if not 0 < size <= LARGEST or self._received[LENGTH.size] not in MAPS:
+            raise self._no_frame()
         end = LENGTH.size + size
-        if not 0 < size <= LARGEST or content[LENGTH.size] not in MAPS:
-            raise self._no_frame(content)
-        if len(content) < end:
-            parts, missing = [content], end - len(content)
-            while missing > 0:
-                parts.append(self._read())
-                missing -= len(parts[-1])
-            content = b"".join(parts)
+        self._take(end)
+        content = self._received[LENGTH.size : end]
+        del self._received[:end]
         try:
-            if len(content) == end:
-                self._received, answer = b"", frames.unpacked(memoryview(content)[LENGTH.size :])
-            else:
-                self._received = content[end:]
-                answer = frames.unpacked(memoryview(content)[LENGTH.size : end])
+            answer = frames.unpacked(content)
         except NotAFrame as error:
-            raise self.failed(f"its answer is {error}; it begins with {_text(content[LENGTH.size :])}") from None
+            raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
         kind = answer.get("type")
         if kind == "error":
-            raise self._fault(f"{self.name}: {_line(str(answer.get('message')))}", "raised")
-        if number is not None and (kind not in ("estimate", "none", "tracks") or answer.get("id") != number):
-            asked = f"a scan of tracker {number}"
+            cause, number = f"{self.name}: {_line(str(answer.get('message')))}", answer.get("id")
+            raise TrackFault(cause, "raised", member=number if type(number) is int and len(numbers) > 1 else None)
+        if numbers and (kind not in ("estimate", "none", "tracks") or answer.get("id") != numbers[0]):
+            asked = f"a scan of tracker {numbers[0]}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
         return answer
 
@@ -168,8 +163,8 @@ class Program(GuardedProcess):
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
         """What a tracker answers to a scan."""
-        self.send([frames.ScanFrames(scan).of(number, scan.measurement, scan.valid)])
-        return self.receive(number)
+        self.send([frames.ScanFrames(scan).of(frames.id_of(number), scan)])
+        return self.receive([number])
 
     def _understand(self, answer: Mapping[str, Any]) -> None:
         version = answer.get("version")
@@ -177,7 +172,9 @@ class Program(GuardedProcess):
             raise self.failed(f"it answered hello with {_said(answer.get('type'))}, where hello with a version is due")
         if version != frames.VERSION:
             raise self.failed(f"it speaks version {version} of the protocol, and this trackbench {frames.VERSION}")
-        self.batched, self.random, self.copies = (answer.get(name) is True for name in ("batched", "random", "copies"))
+        self.batched, self.random, self.copies, self.lists = (
+            answer.get(name) is True for name in ("batched", "random", "copies", "lists")
+        )
 
     def _send_rest(self, content: memoryview) -> None:
         """Send what the pipe does not take at once, and take in meanwhile what the program answers."""
@@ -187,7 +184,7 @@ class Program(GuardedProcess):
         while content:
             ready = dict(poll.poll(GLANCE * 1000))
             if ready.get(self._in, 0) & select.POLLIN:
-                self._received += os.read(self._in, PIPE)
+                self._received += os.read(self._in, READ)
             if self._out in ready:
                 try:
                     content = content[os.write(self._out, content) :]
@@ -199,45 +196,41 @@ class Program(GuardedProcess):
             elif not ready:
                 self._look()
 
-    def _read(self) -> bytes:
-        """What has come, at least a byte."""
-        while not self._poll.poll(GLANCE * 1000):
-            self._look()
-        content = os.read(self._in, PIPE)
-        if not content:
-            raise self._ended()
-        return content
+    def _take(self, size: int) -> None:
+        """Read until as many bytes have come."""
+        while len(self._received) < size:
+            while not self._poll.poll(GLANCE * 1000):
+                self._look()
+            content = os.read(self._in, READ)
+            if not content:
+                raise self._ended()
+            self._received += content
 
     def _look(self) -> None:
         """Raise where the program is late or has ended."""
         if self.has_ended:
             raise self._ended()
         if time.monotonic() >= self._until:
-            report = self._kill(signal.SIGTERM, ENDING)
-            self._end()
-            late = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
             stray = f"; it wrote {_text(self._received)}" if self._received else ""
-            raise self._fault(f"{self.name}: {late}{stray}{_last_words(b'' if report is None else report.last)}")
+            raise self._ended(f"it gave no answer within {self.timeout:g} s (see --tracker-timeout){stray}")
 
-    def _ended(self) -> TrackFault:
-        """The fault that it has ended."""
-        how = self._how_it_ended()
+    def _ended(self, how: str = "") -> TrackFault:
+        """The fault that it has ended, or is ended now."""
+        how = how or self._how_it_ended()
         report = self._kill(signal.SIGTERM, ENDING)
         self._end()
         return self._fault(f"{self.name}: {how}{_last_words(b'' if report is None else report.last)}")
 
-    def _no_frame(self, content: bytes) -> TrackFault:
+    def _no_frame(self) -> TrackFault:
         # More of what it prints tells more.
-        while len(content) < SHOWN and self._poll.poll(100) and (more := os.read(self._in, PIPE)):
-            content += more
+        while len(self._received) < SHOWN and self._poll.poll(100) and (more := os.read(self._in, READ)):
+            self._received += more
         hint = "what a program prints belongs on standard error"
-        return self.failed(f"its standard output is no frame: it begins with {_text(content)}; {hint}")
+        return self.failed(f"its standard output is no frame: it begins with {_text(self._received)}; {hint}")
 
     def _fault(self, cause: str, kind: Kind = "died") -> TrackFault:
-        fault = TrackFault(cause, kind)
-        if kind != "raised":
-            self.fault = fault
-        return fault
+        self.fault = TrackFault(cause, kind)
+        return self.fault
 
 
 def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str, Sensor]) -> bytes:
@@ -276,7 +269,7 @@ def _line(text: str) -> str:
     return shortened(" ".join(printable(text).split()))
 
 
-def _text(content: bytes) -> str:
+def _text(content: bytes | bytearray) -> str:
     """The first bytes of what is no frame, as text."""
     return repr(content[:SHOWN].decode(errors="replace"))
 

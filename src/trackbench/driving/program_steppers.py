@@ -9,14 +9,22 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.frames import FLOAT, NotAFrame, ScanFrames, estimate_of, plain_estimate, tracks_of
+from trackbench.driving.frames import (
+    NotAFrame,
+    ScanFrames,
+    each_of,
+    estimate_of,
+    id_of,
+    ids_of,
+    plain_estimate,
+    tracks_of,
+)
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
-from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, OF_ONE, TrackerFault
+from trackbench.trackers.answers import GIVEN_UP, KEPT_THERE, OF_ONE, TrackerFault, require_kept
 
 Message = dict[str, Any]
-#: Stands for the state of a tracker that has it in its program.
-KEPT_THERE = "kept in the program"
+WRONG = "its answer is wrong: {}"
 
 
 def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
@@ -33,7 +41,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
     try:
         return tracks_of(message) if several else estimate_of(message)
     except NotAFrame as error:
-        raise TrackerFault(f"its answer is wrong: {error}") from None
+        raise TrackerFault(WRONG.format(error)) from None
 
 
 class ProgramStepper(Stepper):
@@ -53,17 +61,38 @@ class ProgramStepper(Stepper):
 
     def _begin(self) -> None:
         self._numbers = [self._program.start() for _ in range(1 if self.traits.batched else self._batch)]
+        self._members = list(range(self._batch)) if self._several else []
+        self._ids = b""
         self._begun, self._estimated = (np.zeros(self._batch, dtype=bool) for _ in range(2))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
-        """The answer for all members; their origins are not sent.
+        """The answer for all members, of one object from the first measurement on; their origins are not sent.
 
         Raises:
             TrackFault: the program failed, for one member where it takes no batches.
         """
         if self.traits.batched:
             return self._together(scan)
-        return self._tracks(scan) if self._several else self._estimates(scan)
+        if len(self._members) < self._batch:
+            self._begun |= scan.valid
+            self._members = self._begun.nonzero()[0].tolist()
+            self._ids = ids_of([self._numbers[member] for member in self._members])
+        if not self._members:
+            return None
+        estimate, messages = (self._listed if self._program.lists and not self._several else self._one_by_one)(scan)
+        if estimate is None:
+            answers: list[Any] = [None] * self._batch
+            for member, message in zip(self._members, messages, strict=True):
+                answers[member] = self._checked(message, member, self._own(scan, member))
+                self._estimated[member] = answers[member] is not None
+            return self._form.joined(answers)
+        if len(self._members) == self._batch:
+            self._estimated[:] = True
+            return estimate
+        self._estimated[self._members] = True
+        mean, covariance = np.full((4, self._batch), np.nan), np.full((4, 4, self._batch), np.nan)
+        mean[:, self._members], covariance[:, :, self._members] = estimate.mean, estimate.covariance
+        return Estimate(mean, covariance)
 
     def restart(self, scans: Sequence[Scan]) -> None:
         """Follow some scans, and then start anew: the trackers that follow are not the first of their process."""
@@ -79,10 +108,9 @@ class ProgramStepper(Stepper):
 
     def _together(self, scan: Scan) -> Any:
         message = self._program.ask(self._numbers[0], scan)
-        if self._batch == 1 and (plain := plain_estimate(message, [4, 1], [4, 4, 1])):
+        if not self._several and (estimate := plain_estimate([message], self._batch)):
             self._estimated[:] = True
-            mean, covariance = (np.frombuffer(bytearray(part), dtype=FLOAT) for part in plain)
-            return Estimate(mean.reshape(4, 1), covariance.reshape(4, 4, 1))
+            return estimate
         try:
             answer = self._form.check(answer_of(message, self._several), scan)
             if answer is None and self._estimated.any():
@@ -92,62 +120,42 @@ class ProgramStepper(Stepper):
         self._estimated[:] = answer is not None
         return answer
 
-    def _tracks(self, scan: Scan) -> Any:
-        frames, own = ScanFrames(scan), [scan_of_run(scan, run) for run in range(self._batch)]
-        self._program.send(
-            [frames.of(number, each.measurement, each.valid) for number, each in zip(self._numbers, own, strict=True)]
-        )
-        answers = [self._checked(self._received(member), member, each) for member, each in enumerate(own)]
-        return self._form.joined(answers)
-
-    def _estimates(self, scan: Scan) -> Any:
-        self._begun |= scan.valid
-        members = self._begun.nonzero()[0].tolist()
-        numbers = self._numbers if len(members) == self._batch else [self._numbers[member] for member in members]
-        measurements = scan.measurement.T
-        if len(members) < self._batch:
-            measurements, valid = measurements[members], scan.valid[members].tolist()
-        else:
-            valid = scan.valid.tolist()
-        self._program.send(ScanFrames(scan).of_each(numbers, measurements, valid))
-        answers = [self._received(member) for member in members]
-        plain = [plain_estimate(answer, [4], [4, 4]) for answer in answers]
-        if not all(plain):
-            return self._with_more(dict(zip(members, answers, strict=True)), scan)
-        self._estimated[members] = True
-        if not members:
-            return None
-        count = len(members)
-        mean, covariance = (np.frombuffer(bytearray(b"".join(part)), dtype=FLOAT) for part in zip(*plain, strict=True))
-        mean, covariance = mean.reshape(count, 4).T, covariance.reshape(count, 4, 4).transpose(1, 2, 0)
+    def _listed(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
+        """The estimate of those who have begun, in one frame; where it needs a closer look one message for each."""
+        given, count = scan, len(self._members)
         if count < self._batch:
-            there = (np.full((4, self._batch), np.nan), np.full((4, 4, self._batch), np.nan))
-            there[0][:, members], there[1][:, :, members] = mean, covariance
-            mean, covariance = there
-        return Estimate(np.ascontiguousarray(mean), np.ascontiguousarray(covariance))
-
-    def _with_more(self, messages: dict[int, Message], scan: Scan) -> Any:
-        """The estimates where some members have none, or say more than mean and covariance."""
-        answers: list[Any] = [None] * self._batch
-        for member, message in messages.items():
-            answers[member] = self._checked(message, member, scan_of_member(scan, member))
-            self._estimated[member] = answers[member] is not None
-        return self._form.joined(answers)
-
-    def _received(self, member: int) -> Message:
+            given = scan._replace(measurement=scan.measurement[:, self._members], valid=scan.valid[self._members])
+        self._program.send([ScanFrames(scan).of(self._ids, given)])
+        message = self._received(self._members)
         try:
-            return self._program.receive(self._numbers[member])
+            estimate = plain_estimate([message], count)
+            return estimate, [] if estimate else each_of(message, count)
+        except NotAFrame as error:
+            raise fault_of(TrackerFault(WRONG.format(error))) from None
+
+    def _one_by_one(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
+        """The same, in a frame for each."""
+        frames = ScanFrames(scan)
+        self._program.send([frames.of(id_of(self._numbers[m]), self._own(scan, m)) for m in self._members])
+        messages = [self._received([member]) for member in self._members]
+        return None if self._several else plain_estimate(messages), messages
+
+    def _received(self, members: Sequence[int]) -> Message:
+        try:
+            return self._program.receive([self._numbers[member] for member in members])
         except TrackFault as fault:
-            fault.member = member
+            # An error of one of a list names it.
+            number = self._numbers[members[0]] if len(members) == 1 else fault.member
+            fault.member = self._numbers.index(number) if number in self._numbers else None
             raise
+
+    def _own(self, scan: Scan, member: int) -> Scan:
+        return scan_of_run(scan, member) if self._several else scan_of_member(scan, member)
 
     def _checked(self, message: Message, member: int, scan: Scan) -> Any:
         try:
             answer = self._form.check(answer_of(message, self._several), scan)
-            if answer is None and self._estimated[member]:
-                raise TrackerFault(GIVEN_UP)
-            if isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
-                raise TrackerFault(NOT_FINITE)
+            require_kept(answer, bool(self._estimated[member]))
         except TrackerFault as error:
             raise fault_of(error, member) from error
         return answer

@@ -17,13 +17,11 @@ from trackbench.driving.program import Program
 from trackbench.driving.program_steppers import ProgramStepper, ProgramTracker
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, AnswerForm, Prepare, Stepper, Traits, local
 from trackbench.models.sensors import Sensor
-from trackbench.trackers.answers import Tracker, TrackerFault, shaped
+from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.foreign import Command
 from trackbench.trackers.library import check_entry, maker
 
-#: Stands for the state of a tracker that has it in its process.
-KEPT_THERE = "kept in the tracker's process"
 #: Of a tracker that is examined as it is.
 SHAPED_FORM = ESTIMATE_FORM._replace(check=shaped)
 
@@ -48,7 +46,7 @@ class TrackerTrial:
         elif self._process is None:
             check_entry(self._config, self._folder)
         else:
-            self._process.ask("check", **_named(self._config, self._folder))
+            self._process.ask("check", config=self._config, folder=self._folder)
 
     def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:
         """Start it for one member; what is no class of Python is told the sensors, and of several objects.
@@ -137,7 +135,7 @@ def fresh(config: PluginConfig, folder: Path | None, isolation: Isolation) -> Ca
     if not isolation.of(config):
         return maker(config, folder)
     process = TrackerProcess(isolation, str(config.use))
-    make = partial(RemoteTracker.fresh, process, _named(config, folder))
+    make = partial(RemoteTracker.fresh, process, config, folder)
     make()
     return make
 
@@ -182,9 +180,9 @@ class RemoteTracker:
         self._methods = methods
 
     @classmethod
-    def fresh(cls, process: TrackerProcess, named: dict[str, Any]) -> RemoteTracker:
+    def fresh(cls, process: TrackerProcess, config: PluginConfig, folder: Path | None) -> RemoteTracker:
         """A fresh one."""
-        number, traits = process.start("fresh", **named)
+        number, traits = process.start("fresh", config=config, folder=folder)
         methods = frozenset(map(str, traits.get("methods", ())))
         return cls(process, number, bool(traits.get("batched")), bool(traits.get("random")), methods)
 
@@ -215,10 +213,6 @@ class RemoteTracker:
     def __del__(self) -> None:
         if self._process.fault is None:
             self._process.dropped.append(self._number)
-
-
-def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
-    return {"config": config, "folder": folder}
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:

@@ -17,13 +17,13 @@ from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
     GIVEN_UP,
     NO_TRACK,
-    NOT_FINITE,
     TRACKS,
     Tracker,
     TrackerFault,
     checked,
     checked_tracks,
     is_random,
+    require_kept,
 )
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -225,10 +225,7 @@ class Looped(Stepper):
         if not self._begun[member]:
             return None
         answer = self._trackers[member].step(own)
-        if answer is None and self._estimated[member]:
-            raise TrackerFault(GIVEN_UP)
-        if isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
-            raise TrackerFault(NOT_FINITE)
+        require_kept(answer, self._estimated[member])
         self._estimated[member] = answer is not None
         return answer
 

@@ -15,6 +15,8 @@ TOO_LARGE = "the error, or its ratio to the covariance, is too large for any sco
 GIVEN_UP = "it gave None after an estimate: from then on each scan needs one; predict where a measurement is missed"
 
 OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
+#: Stands for the state of a tracker that keeps it elsewhere: in its process, program or library.
+KEPT_THERE = "kept there"
 #: Id that pads the tracks of several runs.
 NO_TRACK = -1
 #: What ``step`` of a tracker of several objects returns beside the state, in messages.
@@ -43,6 +45,18 @@ class Tracker(Protocol):
 
 class TrackerFault(Exception):
     """Invalid output of a tracker."""
+
+
+def require_kept(answer: Any, estimated: bool) -> None:
+    """One member's answer: finite, and an estimate where it had one before.
+
+    Raises:
+        TrackerFault: it is not.
+    """
+    if answer is None and estimated:
+        raise TrackerFault(GIVEN_UP)
+    if isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
+        raise TrackerFault(NOT_FINITE)
 
 
 def is_random(tracker: Any) -> bool:
@@ -126,6 +140,14 @@ def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
     """Those of one run, without padding."""
     there = tracks.ids[:, run] != NO_TRACK
     return Tracks(*(None if part is None else part[..., there, run] for part in tracks))  # type: ignore[arg-type]
+
+
+def tracks_of_floats(parts: dict[str, Any]) -> Tracks:
+    """Tracks of float64 alone, in which whole ids and numbers of detections become whole numbers."""
+    for name in {"ids", "used"} & set(parts):
+        if np.all(np.abs(parts[name]) < 1 << 53) and np.all(parts[name] == np.floor(parts[name])):
+            parts[name] = parts[name].astype(np.intp)
+    return Tracks(**parts)
 
 
 def checked_tracks(answer: Any, scan: Scan) -> Tracks:

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan, Tracks
-from trackbench.trackers.answers import Tracker, TrackerFault
+from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, tracks_of_floats
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Library
 from trackbench.trackers.published import check_options, create
@@ -22,9 +22,6 @@ ABI = 1
 NONE, ESTIMATE, TRACKS, FAILED = 0, 1, 2, -1
 #: Tracks of one member; more are an error of the library.
 MOST_TRACKS = 100_000
-#: Stands for the state of a tracker that has it in its library.
-KEPT_THERE = "kept in the library"
-_FUNCTIONS = ("tb_describe", "tb_create", "tb_step", "tb_copy", "tb_destroy")
 _Pointer, _Double, _Int, _Text = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64, ctypes.c_char_p
 
 
@@ -51,6 +48,16 @@ class _Answer(ctypes.Structure):
 
 class _Traits(ctypes.Structure):
     _fields_ = (("abi", _Int), ("name", _Text), ("batched", _Int), ("random", _Int), ("copies", _Int))
+
+
+#: By name, what they return and are given.
+_FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "tb_describe": (None, ctypes.POINTER(_Traits)),
+    "tb_create": (_Pointer, _Text, _Int),
+    "tb_step": (_Int, _Pointer, ctypes.POINTER(_Scan), ctypes.POINTER(_Answer)),
+    "tb_copy": (_Pointer, _Pointer),
+    "tb_destroy": (None, _Pointer),
+}
 
 
 def maker(config: PluginConfig, folder: Path | None, several: bool = False) -> Callable[[], Tracker]:
@@ -93,12 +100,9 @@ def load(use: Library, folder: Path | None) -> ctypes.CDLL:
     missing = [name for name in _FUNCTIONS if not hasattr(library, name)]
     if missing:
         raise InputError(f"{use.library!r} has no {' and no '.join(missing)}, which trackbench.h declares")
-    library.tb_describe.argtypes, library.tb_describe.restype = (ctypes.POINTER(_Traits),), None
-    library.tb_create.argtypes, library.tb_create.restype = (_Text, _Int), _Pointer
-    library.tb_step.argtypes = (_Pointer, ctypes.POINTER(_Scan), ctypes.POINTER(_Answer))
-    library.tb_step.restype = _Int
-    library.tb_copy.argtypes, library.tb_copy.restype = (_Pointer,), _Pointer
-    library.tb_destroy.argtypes, library.tb_destroy.restype = (_Pointer,), None
+    for name, (result, *arguments) in _FUNCTIONS.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
     return library
 
 
@@ -195,10 +199,7 @@ class LibraryTracker:
             if size:
                 ctypes.memmove(_address(numbers), place, numbers.nbytes)
             parts[name] = numbers.reshape(*shape, count, *batch)
-        for name in {"ids", "used"} & set(parts):
-            if np.all(np.abs(parts[name]) < 1 << 53) and np.all(parts[name] == np.floor(parts[name])):
-                parts[name] = parts[name].astype(np.intp)
-        return Tracks(**parts)
+        return tracks_of_floats(parts)
 
     def __deepcopy__(self, memo: object) -> LibraryTracker:
         copied = self._library.tb_copy(self._own) if self._copies else None

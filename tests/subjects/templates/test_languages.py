@@ -16,9 +16,9 @@ import pytest
 from tests.support.languages import LANGUAGES, SANITIZED, compiled, examples
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Scan
+from trackbench.base.types import Scan, scan_of_member
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.frames import ScanFrames
+from trackbench.driving.frames import ScanFrames, id_of, ids_of
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import TrackerTrial, start
 from trackbench.scenario import load_scenario
@@ -38,7 +38,7 @@ truth:
     second: {start: {x: -30, y: 3, speed_mps: 12, course_deg: 5}, pieces: [{for_s: 8, acceleration_mps2: 1}]}
 sensors:
   front: {type: radar, rate_hz: 20, mount: {x_m: 2, yaw_deg: 150}, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5,
-          range_rate_sigma_mps: 0.1, detection_probability: 0.8, latency_s: 0.15}
+          range_rate_sigma_mps: 0.1, detection_probability: 0.8}
   roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, detection_probability: 0.9}
 trackers:
   inside: {filter: ekf, motion: cv, acceleration_sigma_mps2: 2.5, initial: {velocity: zero}}
@@ -55,12 +55,13 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def scans_of(folder: Path, latency: float = 0.0) -> list[Scan]:
-    (folder / "beside.yaml").write_text(SCENARIO)
-    loaded = load_scenario(folder / "beside.yaml", [f"sensors.front.latency_s={latency}"])
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
+    file = tmp_path_factory.mktemp("beside") / "beside.yaml"
+    file.write_text(SCENARIO)
+    loaded = load_scenario(file)
     truth = truths_of(loaded)[0].truth
-    sensors = ideal_sensors(truth, loaded.config.sensors)
-    return sense(sensors, 3, "beside", range(4)).scans
+    return sense(ideal_sensors(truth, loaded.config.sensors), 3, "beside", range(4)).scans
 
 
 def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:
@@ -88,9 +89,8 @@ INSIDE = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.5, "init
 
 
 @pytest.mark.parametrize("source", ["tracker.cpp", "tracker_eigen.cpp"])
-def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, source: str) -> None:
+def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, scans: list[Scan], source: str) -> None:
     compiled(folder, source)
-    scans = scans_of(folder)
     inside = estimates(folder, INSIDE, scans)
     program = {"use": {"command": [f"./{Path(source).stem}"]}}
     require_alike(inside, estimates(folder, program | OPTIONS, scans))
@@ -99,15 +99,13 @@ def test_the_filter_in_c_plus_plus_is_that_inside(folder: Path, source: str) -> 
 
 
 @pytest.mark.parametrize("in_process", [False, True])
-def test_the_same_source_is_a_library(folder: Path, in_process: bool) -> None:
+def test_the_same_source_is_a_library(folder: Path, scans: list[Scan], in_process: bool) -> None:
     compiled(folder, "tracker.cpp", library=True)
-    scans = scans_of(folder)
     library = {"use": {"library": "./tracker.so"}, **OPTIONS}
     require_alike(estimates(folder, INSIDE, scans), estimates(folder, library, scans, in_process))
 
 
-def test_the_example_in_c_follows_as_program_and_library(folder: Path) -> None:
-    scans = scans_of(folder)
+def test_the_example_in_c_follows_as_program_and_library(folder: Path, scans: list[Scan]) -> None:
     compiled(folder, "tracker.c")
     program = estimates(folder, {"use": {"command": ["./tracker"]}}, scans)
     compiled(folder, "tracker.c", library=True)
@@ -129,7 +127,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("library", [False, True])
-def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, name: str, library: bool) -> None:
+def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, scans: list[Scan], name: str, library: bool) -> None:
     body, said = FAULTS[name]
     (folder / "tracker.cpp").write_text(
         '#include "trackbench.hpp"\n#include <cstdlib>\n#include <iostream>\n#include <stdexcept>\n'
@@ -141,7 +139,7 @@ def test_what_goes_wrong_in_it_is_one_clear_line(folder: Path, name: str, librar
     compiled(folder, "tracker.cpp", library=library)
     use = {"library": "./tracker.so"} if library else {"command": ["./tracker"]}
     with pytest.raises(TrackFault, match=said):
-        estimates(folder, {"use": use}, scans_of(folder)[:2])
+        estimates(folder, {"use": use}, scans[:2])
 
 
 BATCHED = """
@@ -182,12 +180,12 @@ TRACKBENCH_TRACKER(Mine)
 """
 
 
-def test_batches_and_several_objects(folder: Path) -> None:
+def test_batches_and_several_objects(folder: Path, scans: list[Scan]) -> None:
     (folder / "batched.cpp").write_text(BATCHED)
     (folder / "several.cpp").write_text(SEVERAL.replace('#include "t', '#include <stdexcept>\n#include "t'))
     valid = np.array([[True, True], [True, False], [True, False]])
     measurement = np.where(valid, np.arange(12.0).reshape(2, 3, 2), np.nan)
-    scan = scans_of(folder)[0]
+    scan = scans[0]
     scan = scan._replace(noise_covariance=np.eye(2), detection_probability=0.9, clutter_density=1e-3)
     hidden = scan._replace(measurement=measurement, valid=valid)
     known = scan._replace(measurement=measurement[:, :, 1], valid=valid[:, 1])
@@ -223,7 +221,7 @@ def test_a_library_that_cannot_be_used_is_said_before_a_run(folder: Path, librar
         trial.check()
 
 
-def messages(folder: Path) -> Iterator[bytes]:
+def messages(scans: Sequence[Scan]) -> Iterator[bytes]:
     hello = {
         "type": "hello",
         "version": 1,
@@ -232,17 +230,20 @@ def messages(folder: Path) -> Iterator[bytes]:
         "sensors": [],
         "options": {"a": [1, "b"]},
     }
-    for message in (hello, {"type": "start", "id": 1}):
+    for message in (hello, {"type": "start", "id": 1}, {"type": "start", "id": 2}):
         content = msgpack.packb(message)
         yield struct.pack("<I", len(content)) + content
-    for scan in scans_of(folder)[:3]:
-        yield ScanFrames(scan).of(1, scan.measurement[:, 0], scan.valid[0])
+    for scan in scans[:3]:
+        yield ScanFrames(scan).of(id_of(1), scan_of_member(scan, 0))
+        yield ScanFrames(scan).of(
+            ids_of([1, 2]), scan._replace(measurement=scan.measurement[:, :2], valid=scan.valid[:2])
+        )
 
 
 @pytest.mark.slow
-def test_damaged_frames_do_not_make_the_reader_read_beyond_them(folder: Path) -> None:
+def test_damaged_frames_do_not_make_the_reader_read_beyond_them(folder: Path, scans: list[Scan]) -> None:
     compiled(folder, "tracker.c", *SANITIZED)
-    whole = list(messages(folder))
+    whole = list(messages(scans))
     draw = random.Random(1)
     statuses, env = set(), {"ASAN_OPTIONS": "detect_leaks=0"}
     for _ in range(300):
