@@ -16,7 +16,7 @@ import msgpack
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Scan, Tracks
-from trackbench.trackers.answers import tracks_of_floats
+from trackbench.trackers.answers import TrackerFault
 
 VERSION = 1
 LENGTH = struct.Struct("<I")
@@ -121,26 +121,25 @@ def array_of(message: Mapping[str, Any], name: str) -> Array:
     """An array of a message.
 
     Raises:
-        NotAFrame: there is none, or it is not of the right form.
+        TrackerFault: there is none, or it is not of the right form.
     """
-    value = message.get(name)
-    if value is None:
-        raise NotAFrame(f"{message.get('type')!r} without {name}")
-    if not isinstance(value, list) or len(value) != 2 or not isinstance(value[1], bytes):
-        raise NotAFrame(f"{name} is not [shape, bytes]")
-    shape, content = value
-    if not isinstance(shape, list) or not all(type(length) is int and length >= 0 for length in shape):
-        raise NotAFrame(f"the shape of {name} is not a list of numbers from 0")
-    if len(shape) > 4 or math.prod(shape) * FLOAT.itemsize != len(content):
-        raise NotAFrame(f"{name} has {len(content)} bytes, where float64 of the shape {shape} have another number")
-    return np.frombuffer(bytearray(content), dtype=FLOAT).reshape(shape)
+    match message.get(name):
+        case [[*shape], bytes(content)] if all(type(length) is int and length >= 0 for length in shape[:5]):
+            if len(shape) <= 4 and math.prod(shape) * FLOAT.itemsize == len(content):
+                return np.frombuffer(bytearray(content), dtype=FLOAT).reshape(shape)
+            problem = f"{name} has {len(content)} bytes, where float64 of the shape {shape[:5]} have another number"
+        case None:
+            problem = f"{message.get('type')!r} without {name}"
+        case _:
+            problem = f"{name} is not [shape, bytes], the shape a list of numbers from 0"
+    raise TrackerFault(f"its answer is wrong: {problem}")
 
 
 def estimate_of(message: Mapping[str, Any]) -> Estimate:
     """The estimate of a message; of what is not told there is None.
 
     Raises:
-        NotAFrame: an array is not of the right form.
+        TrackerFault: an array is not of the right form.
     """
     parts: dict[str, Any] = {name: array_of(message, name) for name in ("mean", "covariance")}
     parts |= {name: array_of(message, name) for name in _OPTIONAL if message.get(name) is not None}
@@ -153,18 +152,18 @@ def tracks_of(message: Mapping[str, Any]) -> Tracks:
     """The tracks of a message.
 
     Raises:
-        NotAFrame: an array is not of the right form.
+        TrackerFault: an array is not of the right form.
     """
     parts: dict[str, Any] = {name: array_of(message, name) for name in ("ids", "mean", "covariance")}
     parts |= {name: array_of(message, name) for name in ("existence", "used") if message.get(name) is not None}
-    return tracks_of_floats(parts)
+    return Tracks(**parts)
 
 
 def each_of(message: Mapping[str, Any], count: int) -> list[dict[str, Any]]:
     """The answer for a list of trackers as one for each of them; no estimate has who is not ``given`` one.
 
     Raises:
-        NotAFrame: an array is not of the right form.
+        TrackerFault: an array is not of the right form.
     """
     if message["type"] != "estimate":
         return [{"type": message["type"]}] * count
@@ -172,7 +171,7 @@ def each_of(message: Mapping[str, Any], count: int) -> list[dict[str, Any]]:
     arrays = {name: array_of(message, name) for name in names if message.get(name) is not None}
     for name, array in arrays.items():
         if array.shape[-1:] != (count,):
-            raise NotAFrame(f"{name} has the shape {array.shape} in an answer for {count} trackers")
+            raise TrackerFault(f"{name} has the shape {array.shape} in an answer for {count} trackers")
     given = arrays.pop("given", np.ones(count))
     return [
         {"type": "estimate"} | {name: packed_array(array[..., place]) for name, array in arrays.items()}

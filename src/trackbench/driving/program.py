@@ -155,11 +155,12 @@ class Program(GuardedProcess):
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
         return answer
 
-    def failed(self, cause: str) -> TrackFault:
-        """End it, since what it says cannot be understood; return the fault."""
-        self._kill(signal.SIGTERM)
+    def failed(self, cause: str, kind: Kind = "answer") -> TrackFault:
+        """End it, where it has not ended, with its last words; return the fault."""
+        report = self._kill(signal.SIGTERM, ENDING)
         self._end()
-        return self._fault(f"{self.name}: {cause}", "answer")
+        self.fault = TrackFault(f"{self.name}: {cause}{'' if report is None else _last_words(report.last)}", kind)
+        return self.fault
 
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
         """What a tracker answers to a scan."""
@@ -212,14 +213,10 @@ class Program(GuardedProcess):
             raise self._ended()
         if time.monotonic() >= self._until:
             stray = f"; it wrote {_text(self._received)}" if self._received else ""
-            raise self._ended(f"it gave no answer within {self.timeout:g} s (see --tracker-timeout){stray}")
+            raise self.failed(f"it gave no answer within {self.timeout:g} s (see --tracker-timeout){stray}", "died")
 
-    def _ended(self, how: str = "") -> TrackFault:
-        """The fault that it has ended, or is ended now."""
-        how = how or self._how_it_ended()
-        report = self._kill(signal.SIGTERM, ENDING)
-        self._end()
-        return self._fault(f"{self.name}: {how}{_last_words(b'' if report is None else report.last)}")
+    def _ended(self) -> TrackFault:
+        return self.failed(self._how_it_ended(), "died")
 
     def _no_frame(self) -> TrackFault:
         # More of what it prints tells more.
@@ -227,10 +224,6 @@ class Program(GuardedProcess):
             self._received += more
         hint = "what a program prints belongs on standard error"
         return self.failed(f"its standard output is no frame: it begins with {_text(self._received)}; {hint}")
-
-    def _fault(self, cause: str, kind: Kind = "died") -> TrackFault:
-        self.fault = TrackFault(cause, kind)
-        return self.fault
 
 
 def _hello(config: PluginConfig, several: bool, batch: int, sensors: Mapping[str, Sensor]) -> bytes:

@@ -10,7 +10,6 @@ import numpy as np
 from trackbench.base.types import Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.frames import (
-    NotAFrame,
     ScanFrames,
     each_of,
     estimate_of,
@@ -21,10 +20,9 @@ from trackbench.driving.frames import (
 )
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
-from trackbench.trackers.answers import GIVEN_UP, KEPT_THERE, OF_ONE, TrackerFault, require_kept
+from trackbench.trackers.answers import KEPT_THERE, OF_ONE, TrackerFault, require_kept
 
 Message = dict[str, Any]
-WRONG = "its answer is wrong: {}"
 
 
 def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
@@ -38,10 +36,7 @@ def answer_of(message: Message, several: bool) -> Estimate | Tracks | None:
         return None
     if (kind == "tracks") != several:
         raise TrackerFault(OF_ONE if several else "it gave tracks; with known identities an estimate is needed")
-    try:
-        return tracks_of(message) if several else estimate_of(message)
-    except NotAFrame as error:
-        raise TrackerFault(WRONG.format(error)) from None
+    return tracks_of(message) if several else estimate_of(message)
 
 
 class ProgramStepper(Stepper):
@@ -83,8 +78,7 @@ class ProgramStepper(Stepper):
         if estimate is None:
             answers: list[Any] = [None] * self._batch
             for member, message in zip(self._members, messages, strict=True):
-                answers[member] = self._checked(message, member, self._own(scan, member))
-                self._estimated[member] = answers[member] is not None
+                answers[member] = self._checked(message, self._own(scan, member), member)
             return self._form.joined(answers)
         if len(self._members) == self._batch:
             self._estimated[:] = True
@@ -111,14 +105,7 @@ class ProgramStepper(Stepper):
         if not self._several and (estimate := plain_estimate([message], self._batch)):
             self._estimated[:] = True
             return estimate
-        try:
-            answer = self._form.check(answer_of(message, self._several), scan)
-            if answer is None and self._estimated.any():
-                raise TrackerFault(GIVEN_UP)
-        except TrackerFault as fault:
-            raise fault_of(fault) from fault
-        self._estimated[:] = answer is not None
-        return answer
+        return self._checked(message, scan)
 
     def _listed(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
         """The estimate of those who have begun, in one frame; where it needs a closer look one message for each."""
@@ -130,8 +117,8 @@ class ProgramStepper(Stepper):
         try:
             estimate = plain_estimate([message], count)
             return estimate, [] if estimate else each_of(message, count)
-        except NotAFrame as error:
-            raise fault_of(TrackerFault(WRONG.format(error))) from None
+        except TrackerFault as error:
+            raise fault_of(error) from error
 
     def _one_by_one(self, scan: Scan) -> tuple[Estimate | None, list[Message]]:
         """The same, in a frame for each."""
@@ -152,31 +139,34 @@ class ProgramStepper(Stepper):
     def _own(self, scan: Scan, member: int) -> Scan:
         return scan_of_run(scan, member) if self._several else scan_of_member(scan, member)
 
-    def _checked(self, message: Message, member: int, scan: Scan) -> Any:
+    def _checked(self, message: Message, scan: Scan, member: int | None = None) -> Any:
+        """The answer of a member, or of a tracker that takes batches."""
+        estimated = self._estimated[slice(None) if member is None else slice(member, member + 1)]
         try:
             answer = self._form.check(answer_of(message, self._several), scan)
-            require_kept(answer, bool(self._estimated[member]))
+            require_kept(answer, bool(estimated.any()), finite=member is not None)
         except TrackerFault as error:
             raise fault_of(error, member) from error
+        estimated[:] = answer is not None
         return answer
 
 
 class ProgramTracker:
     """A tracker in a program, which also has its state."""
 
-    def __init__(self, program: Program, several: bool = False, number: int | None = None) -> None:
-        self._program, self._several = program, several
+    def __init__(self, program: Program, number: int | None = None) -> None:
+        self._program = program
         self._number = program.start() if number is None else number
         self.batched, self.random = program.batched, program.random
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
         """What stands for its state, and the answer."""
-        return KEPT_THERE, answer_of(self._program.ask(self._number, scan), self._several)
+        return KEPT_THERE, answer_of(self._program.ask(self._number, scan), several=False)
 
     def __deepcopy__(self, memo: object) -> ProgramTracker:
         if not self._program.copies:
             raise TypeError("its program does not say that it copies trackers")
-        return ProgramTracker(self._program, self._several, self._program.copy(self._number))
+        return ProgramTracker(self._program, self._program.copy(self._number))
 
     def __del__(self) -> None:
         self._program.end(self._number)

@@ -15,7 +15,6 @@ from trackbench.driving.alone import Stateful
 from trackbench.driving.faults import fault_of
 from trackbench.engine.equations import EngineUsed
 from trackbench.trackers.answers import (
-    GIVEN_UP,
     NO_TRACK,
     TRACKS,
     Tracker,
@@ -173,8 +172,7 @@ class Batched(Stepper):
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
         """Answers of every member of the batch, or None before the first."""
         answer = self._tracker.step(scan, *((origins,) if self._wants_origins else ()))
-        if answer is None and self._estimated:
-            raise TrackerFault(GIVEN_UP)
+        require_kept(answer, self._estimated, finite=False)
         self._estimated = answer is not None
         return answer
 

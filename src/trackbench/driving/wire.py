@@ -101,8 +101,7 @@ class Malformed(Exception):
 def send_request(to: socket.socket, request: Mapping[str, Any]) -> None:
     """Pickle and send."""
     content = pickle.dumps(request, protocol=pickle.HIGHEST_PROTOCOL)
-    to.sendall(_LENGTH.pack(len(content)))
-    to.sendall(content)
+    to.sendall(_LENGTH.pack(len(content)) + content)
 
 
 class Source(Protocol):
@@ -125,10 +124,8 @@ def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) ->
     """Send JSON values, and arrays of float, bool or int."""
     described = [[name, array.dtype.char, array.shape] for name, array in arrays.items()]
     header = json.dumps({"values": values, "arrays": described}).encode()
-    parts = [np.ascontiguousarray(array).data.cast("B") for array in arrays.values() if array.size]
-    to.sendall(_LENGTH.pack(len(header)) + header)
-    for part in parts:
-        to.sendall(part)
+    # At once, since each part wakes the other side.
+    to.sendall(b"".join((_LENGTH.pack(len(header)), header, *(array.tobytes() for array in arrays.values()))))
 
 
 def receive_answer(source: Source) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:

@@ -47,15 +47,15 @@ class TrackerFault(Exception):
     """Invalid output of a tracker."""
 
 
-def require_kept(answer: Any, estimated: bool) -> None:
-    """One member's answer: finite, and an estimate where it had one before.
+def require_kept(answer: Any, estimated: bool, finite: bool = True) -> None:
+    """An answer is an estimate where there was one before, and finite, as that of one member is to be.
 
     Raises:
         TrackerFault: it is not.
     """
     if answer is None and estimated:
         raise TrackerFault(GIVEN_UP)
-    if isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
+    if finite and isinstance(answer, Estimate) and not np.isfinite(answer.mean.sum() + answer.covariance.sum()):
         raise TrackerFault(NOT_FINITE)
 
 
@@ -85,6 +85,8 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
 
 
 def _require_symmetric(covariance: Array) -> None:
+    if (covariance == np.swapaxes(covariance, 0, 1)).all():
+        return
     with np.errstate(invalid="ignore"):
         gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
     if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
@@ -142,14 +144,6 @@ def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
     return Tracks(*(None if part is None else part[..., there, run] for part in tracks))  # type: ignore[arg-type]
 
 
-def tracks_of_floats(parts: dict[str, Any]) -> Tracks:
-    """Tracks of float64 alone, in which whole ids and numbers of detections become whole numbers."""
-    for name in {"ids", "used"} & set(parts):
-        if np.all(np.abs(parts[name]) < 1 << 53) and np.all(parts[name] == np.floor(parts[name])):
-            parts[name] = parts[name].astype(np.intp)
-    return Tracks(**parts)
-
-
 def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     """Tracks of the right shapes, of one run or of many; none where the tracker answered None.
 
@@ -200,7 +194,9 @@ def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
     if np.ma.is_masked(value):
         raise TrackerFault(f"some of the {what} are masked: {described(value)}")
     array = np.asarray(value)
-    if array.size and array.dtype.kind not in "iu":
+    # Programs and libraries have float64 alone.
+    whole = array.dtype.kind == "f" and bool(np.all((np.abs(array) < 1 << 53) & (array == np.floor(array))))
+    if array.size and array.dtype.kind not in "iu" and not whole:
         raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")
     if shape is not None and array.shape != shape:
         raise TrackerFault(f"the {what} have the shape {array.shape}, where {shape} is needed")

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan, Tracks
-from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault, tracks_of_floats
+from trackbench.trackers.answers import KEPT_THERE, Tracker, TrackerFault
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.foreign import Library
 from trackbench.trackers.published import check_options, create
@@ -199,7 +199,7 @@ class LibraryTracker:
             if size:
                 ctypes.memmove(_address(numbers), place, numbers.nbytes)
             parts[name] = numbers.reshape(*shape, count, *batch)
-        return tracks_of_floats(parts)
+        return Tracks(**parts)
 
     def __deepcopy__(self, memo: object) -> LibraryTracker:
         copied = self._library.tb_copy(self._own) if self._copies else None
