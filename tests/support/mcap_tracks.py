@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.subjects.export.mcap import stamp_of, written
-from trackbench.truth.formats.foxglove import TRACKS
+from trackbench.truth.recorded.foxglove import TRACKS
 from trackbench.truth.track_rows import TrackRows
 
 

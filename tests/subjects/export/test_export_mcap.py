@@ -84,10 +84,13 @@ def test_transforms_are_the_poses_of_the_sensors(tmp_path: Path) -> None:
     export(SCENARIO, tmp_path / "scans", format="mcap")
     found = [value for topic, _, value in messages_in(tmp_path / "scans" / "scene0_run1.mcap") if topic == "/tf"]
     for message, scan in zip(found, arrived(SCENARIO), strict=True):
-        (move,) = message["transforms"]
-        assert (move["parent_frame_id"], move["child_frame_id"]) == ("world", scan.sensor)
-        assert [move["translation"][key] for key in "xy"] == scan.sensor_pose[:2].tolist()
-        assert 2 * np.arctan2(move["rotation"]["z"], move["rotation"]["w"]) == pytest.approx(scan.sensor_pose[2])
+        carried, move = message["transforms"]
+        assert [item["parent_frame_id"] for item in (carried, move)] == ["world", "observer"]
+        assert [item["child_frame_id"] for item in (carried, move)] == ["observer", scan.sensor]
+        yaws = [2 * np.arctan2(item["rotation"]["z"], item["rotation"]["w"]) for item in (carried, move)]
+        assert sum(yaws) == pytest.approx(scan.sensor_pose[2], abs=1e-12)
+        assert [carried["translation"][key] for key in "xy"] == scan.sensor_pose[:2].tolist()
+        assert move["translation"] == {"x": 0, "y": 0, "z": 0}
 
 
 def test_the_truth_comes_back_from_its_boxes(tmp_path: Path) -> None:

@@ -15,13 +15,14 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Scan, Truth
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.base import Mount
 from trackbench.subjects.export.schemas import SCHEMAS
 from trackbench.subjects.export.source import RunKey, ScanSource
 from trackbench.subjects.export.tables import component_columns
-from trackbench.truth.formats.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
+from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
 
-#: The frame that is fixed to the ground.
-FIXED = "world"
+#: The frame that is fixed to the ground, and that of what carries the sensors.
+FIXED, OBSERVER = "world", "observer"
 #: ``foxglove.NumericType``
 FLOAT64 = 8
 #: Height of boxes, which nothing states, m.
@@ -45,10 +46,11 @@ def truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
 def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
     of_run = source.scans(key)
     common = {**key._asdict(), "fingerprint": of_run.fingerprint}
+    mounts = {name: sensor.mount for name, sensor in source.loaded.config.sensors.items()}
     with written(path) as write:
         for number, scan in enumerate(of_run.scans):
             arrival = scan.arrival_time
-            write("/tf", TRANSFORMS, arrival, {"transforms": [_transform(scan)]})
+            write("/tf", TRANSFORMS, arrival, {"transforms": _transforms(scan, mounts[scan.sensor])})
             write(f"/{scan.sensor}/detections", POINTS, arrival, _point_cloud(scan))
             message = {**common, "scan": number, **_scan(scan, of_run.objects)}
             write(f"/{scan.sensor}/scan", SCAN, arrival, message)
@@ -107,15 +109,23 @@ def _vector(x: float, y: float, z: float = 0.0) -> dict[str, float]:
     return {"x": float(x), "y": float(y), "z": z}
 
 
-def _transform(scan: Scan) -> dict[str, Any]:
+def _transforms(scan: Scan, mount: Mount) -> list[dict[str, Any]]:
+    """The poses of the observer in the fixed frame and of the sensor on it."""
     x, y, yaw = scan.sensor_pose
-    return {
-        "timestamp": stamp_of(scan.time),
-        "parent_frame_id": FIXED,
-        "child_frame_id": scan.sensor,
-        "translation": _vector(x, y),
-        "rotation": _rotation(yaw),
-    }
+    heading = yaw - np.radians(mount.yaw_deg)
+    cos, sin = np.cos(heading), np.sin(heading)
+    place = x - cos * mount.x_m + sin * mount.y_m, y - sin * mount.x_m - cos * mount.y_m
+    poses = (FIXED, OBSERVER, *place, heading), (OBSERVER, scan.sensor, mount.x_m, mount.y_m, np.radians(mount.yaw_deg))
+    return [
+        {
+            "timestamp": stamp_of(scan.time),
+            "parent_frame_id": parent,
+            "child_frame_id": child,
+            "translation": _vector(ahead, left),
+            "rotation": _rotation(float(turned)),
+        }
+        for parent, child, ahead, left, turned in poses
+    ]
 
 
 def _point_cloud(scan: Scan) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.truth.formats.foxglove import BOXES, POINTS, SCAN, TRACKS, TRANSFORMS
+from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRACKS, TRANSFORMS
 
 NUMBER, WHOLE, TEXT = {"type": "number"}, {"type": "integer"}, {"type": "string"}
 

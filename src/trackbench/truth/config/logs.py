@@ -16,7 +16,7 @@ from trackbench.base.config import LIST, PROBLEM, WORD
 from trackbench.base.errors import InputError, nearest, shortened
 
 #: The ending of the files of each format.
-ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet"}
+ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
 
 
 def _text_or_list(value: Any) -> str | None:

@@ -38,16 +38,20 @@ class MovingObserver(FixedObserver):
     )
 
 
-TABLES = ("csv", "parquet")
+TABLES = ("csv", "parquet", "mcap")
+#: Names of the columns of boxes in MCAP, and of those of a frame.
+BOX_COLUMNS = {"time": "time", "object": "id", "px": "x", "py": "y"} | {k: k for k in ("heading", "length", "width")}
+FRAME_COLUMNS = {"time": "time", "px": "x", "py": "y", "yaw": "yaw"}
 
 
 class RecordingOptions(TruthSource):
     """Motion from a file, and measurements where it has them."""
 
-    format: Literal["udacity", "csv", "parquet"] = Field(
+    format: Literal["udacity", "csv", "parquet", "mcap"] = Field(
         description="udacity: text of the Udacity simulator, whose L lines feed the sensor of type lidar and whose R "
         "lines that of type radar. csv (with a line of column names) and parquet: tables, one row for each time and "
-        "object."
+        "object. mcap: boxes, detections and frames of Foxglove's schemas as JSON; columns have names already, but for "
+        "the components of measurements, and all that is said of csv and parquet holds for it too."
     )
     path: Paths | None = Field(
         None,
@@ -105,7 +109,7 @@ class RecordingOptions(TruthSource):
                 key: files_of(value, folder, form) if key == "path" else opened(value) for key, value in node.items()
             }
 
-        return opened(data)
+        return _of_mcap(opened(data)) if form == "mcap" else opened(data)
 
     @property
     def scene_name(self) -> str:
@@ -230,6 +234,7 @@ class RecordingOptions(TruthSource):
         if self.ego is not None:
             yield Problem(("ego",), "with a truth the observer's columns are columns.observer; move them there")
         yield from self._problems_of_boxes()
+        yield from self._problems_of_mcap()
         if self.format in TABLES:
             if self.columns is None:
                 yield Problem(("columns",), f"missing: format {self.format} needs the names of its columns")
@@ -249,7 +254,7 @@ class RecordingOptions(TruthSource):
         columns, point = self.columns, self.reference.point
         if columns is None:
             return
-        if columns.length is not None and point is None:
+        if columns.length is not None and point is None and self.format != "mcap":
             what = f"which point of the box {columns.px} and {columns.py} are: {' | '.join(POINTS)}"
             yield Problem(("reference", "point"), f"missing: {what}")
         if point not in (None, "centre") and columns.heading is None:
@@ -257,10 +262,23 @@ class RecordingOptions(TruthSource):
         if self.reference.classes and columns.kind is None:
             yield Problem(("columns", "class"), "missing: the column of the class, for reference.classes")
 
+    def _problems_of_mcap(self) -> Iterator[Problem]:
+        columns, of_mcap = self.columns, self.format == "mcap"
+        observer = None if columns is None else columns.observer
+        for key, carrier in ((("columns", "observer"), observer), (("ego",), self.ego)):
+            if carrier is not None and of_mcap and carrier.frame is None:
+                yield Problem((*key, "frame"), "missing: the frame of the observer, such as base_link")
+            elif carrier is not None and carrier.frame is not None and not of_mcap:
+                yield Problem((*key, "frame"), f"{self.format} has no frames; remove")
+        for path, entry in ((("columns",), columns), *((("readings", k), e) for k, e in self.measurements.items())):
+            if entry is not None and entry.topic is not None and not of_mcap:
+                yield Problem((*path, "topic"), f"{self.format} has no topics; remove")
+
     def _problems_without_truth(self) -> Iterator[Problem]:
         if self.format not in TABLES:
             yield Problem(("path",), f"missing: the file of format {self.format}")
             return
+        yield from self._problems_of_mcap()
         if self.columns is not None:
             yield Problem(("path",), "missing: the file whose columns are named in columns")
             return
@@ -284,3 +302,24 @@ class RecordingOptions(TruthSource):
         for key in ("path", "time"):
             if getattr(self.ego, key) is None:
                 yield Problem(("ego", key), "missing: without a truth, the observer has a file of its own")
+
+
+def _of_mcap(data: Any) -> Any:
+    """The options with the names of columns that MCAP has; what is read besides is in the file of the truth."""
+
+    def completed(entry: Any, **more: Any) -> Any:
+        return {**more, **entry} if isinstance(entry, dict) else entry
+
+    path = data.get("path")
+    readings = completed(data.get("readings", {}))
+    result = {**data, "readings": readings}
+    if isinstance(readings, dict):
+        result["readings"] = {name: completed(entry, path=path, time="time") for name, entry in readings.items()}
+    if path is not None:
+        columns = completed(data.get("columns", {}), **BOX_COLUMNS)
+        if isinstance(columns, dict) and "observer" in columns:
+            columns["observer"] = completed(columns["observer"], path=path, **FRAME_COLUMNS)
+        result["columns"] = columns
+    if "ego" in data:
+        result["ego"] = completed(data["ego"], **FRAME_COLUMNS)
+    return result

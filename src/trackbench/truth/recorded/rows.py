@@ -16,6 +16,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.base.files import read_text
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.truth import jumps
+from trackbench.truth.recorded import mcap
 
 
 def text_of(file: Path) -> str:
@@ -119,15 +120,31 @@ class Rows(NamedTuple):
         return number
 
 
-def read(file: Path, form: str, wanted: Iterable[str], optional: Iterable[str] = ()) -> Rows:
-    """The columns of a file of the format "csv" or "parquet" that are wanted, and of the optional ones those it has.
+def read(
+    file: Path, form: str, wanted: Iterable[str], optional: Iterable[str] = (), part: mcap.Part | None = None
+) -> Rows:
+    """The columns of a file that are wanted, and of the optional ones those it has.
+
+    Args:
+        file: the file.
+        form: "csv", "parquet" or "mcap".
+        wanted: names of columns.
+        optional: names of columns.
+        part: what is read of MCAP.
 
     Raises:
         InputError: the file cannot be read or has no such column, or no row.
     """
     names = list(dict.fromkeys(wanted))
     more = [name for name in dict.fromkeys(optional) if name not in names]
-    rows = _csv(file, names, more) if form == "csv" else _parquet(file, names, more)
+    if form == "mcap":
+        assert part is not None
+        every = mcap.columns(file, part)
+        names += [name for name in more if name in every]
+        _require(names, list(every), file, None)
+        rows = Rows(file, {name: every[name] for name in names}, None)
+    else:
+        rows = _csv(file, names, more) if form == "csv" else _parquet(file, names, more)
     if not len(rows):
         raise InputError("the file has no row of data", file=file)
     return rows

@@ -1,0 +1,134 @@
+"""The messages of MCAP files, and the columns of a log that they hold.
+
+Source: MCAP format specification, foxglove.dev, "Well-known profiles and encodings".
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from trackbench.base.errors import InputError, counted, nearest, shortened
+from trackbench.base.files import read_bytes
+from trackbench.base.plugins import one_line
+from trackbench.truth.recorded import foxglove
+
+#: Largest file, bytes.
+MOST = 2**32
+
+
+class Message(NamedTuple):
+    """One message of a file."""
+
+    topic: str
+    schema: str
+    encoding: str
+    """Such as ``json``."""
+    data: bytes
+
+
+class Part(NamedTuple):
+    """What is read of a file that holds several things."""
+
+    what: str
+    """Tracks, boxes, detections or frame."""
+    schemas: tuple[str, ...]
+    """Those of its topic; none where it is a frame."""
+    name: str | None
+    """Of the topic, which may be left out where one alone has such messages, or of the frame."""
+
+
+def boxes(topic: str | None) -> Part:
+    """The boxes of a topic."""
+    return Part("boxes", (foxglove.BOXES,), topic)
+
+
+def detections(topic: str | None) -> Part:
+    """The detections of a sensor."""
+    return Part("detections", (foxglove.POINTS, foxglove.SCAN), topic)
+
+
+def frame(name: str | None) -> Part:
+    """The pose of a frame."""
+    return Part("frame", (), name)
+
+
+def columns(file: Path, part: Part) -> dict[str, Sequence[Any]]:
+    """What a part of a file holds, as columns in SI units and radians.
+
+    Raises:
+        InputError: the file cannot be read, or does not have it.
+    """
+    messages = messages_of(file, {*part.schemas, foxglove.TRANSFORMS})
+    transforms = decoded([message for message in messages if message.schema == foxglove.TRANSFORMS], file)
+    if not part.schemas:
+        return foxglove.columns_of_frame(part.name or "", transforms, file)
+    own = of_topic(messages, part, file)
+    if part.what == "boxes":
+        return foxglove.columns_of_boxes(decoded(own, file), transforms, file)
+    return foxglove.columns_of_detections(decoded(own, file), own[0].schema, file)
+
+
+def of_topic(messages: Sequence[Message], part: Part, file: Path) -> list[Message]:
+    """The messages of one topic: of the first of the schemas that is there, unless the topic is named.
+
+    Raises:
+        InputError: there are none, or several topics have such messages and none is named.
+    """
+    what, schemas, topic = part
+    topics = {message.topic: message.schema for message in messages if message.schema in schemas}
+    if topic is not None and topic not in topics:
+        raise InputError(f"there is no topic {topic!r} with {what}; {nearest(topic, topics)}", file=file)
+    if topic is not None:
+        topics = {topic: topics[topic]}
+    schema = next((schema for schema in schemas if schema in topics.values()), None)
+    if schema is None:
+        raise InputError(f"there are no {what} in this file; known are messages of {', '.join(schemas)}", file=file)
+    chosen = [name for name, own in topics.items() if own == schema]
+    if len(chosen) > 1:
+        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {_listed(chosen)}"
+        raise InputError(problem, file=file)
+    return [message for message in messages if message.topic == chosen[0] and message.schema == schema]
+
+
+def messages_of(file: Path, schemas: set[str]) -> list[Message]:
+    """The messages of some schemas, in the order of their log time.
+
+    Raises:
+        InputError: the file cannot be read, or the package is missing.
+    """
+    try:
+        from mcap.reader import make_reader
+    except ImportError:
+        raise InputError("MCAP needs one more package: pip install 'trackbench[mcap]'", file=file) from None
+    read_bytes(file, most=MOST)
+    with file.open("rb") as stream:
+        try:
+            return [
+                Message(channel.topic, schema.name, channel.message_encoding, message.data)
+                for schema, channel, message in make_reader(stream).iter_messages()
+                if schema is not None and schema.name in schemas
+            ]
+        except Exception as error:  # The reader of MCAP lets whatever a damaged length leads to through.
+            raise InputError(f"not an MCAP file that can be read: {shortened(one_line(error))}", file=file) from None
+
+
+def decoded(messages: Sequence[Message], file: Path) -> list[object]:
+    """The values of JSON messages."""
+    values = []
+    for number, message in enumerate(messages):
+        if message.encoding != "json":
+            problem = f"{message.topic} has {message.schema} in the encoding {message.encoding!r}; only json is read"
+            raise InputError(problem, file=file)
+        try:
+            values.append(json.loads(message.data))
+        except (ValueError, RecursionError) as error:
+            problem = f"message {number + 1} of {message.topic} is not JSON: {one_line(error)}"
+            raise InputError(problem, file=file) from None
+    return values
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
