@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
 from trackbench.truth.formats import osi
+from trackbench.truth.formats.tables import table_rows
+from trackbench.truth.layouts import QUANTITIES, ColumnLayout
 from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import Message, Part, decoded, messages_of, of_topic
+from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
 
@@ -21,11 +24,21 @@ def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> Track
 
 
 def _tracks(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
-    return foxglove.rows_of_tracks(decoded(messages, file), file)
+    return _rows(foxglove.columns_of_tracks(decoded(messages, file), file), file)
 
 
 def _boxes(messages: Sequence[Message], file: Path, transforms: Sequence[Message]) -> TrackRows:
-    return foxglove.rows_of_boxes(decoded(messages, file), decoded(transforms, file), file)
+    columns = foxglove.columns_of_boxes(decoded(messages, file), decoded(transforms, file), file)
+    named = dict(zip(foxglove.VELOCITY, ("vx", "vy"), strict=True))
+    if any(None in columns.get(key, [None]) for key in named):
+        named = dict.fromkeys(named, "")
+    return _rows({named.get(name, name): values for name, values in columns.items()}, file)
+
+
+def _rows(columns: Mapping[str, Sequence[Any]], file: Path) -> TrackRows:
+    """The rows of a table that is called as ours is."""
+    known = {name: name for name in QUANTITIES if name in columns}
+    return table_rows(Rows(file, columns, None), ColumnLayout(known, {}), dict.fromkeys(QUANTITIES, 1.0))
 
 
 #: What has tracks, by schema; of those in a file the first is read.

@@ -19,7 +19,7 @@ from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.base.files import LARGE, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
-from trackbench.truth.recorded.foxglove import FROM_ZERO_S
+from trackbench.truth.formats.tables import FROM_ZERO_S
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
 

@@ -16,7 +16,7 @@ from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import Units
 from trackbench.truth.layouts import QUANTITIES, REQUIRED, ColumnLayout, header, layout
-from trackbench.truth.recorded.rows import read, time_stamps
+from trackbench.truth.recorded.rows import Rows, read, time_stamps
 from trackbench.truth.track_rows import COVARIANCE, TrackRows
 from trackbench.truth.tracks import RowsFormat, TrafficFormat, TrafficTrack, bodies_of
 
@@ -24,19 +24,17 @@ from trackbench.truth.tracks import RowsFormat, TrafficFormat, TrafficTrack, bod
 FROM_ZERO_S = 1e7
 
 
-def table_rows(file: Path, form: str, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
+def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
     """The rows of a table of tracks.
 
     Args:
-        file: the table.
-        form: "csv" or "parquet".
+        rows: of the table.
         found: where it has what.
         factors: what the columns are multiplied by.
 
     Raises:
-        InputError: the file cannot be read, or has a damaged row.
+        InputError: a row is damaged.
     """
-    rows = read(file, form, found.columns.values())
 
     def numbers(key: str) -> Array | None:
         if key not in found.columns:
@@ -113,7 +111,7 @@ class _Table(RowsFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: found.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(file, self.form, found, factors)
+        return table_rows(read(file, self.form, found.columns.values()), found, factors)
 
 
 class Csv(_Table):
@@ -144,6 +142,5 @@ class InterstateI80(TrafficFormat):
     def read(self, file: Path) -> list[TrafficTrack]:
         names = header(I80_FILE, "parquet")
         factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
-        return bodies_of(
-            table_rows(I80_FILE, "parquet", ColumnLayout({name: name for name in names}, {}), factors), file
-        )
+        rows = read(I80_FILE, "parquet", names)
+        return bodies_of(table_rows(rows, ColumnLayout({name: name for name in names}, {}), factors), file)

@@ -16,14 +16,12 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.base.types import Array
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.track_rows import COVARIANCE
 
 T = TypeVar("T")
 #: Names of schemas.
 BOXES, TRANSFORMS, POINTS = "foxglove.SceneUpdate", "foxglove.FrameTransforms", "foxglove.PointCloud"
 TRACKS, SCAN = "trackbench.Tracks", "trackbench.Scan"
-#: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
-FROM_ZERO_S = 10**7
 #: Keys of a box's metadata.
 VELOCITY = ("vx_mps", "vy_mps")
 OF_RUN = ("scene", "run", "fingerprint")
@@ -63,8 +61,8 @@ def _parsed(messages: Sequence[Any], schema: str, parse: Callable[[Any], Iterato
             raise InputError(f"message {number + 1} of {schema} is damaged: {_why(error)}", file=file) from None
 
 
-def rows_of_tracks(messages: Sequence[Any], file: Path) -> TrackRows:
-    """The rows of ``trackbench.Tracks`` messages.
+def columns_of_tracks(messages: Sequence[Any], file: Path) -> dict[str, Sequence[Any]]:
+    """The tracks of ``trackbench.Tracks`` messages as columns, of which covariance, existence and run may be missing.
 
     Args:
         messages: decoded.
@@ -76,69 +74,39 @@ def rows_of_tracks(messages: Sequence[Any], file: Path) -> TrackRows:
     rows = list(_parsed(messages, TRACKS, _tracks_in, file))
     if not rows:
         raise InputError("there is no track in this file", file=file)
-    ids, numbers, covariances, of_run = zip(*rows, strict=True)
-    time, px, py, vx, vy, existence = np.array(numbers).T
-    covariance = np.stack(covariances, axis=-1)
-    stated = {key: list(column) for key, column in zip(OF_RUN, zip(*of_run, strict=True), strict=True) if any(column)}
-    return TrackRows(
-        list(ids),
-        time,
-        px,
-        py,
-        vx,
-        vy,
-        covariance=None if np.isnan(covariance).all() else covariance,
-        existence=None if np.isnan(existence).all() else existence,
-        scene=stated.get("scene"),
-        run=stated.get("run"),
-        fingerprint=stated.get("fingerprint"),
-    )
+    return {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
 
 
-def _tracks_in(message: Any) -> Iterator[tuple[str, list[float], Array, list[str]]]:
-    time = _number(message["time_s"])
-    names = [str(_plain(message[key])) if key in message else "" for key in OF_RUN]
+def _tracks_in(message: Any) -> Iterator[dict[str, Any]]:
+    common = {"time": _number(message["time_s"]), **{key: _plain(message[key]) for key in OF_RUN if key in message}}
     for track in _sequence(message["tracks"]):
-        mean = [_number(value) for value in _sequence(track["mean"])]
+        mean, covariance = [_number(value) for value in _sequence(track["mean"])], track.get("covariance")
         if len(mean) != 4:
             raise ValueError(f"a mean has {len(mean)} numbers, and not px, py, vx, vy")
-        existence = track.get("existence")
-        numbers = [time, *mean, math.nan if existence is None else _probability(existence)]
-        yield str(_plain(track["id"])), numbers, _covariance(track.get("covariance")), names
+        row = {**common, "id": _plain(track["id"]), **dict(zip(("x", "y", "vx", "vy"), mean, strict=True))}
+        if track.get("existence") is not None:
+            row["existence"] = track["existence"]
+        if covariance is not None:
+            if [len(_sequence(line)) for line in _sequence(covariance)] != [4] * 4:
+                raise ValueError("a covariance is not 4 by 4: of px, py, vx, vy")
+            row |= {name: covariance[a][b] for name, (a, b) in COVARIANCE.items()}
+        yield row
 
 
-def rows_of_boxes(messages: Sequence[Any], transforms: Sequence[Any], file: Path) -> TrackRows:
-    """The rows of the boxes of ``foxglove.SceneUpdate`` messages, each at its own stamp and in the fixed frame.
+def columns_of_boxes(messages: Sequence[Any], transforms: Sequence[Any], file: Path) -> dict[str, Sequence[Any]]:
+    """The boxes of ``foxglove.SceneUpdate`` messages as columns, each at its own stamp and in the fixed frame.
 
     Args:
         messages: decoded.
         transforms: ``foxglove.FrameTransforms`` messages, decoded: a box in the frame of a moving child is moved.
         file: for error messages.
 
+    Returns:
+        time in s, id, x, y, heading, length, width, and each key of their metadata.
+
     Raises:
         InputError: a message is damaged, or boxes are in several frames between which nothing transforms.
     """
-    boxes, place = _boxes_in_fixed_frame(messages, transforms, file)
-    first = min(box.stamp for box in boxes) // 10**9
-    start = first if first > FROM_ZERO_S else 0
-    velocity = np.array([[float(box.stated.get(key, "nan")) for key in VELOCITY] for box in boxes]).T
-    vx, vy = velocity if np.isfinite(velocity).all() else (None, None)
-    return TrackRows(
-        [box.id for box in boxes],
-        np.array([(box.stamp - start * 10**9) / 1e9 for box in boxes]),
-        place[0],
-        place[1],
-        vx=vx,
-        vy=vy,
-        heading=place[2],
-        length=np.array([box.length for box in boxes]),
-        width=np.array([box.width for box in boxes]),
-        start=Decimal(start),
-    )
-
-
-def columns_of_boxes(messages: Sequence[Any], transforms: Sequence[Any], file: Path) -> dict[str, Sequence[Any]]:
-    """The same boxes as columns: time in s, id, x, y, heading, length, width, and each key of their metadata."""
     boxes, place = _boxes_in_fixed_frame(messages, transforms, file)
     keys = dict.fromkeys(key for box in boxes for key in box.stated)
     return {
@@ -314,25 +282,9 @@ def _yaw(quaternion: Mapping[str, Any]) -> float:
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def _covariance(value: Any) -> Array:
-    """``(4, 4)``; NaN where none is stated."""
-    if value is None:
-        return np.full((4, 4), np.nan)
-    rows = [[math.nan if entry is None else _number(entry) for entry in _sequence(row)] for row in _sequence(value)]
-    if [len(row) for row in rows] != [4] * 4:
-        raise ValueError("a covariance is not 4 by 4: of px, py, vx, vy")
-    return np.array(rows)
-
-
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
         raise ValueError(f"{shortened(str(value), 40)} is not a finite number")
-    return float(value)
-
-
-def _probability(value: Any) -> float:
-    if not 0 <= _number(value) <= 1:
-        raise ValueError(f"existence is {value:g}, which is no probability")
     return float(value)
 
 
