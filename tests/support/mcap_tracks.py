@@ -8,8 +8,20 @@ from typing import Any
 import numpy as np
 
 from trackbench.subjects.export.mcap import stamp_of, written
+from trackbench.subjects.export.schemas import SCHEMAS, STAMP, schema_of
 from trackbench.truth.recorded.foxglove import TRACKS
 from trackbench.truth.track_rows import TrackRows
+
+SCHEMAS[TRACKS] = schema_of(
+    {
+        "time_s": float,
+        "tracks": [{"id": str, "mean": [float] * 4, "covariance?": [[float] * 4] * 4, "existence?": float}],
+        "timestamp?": STAMP,
+        "scene?": str,
+        "run?": str,
+        "fingerprint?": str,
+    }
+)
 
 
 def write_tracks(rows: TrackRows, path: Path) -> None:

@@ -113,7 +113,5 @@ def _nees_of_directions(error: Array, truth: Array, covariance: Array) -> list[A
 #: where it is not scored; ``definite``: whether its covariance is positive definite; ``bounded``: whether its
 #: squares can be summed.
 ERRORS = Equations(
-    "errors of an estimate",
-    _errors,
-    {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "finite": 0, "scored": 0},
+    "errors of an estimate", _errors, {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "finite": 0, "scored": 0}
 )

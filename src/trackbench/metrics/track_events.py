@@ -67,12 +67,7 @@ def events_of(
     columns = {name: table[name].to_pylist() for name in TrackEvent._fields}
     events = [
         TrackEvent(
-            **{
-                **row,
-                "run": int(row["run"]),
-                "track": _whole(row["track"]),
-                "other_track": _whole(row["other_track"]),
-            }
+            **{**row, "run": int(row["run"]), "track": _whole(row["track"]), "other_track": _whole(row["other_track"])}
         )
         for row in (dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
     ]

@@ -335,11 +335,7 @@ def _difference(pair: Pair | None, places: int) -> Cell:
 def expectations(result: Result) -> Table:
     """What the scenario states should hold, and the values."""
     rows = [
-        (
-            Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]),
-            Cell(item.text),
-            Cell(value_text(item.value)),
-        )
+        (Cell(item.outcome, tone=OUTCOME_TONE[item.outcome]), Cell(item.text), Cell(value_text(item.value)))
         for item in result.summary.expectations
     ]
     columns = (Column("result", left=True), Column("expected", left=True), Column("found"))

@@ -16,12 +16,7 @@ from trackbench.results.folder import (
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
 from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.scenario_summary import TruthSummary
-from trackbench.results.summary import (
-    SCHEMA_VERSION,
-    ExpectationResult,
-    PrecisionReached,
-    Summary,
-)
+from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, Health, TrackerResult
 from trackbench.results.truth_audit import TruthAudit

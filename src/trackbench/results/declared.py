@@ -235,10 +235,7 @@ HIDDEN = {
     "steps": _table(
         "root mean square over runs of each tracker's GOSPA and its parts at each instant",
         ["tracker"],
-        [
-            "time_s",
-            *(_number(f"{part}_m", _root_mean(part)) for part in GOSPA_PARTS),
-        ],
+        ["time_s", *(_number(f"{part}_m", _root_mean(part)) for part in GOSPA_PARTS)],
         series=True,
     ),
     "runs": _table(

@@ -243,10 +243,7 @@ class Work:
 
 
 def work_of(
-    loaded: Scenario,
-    truths: Sequence[LoadedTruth],
-    isolation: Isolation = ISOLATED,
-    engine: EngineName = "numpy",
+    loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED, engine: EngineName = "numpy"
 ) -> Work:
     """What every block of a run of the scenario needs.
 

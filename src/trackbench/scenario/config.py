@@ -132,8 +132,7 @@ class Score(Config):
         "detected again and settle_s have passed, s.",
     )
     cutoff_m: Positive = Field(
-        5,
-        description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object.",
+        5, description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object."
     )
     switch_costs_s: Positive = Field(
         0.5,
@@ -197,12 +196,7 @@ class Expectation(Config):
         return world in self.worlds if self.worlds else world in (None, "ideal")
 
     def problems(self) -> Iterator[Problem]:
-        operators = {
-            "below": self.below,
-            "above": self.above,
-            "is": self.equals,
-            "better_than": self.better_than,
-        }
+        operators = {"below": self.below, "above": self.above, "is": self.equals, "better_than": self.better_than}
         stated = [name for name, value in operators.items() if value is not None]
         if not stated:
             yield Problem((), "says nothing: add one of below, above, is, better_than")

@@ -48,10 +48,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         there = f"from 0 to {scenes - 1}" if scenes > 1 else "0, since there is one scene"
         yield Problem(("recording", "scene"), f"must be {there}")
     if scenario.recording.run >= runs:
-        yield Problem(
-            ("recording", "run"),
-            f"must be from 0 to {runs - 1}, because monte_carlo.runs is {runs}",
-        )
+        yield Problem(("recording", "run"), f"must be from 0 to {runs - 1}, because monte_carlo.runs is {runs}")
     baseline = scenario.score.baseline
     if baseline is not None and baseline not in scenario.trackers:
         message = f"the scenario has no tracker {baseline!r}; {nearest(baseline, scenario.trackers)}"

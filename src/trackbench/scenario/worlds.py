@@ -26,11 +26,7 @@ RECORDED_HZ = 10
 #: Cars of NGSIM I-80 that are far enough apart: each is the observer of a scene, and no car is in two.
 I80_CARS = ["13", "36", "51", "60", "66", "74", "294", "309", "311", "331"]
 #: The recording, smoothed.
-I80: dict[str, Any] = {
-    "source": "recorded-traffic",
-    "format": "i80",
-    "smoothing": {"window_s": 2.1, "order": 2},
-}
+I80: dict[str, Any] = {"source": "recorded-traffic", "format": "i80", "smoothing": {"window_s": 2.1, "order": 2}}
 
 
 class NoSuchWorld(InputError):

@@ -20,14 +20,7 @@ from trackbench.metrics.traffic.assignment import (
     similarity,
 )
 from trackbench.metrics.traffic.events import TrafficEvent, events, strips
-from trackbench.metrics.traffic.mot_metrics import (
-    clear_matches,
-    hota,
-    identity,
-    resumptions,
-    switches,
-    track_of_each,
-)
+from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, resumptions, switches, track_of_each
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
 from trackbench.metrics.traffic.tgospa import tgospa_by_cost
 from trackbench.metrics.traffic.track_quality import (

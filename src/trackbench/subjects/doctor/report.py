@@ -16,20 +16,7 @@ from trackbench.api.result import Report
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_json
 from trackbench.base.subjects import offered, resolve
-from trackbench.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Item,
-    Items,
-    Paragraph,
-    Row,
-    Section,
-    Status,
-    Table,
-    Tone,
-)
+from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table, Tone
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.report.numbers import percent

@@ -17,14 +17,7 @@ from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.findings import (
-    TRAFFIC_CHECKS,
-    CheckResult,
-    Finding,
-    PartResult,
-    checks_of,
-    rank,
-)
+from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, Finding, PartResult, checks_of, rank
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.site import simplified

@@ -4,112 +4,68 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRACKS, TRANSFORMS
+from trackbench.truth.recorded.foxglove import BOXES, POINTS, SCAN, TRANSFORMS
 
-NUMBER, WHOLE, TEXT = {"type": "number"}, {"type": "integer"}, {"type": "string"}
-
-
-def _object(required: dict[str, Any], optional: dict[str, Any] | None = None) -> dict[str, Any]:
-    return {"type": "object", "properties": required | (optional or {}), "required": [*required]}
-
-
-def _list(items: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "array", "items": items}
-
-
-def _numbers(count: int) -> dict[str, Any]:
-    return _list(NUMBER) | {"minItems": count, "maxItems": count}
+TYPES = {float: "number", int: "integer", str: "string", bool: "boolean"}
+STAMP = {"sec": int, "nsec": int}
+VECTOR = {"x": float, "y": float, "z": float}
+ROTATION = VECTOR | {"w": float}
+POSE = {"position": VECTOR, "orientation": ROTATION}
+COLOUR = {"r": float, "g": float, "b": float, "a": float}
+CUBE = {"pose": POSE, "size": VECTOR, "color": COLOUR}
+BOX = {"timestamp": STAMP, "frame_id": str, "id": str, "lifetime": STAMP, "frame_locked": bool}
+TRANSFORM = {"timestamp": STAMP, "parent_frame_id": str, "child_frame_id": str, "translation": VECTOR}
 
 
-STAMP = _object({"sec": WHOLE, "nsec": WHOLE})
-VECTOR = _object({"x": NUMBER, "y": NUMBER, "z": NUMBER})
-ROTATION = _object({"x": NUMBER, "y": NUMBER, "z": NUMBER, "w": NUMBER})
-POSE = _object({"position": VECTOR, "orientation": ROTATION})
-COLOUR = _object({"r": NUMBER, "g": NUMBER, "b": NUMBER, "a": NUMBER})
-CUBE = _object({"pose": POSE, "size": VECTOR, "color": COLOUR})
-OF_RUN = {"scene": WHOLE, "run": WHOLE, "fingerprint": TEXT}
+def schema_of(shape: Any) -> dict[str, Any]:
+    """The JSON schema of a type; of a list of an item, of two or more so many; of a dict of which keys with a question
+    mark may be missing; and of a tuple of such a shape and what else the schema says of it."""
+    if isinstance(shape, tuple):
+        return {**schema_of(shape[0]), **shape[1]}
+    if isinstance(shape, list):
+        count = {"minItems": len(shape), "maxItems": len(shape)} if len(shape) > 1 else {}
+        return {"type": "array", "items": schema_of(shape[0]), **count}
+    if isinstance(shape, dict):
+        properties = {name.rstrip("?"): schema_of(item) for name, item in shape.items()}
+        required = [name for name in shape if not name.endswith("?")]
+        return {"type": "object", "properties": properties, "required": required}
+    return {"type": TYPES[shape]}
 
-SCHEMAS: dict[str, dict[str, Any]] = {
-    BOXES: _object(
+
+SCHEMAS = {
+    BOXES: schema_of(
         {
-            "deletions": _list(_object({"timestamp": STAMP, "type": WHOLE, "id": TEXT})),
-            "entities": _list(
-                _object(
-                    {
-                        "timestamp": STAMP,
-                        "frame_id": TEXT,
-                        "id": TEXT,
-                        "lifetime": STAMP,
-                        "frame_locked": {"type": "boolean"},
-                        "metadata": _list(_object({"key": TEXT, "value": TEXT})),
-                        "cubes": _list(CUBE),
-                    }
-                )
-            ),
+            "deletions": [{"timestamp": STAMP, "type": int, "id": str}],
+            "entities": [BOX | {"metadata": [{"key": str, "value": str}], "cubes": [CUBE]}],
         }
     ),
-    TRANSFORMS: _object(
-        {
-            "transforms": _list(
-                _object(
-                    {
-                        "timestamp": STAMP,
-                        "parent_frame_id": TEXT,
-                        "child_frame_id": TEXT,
-                        "translation": VECTOR,
-                        "rotation": ROTATION,
-                    }
-                )
-            )
-        }
-    ),
-    POINTS: _object(
+    TRANSFORMS: schema_of({"transforms": [TRANSFORM | {"rotation": ROTATION}]}),
+    POINTS: schema_of(
         {
             "timestamp": STAMP,
-            "frame_id": TEXT,
+            "frame_id": str,
             "pose": POSE,
-            "point_stride": WHOLE,
-            "fields": _list(_object({"name": TEXT, "offset": WHOLE, "type": WHOLE})),
-            "data": TEXT | {"contentEncoding": "base64"},
+            "point_stride": int,
+            "fields": [{"name": str, "offset": int, "type": int}],
+            "data": (str, {"contentEncoding": "base64"}),
         }
     ),
-    SCAN: _object(
+    SCAN: schema_of(
         {
-            **OF_RUN,
-            "scan": WHOLE,
-            "sensor": TEXT,
+            "scene": int,
+            "run": int,
+            "fingerprint": str,
+            "scan": int,
+            "sensor": str,
             "timestamp": STAMP,
-            "time_s": NUMBER,
-            "arrival_time_s": NUMBER,
-            "sensor_pose": _numbers(3) | {"description": "x m, y m, yaw rad in the fixed frame"},
-            "sensor_velocity": _numbers(2) | {"description": "vx, vy in the fixed frame, m/s"},
-            "noise_covariance": _list(_list(NUMBER)),
-            "rows": _list(_object({"valid": {"type": "boolean"}}, {"object": TEXT, "detection": WHOLE})),
-        },
-        {"detection_probability": NUMBER, "clutter_density": NUMBER},
-    ),
-    TRACKS: _object(
-        {
-            "time_s": NUMBER,
-            "tracks": _list(
-                _object(
-                    {
-                        "id": {"type": ["string", "integer"]},
-                        "mean": _numbers(4) | {"description": "px, py m, vx, vy m/s"},
-                    },
-                    {
-                        "covariance": _list(_list({"type": ["number", "null"]}))
-                        | {"description": "4 by 4, of the mean"},
-                        "existence": NUMBER | {"minimum": 0, "maximum": 1},
-                    },
-                )
-            ),
-        },
-        {
-            "timestamp": STAMP,
-            "scene": {"type": ["integer", "string"]},
-            "run": {"type": ["integer", "string"]},
-            "fingerprint": TEXT,
-        },
+            "time_s": float,
+            "arrival_time_s": float,
+            "sensor_pose": ([float] * 3, {"description": "x m, y m, yaw rad in the fixed frame"}),
+            "sensor_velocity": ([float] * 2, {"description": "vx, vy in the fixed frame, m/s"}),
+            "noise_covariance": [[float]],
+            "rows": [{"valid": bool, "object?": str, "detection?": int}],
+            "detection_probability?": float,
+            "clutter_density?": float,
+        }
     ),
 }

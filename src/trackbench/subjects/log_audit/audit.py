@@ -20,22 +20,11 @@ from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
-from trackbench.subjects.log_audit.findings import (
-    FAMILY,
-    LogFinding,
-    SensorAudit,
-    sensor_findings,
-    shown,
-)
+from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, sensor_findings, shown
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detections_of, noise_of
 from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
-from trackbench.subjects.log_audit.sensor_log import (
-    Clock,
-    SensorLog,
-    clock_of,
-    wrong_units,
-)
+from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, clock_of, wrong_units
 from trackbench.truth.recorded import Drive, read
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles

@@ -6,8 +6,7 @@ SUBJECT = Subject(
     commands={
         "inspect": Offer(f"{__name__}.commands:inspect_command", "Read a recording without a viewer."),
         "snapshot": Offer(
-            f"{__name__}.commands:snapshot_command",
-            "Save a picture of a run, at a time or at its worst moment.",
+            f"{__name__}.commands:snapshot_command", "Save a picture of a run, at a time or at its worst moment."
         ),
         "view": Offer(f"{__name__}.commands:view_command", "Open runs in the Rerun viewer."),
     },

@@ -345,11 +345,7 @@ def _scan(time: float, sensor: str, valid: Mask, arrival_time: float) -> Scan:
 
 
 def _take(
-    scorer: Scorer,
-    recorded: RecordedRun,
-    track: RecordedTrack,
-    innovations: dict[str, dict[int, Array]],
-    instant: int,
+    scorer: Scorer, recorded: RecordedRun, track: RecordedTrack, innovations: dict[str, dict[int, Array]], instant: int
 ) -> None:
     estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
     for sensor, items in innovations.items():

@@ -84,10 +84,7 @@ def application(scenario: str) -> str:
 
 
 def send(
-    recording: rr.RecordingStream,
-    result: Result,
-    colours: Mapping[str, str] | None = None,
-    focus: Focus = layout.WHOLE,
+    recording: rr.RecordingStream, result: Result, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE
 ) -> None:
     """Everything that is shown and kept of a run, and its layout."""
     contents = contents_of(result, colours)

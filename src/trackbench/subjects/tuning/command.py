@@ -11,13 +11,7 @@ from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.execution import executor
 from trackbench.base.process import INTERRUPTED
-from trackbench.cli.options import (
-    engine_option,
-    isolation_options,
-    names_in,
-    scenarios_argument,
-    trackers_of_scenarios,
-)
+from trackbench.cli.options import engine_option, isolation_options, names_in, scenarios_argument, trackers_of_scenarios
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation

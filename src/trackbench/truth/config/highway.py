@@ -69,9 +69,7 @@ Targets = Annotated[
     | Annotated[NearestTargets, Tag("<nearest>")]
     | Annotated[IdTargets, Tag("<ids>")],
     Discriminator(
-        _target_choice,
-        custom_error_type=PROBLEM,
-        custom_error_message="write all, {nearest: 4} or {ids: [v1, v2]}",
+        _target_choice, custom_error_type=PROBLEM, custom_error_message="write all, {nearest: 4} or {ids: [v1, v2]}"
     ),
 ]
 
@@ -107,8 +105,7 @@ class HighwayOptions(SteppedTruth):
     """Traffic simulated by highway-env."""
 
     env: str = Field(
-        min_length=1,
-        description="A registered highway-env id, such as highway-v0 (`trackbench list envs` shows them).",
+        min_length=1, description="A registered highway-env id, such as highway-v0 (`trackbench list envs` shows them)."
     )
     config: dict[str, Any] = Field(
         default_factory=dict, description="The environment's own configuration; unknown keys are refused."

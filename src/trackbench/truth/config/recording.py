@@ -97,10 +97,8 @@ class RecordingOptions(TruthSource):
     @classmethod
     def _folders(cls, data: Any, info: ValidationInfo) -> Any:
         """A folder stands for the files in it."""
-        folder, form = (
-            (info.context or {}).get("folder", Path()),
-            data.get("format") if isinstance(data, dict) else None,
-        )
+        folder = (info.context or {}).get("folder", Path())
+        form = data.get("format") if isinstance(data, dict) else None
 
         def opened(node: Any) -> Any:
             if not isinstance(node, dict):
@@ -241,13 +239,9 @@ class RecordingOptions(TruthSource):
             elif self.columns.observer is not None and "observer" in self.model_fields_set:
                 yield Problem(("observer",), "not used with columns.observer; remove one of them")
             return
-        for name, key in (
-            ("columns", "columns"),
-            ("units", "units"),
-            ("measurements", "readings"),
-            ("reference", "reference"),
-        ):
+        for name in ("columns", "units", "measurements", "reference"):
             if name in self.model_fields_set:
+                key = type(self).model_fields[name].alias or name
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")
 
     def _problems_of_boxes(self) -> Iterator[Problem]:
@@ -265,20 +259,19 @@ class RecordingOptions(TruthSource):
     def _problems_of_mcap(self) -> Iterator[Problem]:
         columns, of_mcap = self.columns, self.format == "mcap"
         observer = None if columns is None else columns.observer
-        for key, carrier in ((("columns", "observer"), observer), (("ego",), self.ego)):
-            if carrier is not None and of_mcap and carrier.frame is None:
-                yield Problem((*key, "frame"), "missing: the frame of the observer, such as base_link")
-            elif carrier is not None and carrier.frame is not None and not of_mcap:
-                yield Problem((*key, "frame"), f"{self.format} has no frames; remove")
+        for key, carrier in ((("columns", "observer", "frame"), observer), (("ego", "frame"), self.ego)):
+            if carrier is not None and of_mcap == (carrier.frame is None):
+                missing = "missing: the frame of the observer, such as base_link"
+                yield Problem(key, missing if of_mcap else f"{self.format} has no frames; remove")
         for path, entry in ((("columns",), columns), *((("readings", k), e) for k, e in self.measurements.items())):
             if entry is not None and entry.topic is not None and not of_mcap:
                 yield Problem((*path, "topic"), f"{self.format} has no topics; remove")
 
     def _problems_without_truth(self) -> Iterator[Problem]:
+        yield from self._problems_of_mcap()
         if self.format not in TABLES:
             yield Problem(("path",), f"missing: the file of format {self.format}")
             return
-        yield from self._problems_of_mcap()
         if self.columns is not None:
             yield Problem(("path",), "missing: the file whose columns are named in columns")
             return

@@ -15,11 +15,7 @@ from trackbench.truth.config.recording import MovingObserver
 from trackbench.truth.jumps import Position, Speed, Velocity
 
 #: The kinds of motion that a piece can have, and the keys that each adds.
-KINDS: dict[str, tuple[str, ...]] = {
-    "white": (),
-    "white_acceleration": (),
-    "waypoints": ("speed_mps",),
-}
+KINDS: dict[str, tuple[str, ...]] = {"white": (), "white_acceleration": (), "waypoints": ("speed_mps",)}
 #: The keys of the kind of motion that needs no word: a constant turn rate and acceleration, zero unless given.
 STEADY = ("turn_rate_degps", "acceleration_mps2")
 

@@ -62,6 +62,6 @@ class Mcap(TrafficFormat):
 
     def rows(self, file: Path) -> TrackRows:
         messages = messages_of(file, {*READERS, foxglove.TRANSFORMS})
-        own = of_topic(messages, Part("tracks", (*READERS,), self.topic), file)
+        own = of_topic(messages, READERS, Part("tracks", self.topic), file)
         transforms = [message for message in messages if message.schema == foxglove.TRANSFORMS]
         return READERS[own[0].schema](own, file, transforms)

@@ -6,7 +6,7 @@ Source: MCAP format specification, foxglove.dev, "Well-known profiles and encodi
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,26 +33,13 @@ class Part(NamedTuple):
     """What is read of a file that holds several things."""
 
     what: str
-    """Tracks, boxes, detections or frame."""
-    schemas: tuple[str, ...]
-    """Those of its topic; none where it is a frame."""
+    """boxes, detections, tracks or frame."""
     name: str | None
     """Of the topic, which may be left out where one alone has such messages, or of the frame."""
 
 
-def boxes(topic: str | None) -> Part:
-    """The boxes of a topic."""
-    return Part("boxes", (foxglove.BOXES,), topic)
-
-
-def detections(topic: str | None) -> Part:
-    """The detections of a sensor."""
-    return Part("detections", (foxglove.POINTS, foxglove.SCAN), topic)
-
-
-def frame(name: str | None) -> Part:
-    """The pose of a frame."""
-    return Part("frame", (), name)
+#: The messages that have it; those before are taken where a file has several.
+SCHEMAS = {"boxes": (foxglove.BOXES,), "detections": (foxglove.POINTS, foxglove.SCAN), "frame": ()}
 
 
 def columns(file: Path, part: Part) -> dict[str, Sequence[Any]]:
@@ -61,23 +48,24 @@ def columns(file: Path, part: Part) -> dict[str, Sequence[Any]]:
     Raises:
         InputError: the file cannot be read, or does not have it.
     """
-    messages = messages_of(file, {*part.schemas, foxglove.TRANSFORMS})
+    schemas = SCHEMAS[part.what]
+    messages = messages_of(file, {*schemas, foxglove.TRANSFORMS})
     transforms = decoded([message for message in messages if message.schema == foxglove.TRANSFORMS], file)
-    if not part.schemas:
+    if not schemas:
         return foxglove.columns_of_frame(part.name or "", transforms, file)
-    own = of_topic(messages, part, file)
+    own = of_topic(messages, schemas, part, file)
     if part.what == "boxes":
         return foxglove.columns_of_boxes(decoded(own, file), transforms, file)
     return foxglove.columns_of_detections(decoded(own, file), own[0].schema, file)
 
 
-def of_topic(messages: Sequence[Message], part: Part, file: Path) -> list[Message]:
+def of_topic(messages: Sequence[Message], schemas: Collection[str], part: Part, file: Path) -> list[Message]:
     """The messages of one topic: of the first of the schemas that is there, unless the topic is named.
 
     Raises:
         InputError: there are none, or several topics have such messages and none is named.
     """
-    what, schemas, topic = part
+    what, topic = part
     topics = {message.topic: message.schema for message in messages if message.schema in schemas}
     if topic is not None and topic not in topics:
         raise InputError(f"there is no topic {topic!r} with {what}; {nearest(topic, topics)}", file=file)
@@ -88,7 +76,7 @@ def of_topic(messages: Sequence[Message], part: Part, file: Path) -> list[Messag
         raise InputError(f"there are no {what} in this file; known are messages of {', '.join(schemas)}", file=file)
     chosen = [name for name, own in topics.items() if own == schema]
     if len(chosen) > 1:
-        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {_listed(chosen)}"
+        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {foxglove.named(chosen)}"
         raise InputError(problem, file=file)
     return [message for message in messages if message.topic == chosen[0] and message.schema == schema]
 
@@ -128,7 +116,3 @@ def decoded(messages: Sequence[Message], file: Path) -> list[object]:
             problem = f"message {number + 1} of {message.topic} is not JSON: {one_line(error)}"
             raise InputError(problem, file=file) from None
     return values
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")

@@ -120,37 +120,26 @@ class Rows(NamedTuple):
         return number
 
 
-def read(
-    file: Path, form: str, wanted: Iterable[str], optional: Iterable[str] = (), part: mcap.Part | None = None
-) -> Rows:
-    """The columns of a file that are wanted, and of the optional ones those it has.
-
-    Args:
-        file: the file.
-        form: "csv", "parquet" or "mcap".
-        wanted: names of columns.
-        optional: names of columns.
-        part: what is read of MCAP.
+def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.Part | None = None) -> Rows:
+    """The columns of a file of the format "csv", "parquet" or "mcap" that are wanted; of MCAP those of a part.
 
     Raises:
         InputError: the file cannot be read or has no such column, or no row.
     """
-    names = list(dict.fromkeys(wanted))
-    more = [name for name in dict.fromkeys(optional) if name not in names]
+    names = [name for name in dict.fromkeys(wanted) if name is not None]
     if form == "mcap":
         assert part is not None
         every = mcap.columns(file, part)
-        names += [name for name in more if name in every]
         _require(names, list(every), file, None)
         rows = Rows(file, {name: every[name] for name in names}, None)
     else:
-        rows = _csv(file, names, more) if form == "csv" else _parquet(file, names, more)
+        rows = _csv(file, names) if form == "csv" else _parquet(file, names)
     if not len(rows):
         raise InputError("the file has no row of data", file=file)
     return rows
 
 
-def _csv(file: Path, names: list[str], optional: list[str]) -> Rows:
+def _csv(file: Path, names: list[str]) -> Rows:
     reader = csv.reader(text_of(file).splitlines(keepends=True), strict=True)
     lines: list[int] = []
     rows: list[list[str]] = []
@@ -161,7 +150,6 @@ def _csv(file: Path, names: list[str], optional: list[str]) -> Rows:
                 continue
             if not header:
                 header = [name.strip() for name in row]
-                names = names + [name for name in optional if name in header]
                 _require(names, header, file, reader.line_num)
                 continue
             if len(row) != len(header):
@@ -176,14 +164,13 @@ def _csv(file: Path, names: list[str], optional: list[str]) -> Rows:
     return Rows(file, columns, lines)
 
 
-def _parquet(file: Path, names: list[str], optional: list[str]) -> Rows:
+def _parquet(file: Path, names: list[str]) -> Rows:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         metadata = pq.read_metadata(file)
         header = metadata.schema.to_arrow_schema().names
-        names = names + [name for name in optional if name in header]
         _require(names, header, file, None)
         _require_few(metadata.num_rows, file)
         table = pq.read_table(file, columns=names)

@@ -73,10 +73,9 @@ def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[
     return measurement, rows
 
 
-def columns_of(entry: MeasurementColumns) -> list[str]:
-    """The columns of a file of unlabelled measurements."""
-    named = [entry.time, entry.slot, entry.new_track, *entry.components.values()]
-    return [name for name in named if name is not None]
+def columns_of(entry: MeasurementColumns) -> list[str | None]:
+    """The columns of a file of unlabelled measurements, as far as they are given."""
+    return [entry.time, entry.slot, entry.new_track, *entry.components.values()]
 
 
 def scans_of(table: Rows, entry: MeasurementColumns, at: Array, units: Units, kind: str) -> Scans:
@@ -161,10 +160,7 @@ def _without_copies(of: Scans, time: Array, model: type[Sensor], within: float) 
             kept[row] = not np.any(np.hypot(*away) < within)
             older += [row] if kept[row] else []
     return of._replace(
-        scan=of.scan[kept],
-        measurement=of.measurement[:, kept],
-        own_track=of.own_track[kept],
-        copies=int((~kept).sum()),
+        scan=of.scan[kept], measurement=of.measurement[:, kept], own_track=of.own_track[kept], copies=int((~kept).sum())
     )
 
 

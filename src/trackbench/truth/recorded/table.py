@@ -23,7 +23,7 @@ from trackbench.truth.config.columns import (
 )
 from trackbench.truth.config.logs import find
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order, slope
-from trackbench.truth.recorded.mcap import boxes, detections, frame
+from trackbench.truth.recorded.mcap import Part
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
 from trackbench.truth.recorded.rows import Rows, read, seconds_from, time_stamps
 from trackbench.truth.recorded.scans import Scans, columns_of, measured, scans_of
@@ -43,10 +43,11 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     columns, units = config.columns, config.units
     observer, ignore = columns.observer, config.reference.ignore
     inside = [entry for entry in config.measurements.values() if entry.path is None]
-    wanted = [columns.time, columns.object, *columns.given.values(), *(c for e in inside for c in _own(e, columns))]
+    wanted = [columns.time, columns.object, *columns.given.values()]
+    wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
     wanted += [columns.kind, *ignore, *(observer.given.values() if observer is not None and not observer.path else ())]
     file = find(config.path, folder, "truth.path")
-    table = read(file, config.format, filter(None, wanted), part=boxes(columns.topic))
+    table = read(file, config.format, wanted, Part("boxes", columns.topic))
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
@@ -58,30 +59,30 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
         raise InputError("every row is a don't-care box, so there is no object", key="truth.reference.ignore")
     own = table.only(~dropped) if dropped.any() else table
     motions, order = _motions(own, columns, seconds[~dropped], config)
-    ignored = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
+    boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
     carrier = None
     if observer is not None and observer.path is not None:
         time = observer.time or columns.time
         own_rows = find(observer.path, folder, "truth.columns.observer.path")
-        source = read(own_rows, config.format, [time, *observer.given.values()], part=frame(observer.frame))
+        source = read(own_rows, config.format, [time, *observer.given.values()], Part("frame", observer.frame))
         times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
         carrier = observer_motion(source, observer, times, units)
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
         carrier = observer_motion(table, observer, seconds, units)
     logs: dict[str, Log] = {}
-    unlabelled: dict[str, Scans] = {}
+    detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
-        source, hidden = own, config.unlabelled(name)
+        source, unlabelled = own, config.unlabelled(name)
         if entry.path is not None:
             file = find(entry.path, folder, f"truth.readings.{name}.path")
-            needed = columns_of(entry) if hidden else _own(entry, columns)
-            source = read(file, config.format, [entry.time or columns.time, *needed], part=detections(entry.topic))
+            needed = columns_of(entry) if unlabelled else _own(entry, columns)
+            source = read(file, config.format, [entry.time or columns.time, *needed], Part("detections", entry.topic))
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
-        if hidden:
-            unlabelled[name] = scans_of(source, entry, times, units, kinds[name])
+        if unlabelled:
+            detections[name] = scans_of(source, entry, times, units, kinds[name])
             continue
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
         # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
@@ -91,16 +92,15 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     if columns.kind is not None:
         for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
             classes.setdefault(item, kind)
-    return Drive(motions, order, carrier, logs, said, unlabelled, np.unique(seconds), ignored, classes, start)
+    return Drive(motions, order, carrier, logs, said, detections, np.unique(seconds), boxes, classes, start)
 
 
 def _names(table: Rows, columns: TruthColumns) -> list[str]:
     return [OBJECT] * len(table) if columns.object is None else table.names(columns.object)
 
 
-def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str]:
-    named = [entry.time or columns.time, entry.object or columns.object, *entry.components.values()]
-    return [name for name in named if name is not None]
+def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str | None]:
+    return [entry.object or columns.object, *entry.components.values()]
 
 
 def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:

@@ -118,6 +118,6 @@ GATE_CHECK = DoctorCheck(
             "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
             "again.",
             Role("step", drive="gap_in_a_turn"),
-        ),
+        )
     },
 )

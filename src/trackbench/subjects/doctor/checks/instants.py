@@ -267,6 +267,6 @@ LATE_CHECK = DoctorCheck(
             "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is not "
             "its time.",
             Role(drive="uneven_steps"),
-        ),
+        )
     },
 )

@@ -106,7 +106,5 @@ def _differences(model: Callable[[Array], Array], x: Array) -> Array:
 
 
 MODELS_CHECK = DoctorCheck(
-    models,
-    place=180,
-    questions=(Question("models", "Are the Jacobians that the tracker provides right?"),),
+    models, place=180, questions=(Question("models", "Are the Jacobians that the tracker provides right?"),)
 )

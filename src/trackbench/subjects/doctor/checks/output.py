@@ -177,6 +177,6 @@ INTEGERS_CHECK = DoctorCheck(
             "Where these arrays are made, as by np.array([0, 0, 0, 0]) or dtype=int.",
             "Make them of floats: np.zeros(4), np.array([0.0, ...]); assigning to an array of integers truncates.",
             Role("exact", rank=2, causes="stepped wrong_dt", always="measurement_ignored", drive="own_model"),
-        ),
+        )
     },
 )

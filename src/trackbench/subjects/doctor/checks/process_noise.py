@@ -338,9 +338,7 @@ NOISE_POWERS_CHECK = DoctorCheck(
     place=120,
     questions=(
         Question(
-            "noise_powers",
-            "Do the entries of the process noise go with the same powers of the time step?",
-            misses=True,
+            "noise_powers", "Do the entries of the process noise go with the same powers of the time step?", misses=True
         ),
     ),
     of_filters=True,
@@ -358,6 +356,6 @@ NOISE_POWERS_CHECK = DoctorCheck(
                 always="numerical",
                 drive="uneven_steps",
             ),
-        ),
+        )
     },
 )

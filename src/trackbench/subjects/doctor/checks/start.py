@@ -236,12 +236,7 @@ def _any_target(random: np.random.Generator) -> Probe:
     """A target anywhere about the observer, with any velocity."""
     bearing, course = random.uniform(-np.pi, np.pi, 2)
     distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
-    target = (
-        distance * np.cos(bearing),
-        distance * np.sin(bearing),
-        speed * np.cos(course),
-        speed * np.sin(course),
-    )
+    target = (distance * np.cos(bearing), distance * np.sin(bearing), speed * np.cos(course), speed * np.sin(course))
     return Probe("start", "a random target at its first measurement", target)
 
 
@@ -293,6 +288,6 @@ CONFIDENCE_CHECK = DoctorCheck(
             "Give what the first measurements do not determine the spread of real targets: 20 m/s for the velocity of "
             "cars.",
             Role(drive="stationary"),
-        ),
+        )
     },
 )

@@ -21,15 +21,7 @@ from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, compon
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.probes import TURNS, turned_mounting
-from trackbench.subjects.doctor.session import (
-    FAR,
-    MissGiven,
-    StepFailed,
-    TrackerSession,
-    apart,
-    finite,
-    plausible,
-)
+from trackbench.subjects.doctor.session import FAR, MissGiven, StepFailed, TrackerSession, apart, finite, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import TOO_LARGE
 

@@ -239,7 +239,7 @@ REPEATABILITY_CHECK = DoctorCheck(
             "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
             "says random = True.",
             Role(rank=1, always="every", drive="uneven_steps"),
-        ),
+        )
     },
 )
 

@@ -119,6 +119,6 @@ VELOCITY_CHECK = DoctorCheck(
             "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise for "
             "it.",
             Role("step", rank=26, causes="stepped wrong_dt", drive="tangential_pass"),
-        ),
+        )
     },
 )

@@ -220,7 +220,7 @@ FALSE_ALARMS_CHECK = DoctorCheck(
             "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
             "reach.",
             Role(rank=8, always="double_tracks"),
-        ),
+        )
     },
 )
 
@@ -256,7 +256,7 @@ ORDER_CHECK = DoctorCheck(
             "Where detections are assigned to tracks one after the other.",
             "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
             Role(rank=2, always="tracks gate_too_large ids_reused"),
-        ),
+        )
     },
 )
 
@@ -270,7 +270,7 @@ EMPTY_SCAN_CHECK = DoctorCheck(
             "Where a scan without detections returns early.",
             "Predict at every scan, empty ones too, and count the miss.",
             Role(rank=3, always="never_deletes pd_misstated ids_reused"),
-        ),
+        )
     },
 )
 
