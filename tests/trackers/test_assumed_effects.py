@@ -339,7 +339,11 @@ def test_the_fused_engine_computes_the_same(filter: str) -> None:
         ),
         ({"initial": "two_measurements"}, "initial.from", "a track starts from its first measurement"),
         ({"initial": {"covariance_diag": [1, 1, 1, 1]}}, "initial.covariance_diag", "not used with errors as states"),
-        ({"associate": {"method": "gnn"}}, "assume", "known to trackers of one object alone"),
+        (
+            {"associate": {"method": "gnn"}, "assume": {"radar": {"signal_to_noise": SIGNAL, **KNOWN}}},
+            "assume.radar.correlated_errors",
+            "remove it, or signal_to_noise",
+        ),
     ],
 )
 def test_where_errors_are_no_states_is_said(keys: dict[str, Any], at: str, message: str) -> None:

@@ -14,6 +14,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, indices
 from trackbench.base.units import difference
 from trackbench.models.motion import MotionModel
+from trackbench.models.sensors import SENSOR_MODELS
 
 
 class Belief(NamedTuple):
@@ -167,6 +168,12 @@ class SingleModelFilter(Filter[Belief], ABC):
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
         """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
+
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements as the sensor gives them, with the noise beside what is part of the state."""
+        errors = self.motion.sensor_errors(scan)
+        noise = scan.noise_covariance if errors is None else errors.noise
+        return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
 
     def step(self, belief: Belief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Belief]:
         """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""

@@ -54,9 +54,6 @@ class LinearisedFilter(SingleModelFilter):
         f = self.motion.jacobian(belief.mean, dt)
         return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
 
-    def measured(self, scan: Scan) -> Measured:
-        return as_measured(self.motion, scan)
-
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return self._expected(guarded(belief), scan)[0]
 
@@ -143,13 +140,6 @@ class IteratedExtendedKalmanFilter(LinearisedFilter):
             at = update.belief.mean
         assert first is not None
         return first._replace(belief=update.belief)
-
-
-def as_measured(motion: MotionModel, scan: Scan) -> Measured:
-    """The measurements of a scan as the sensor gives them, with the noise beside what is part of the state."""
-    errors = motion.sensor_errors(scan)
-    noise = scan.noise_covariance if errors is None else errors.noise
-    return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
@@ -241,9 +231,6 @@ class SigmaPointFilter(SingleModelFilter):
         # Of the other points, the centre and those of the noises, the state before has no deviation.
         across = away[:, 1 : size + 1] - away[:, size + 1 :]
         return weight * distance * linalg.matmul_transposed(factor_of(belief), across)
-
-    def measured(self, scan: Scan) -> Measured:
-        return as_measured(self.motion, scan)
 
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return self._expected(belief, scan)[0]

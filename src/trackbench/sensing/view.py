@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Indices, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import Mount, Radar, Sensor
-from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
+from trackbench.models.sensors.detection import detected_share
 
 if TYPE_CHECKING:
     from trackbench.sensing.scans import IdealSensor
@@ -173,8 +173,7 @@ def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Ar
     factors, distance = config.detection, seen[0]
     probability: Array = np.broadcast_to(config.detection_probability, distance.shape)
     if factors.half_range_m is not None:
-        signal = signal_ratio(distance, factors.half_range_m)
-        probability = probability * FALSE_ALARM_PROBABILITY ** (1.0 / (1.0 + signal))
+        probability = probability * detected_share(distance, factors.half_range_m)
     if factors.by_range is not None:
         probability = probability * np.interp(distance, *np.transpose(factors.by_range))
     if factors.by_aspect is not None:

@@ -18,6 +18,9 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.effects.base import component_problems
 from trackbench.models.sensors.effects.signal import SignalRange
 
+#: What is nearer, or measured to be, has the signal of this distance, m.
+NEAREST = 1.0
+
 
 class ErrorProcess(Config):
     """Errors that change slowly, as part of the state: a first-order Gauss-Markov process for each component."""
@@ -45,7 +48,7 @@ class AssumedEffects(Config):
     signal_to_noise: SignalRange | None = Field(
         None,
         description="The noise of each measurement by its range, as the effect of this name has it on average over the "
-        "fluctuating cross-section.",
+        "fluctuating cross-section; with associate the detection probability too.",
     )
     correlated_errors: ErrorProcess | None = Field(
         None, description="Errors that change slowly, which are estimated with the motion of each object."
@@ -115,27 +118,44 @@ class AssumedSensors:
     effects: Mapping[str, AssumedEffects] = field(default_factory=dict)
 
     def read(self, scan: Scan) -> Scan:
-        """The scan as the tracker takes it."""
+        """The scan as the tracker takes it, each measurement with its own noise."""
+        return self.with_noise_by_range(self.stated(scan))
+
+    def stated(self, scan: Scan) -> Scan:
+        """The scan by the sensor and the noise that the tracker takes, alike at all ranges."""
         kind = self.models.get(scan.sensor, scan.kind)
         if kind != scan.kind:
             scan = scan._replace(kind=kind)
-        sigmas, effects = self.noise.get(scan.sensor), self.effects.get(scan.sensor)
+        sigmas = self.noise.get(scan.sensor)
         if sigmas is not None:
             scan = scan._replace(noise_covariance=SENSOR_MODELS[kind].other_noise(scan.noise_covariance, sigmas))
-        if effects is not None and effects.signal_to_noise is not None:
-            factor = np.where(scan.valid, effects.signal_to_noise.mean_variance_factor(_distance(scan)), 1.0)
-            noise = linalg.expand(scan.noise_covariance, scan.measurement[None]) * factor
-            scan = scan._replace(noise_covariance=noise)
         return scan
 
+    def with_noise_by_range(self, scan: Scan) -> Scan:
+        """The scan, each measurement with the noise of its range where the tracker assumes that."""
+        signal = self.signal(scan.sensor)
+        if signal is None:
+            return scan
+        factor = np.where(scan.valid, signal.mean_variance_factor(measured_distance(scan)), 1.0)
+        return scan._replace(noise_covariance=linalg.expand(scan.noise_covariance, scan.measurement[None]) * factor)
 
-def _distance(scan: Scan) -> Array:
+    def signal(self, sensor: str) -> SignalRange | None:
+        """The signal-to-noise ratio that is assumed of a sensor."""
+        return self.effects[sensor].signal_to_noise if sensor in self.effects else None
+
+
+def measured_distance(scan: Scan) -> Array:
     """``(...)`` the distance that each measurement states, m; one where there is no measurement."""
     model = SENSOR_MODELS[scan.kind]
     if "range" in model.components:
-        distance = scan.measurement[model.components.index("range")]
+        away = np.maximum(scan.measurement[model.components.index("range")], NEAREST)
     else:
-        x, y = model.position(scan).mean - linalg.expand(scan.sensor_pose[:2], scan.measurement)
-        distance = np.hypot(x, y)
-    # A measured range of nothing or less has the noise of one metre.
-    return np.where(scan.valid, np.maximum(distance, 1.0), 1.0)
+        away = distance(model.position(scan).mean, scan)
+    return np.where(scan.valid, away, NEAREST)
+
+
+def distance(position: Array, scan: Scan) -> Array:
+    """``(...)`` of positions ``(2, ...)`` from the sensor, m."""
+    x, y = position - linalg.expand(scan.sensor_pose[:2], position)
+    away: Array = np.maximum(np.hypot(x, y), NEAREST)
+    return away

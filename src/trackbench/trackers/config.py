@@ -289,8 +289,10 @@ class FilterConfig(OptionsBeside):
             yield Problem(("initial", "from"), message)
         if self.smoother is not None:
             yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")
-        if self.assume:
-            yield Problem(("assume",), "known to trackers of one object alone; remove it, or associate")
+        for sensor, effects in self.assume.items():
+            if effects.signal_to_noise is not None and effects.correlated_errors is not None:
+                known = "with associate their size is to be known before a detection and its range are"
+                yield Problem(("assume", sensor, "correlated_errors"), f"{known}; remove it, or signal_to_noise")
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:
                 yield Problem(("initial", key), "not used with associate, which has confirm; remove it")

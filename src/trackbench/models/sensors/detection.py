@@ -30,6 +30,11 @@ def signal_ratio(distance: Array, half_range_m: float) -> Array:
     return np.asarray(at_half * (half_range_m / distance) ** 4)
 
 
+def detected_share(distance: Array, half_range_m: float) -> Array:
+    """``(...)`` share of the targets at distances in m that are detected at that ratio."""
+    return np.asarray(FALSE_ALARM_PROBABILITY ** (1.0 / (1.0 + signal_ratio(distance, half_range_m))))
+
+
 class DetectionFactors(Config):
     """Factors of the detection probability."""
 

@@ -82,7 +82,7 @@ def weighed(
     at: AssociationInput,
     pairs: GatedPairs,
     existence: Array | None,
-    density: float,
+    density: float | Array,
     max_cluster: int,
     compute: Compute = by_numpy,
 ) -> Association:
@@ -98,14 +98,15 @@ def weighed(
         pairs: in the gates, sorted by track.
         existence: ``(2, L)`` predicted probability that the object exists, and that it is not hidden if so; None: both
             are certain.
-        density: of detections that stem from none of the tracks.
+        density: of detections that stem from none of the tracks; ``(N,)`` where each is.
         max_cluster: size of cluster up to which the association probabilities are exact.
         compute: how equations are computed.
     """
     track, detection = pairs.track, pairs.detection
     count, detections = len(at.run), len(at.detections.run)
+    rest = np.broadcast_to(density, detections)[detection]
     exists, visible = np.ones((2, count)) if existence is None else existence
-    hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / density
+    hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / rest
     missed_existing, unseen = exists * at.miss, 1.0 - exists + exists * at.miss
     share = marginals(track, detection, hit / unseen[track], (count, detections), max_cluster, compute)
     none = np.maximum(1.0 - np.bincount(track, share, count), 0.0)
@@ -205,7 +206,7 @@ def associated(
     at: AssociationInput,
     table: TrackTable,
     origin: Indices | None,
-    probability: float,
+    probability: Array,
     compute: Compute,
 ) -> Association:
     """Associate the detections of a scan with the tracks.
@@ -215,7 +216,7 @@ def associated(
         at: the situation, whose detection probabilities are corrected.
         table: the tracks.
         origin: ``(2, N)`` numbers of the objects that caused each detection, for the oracle.
-        probability: that an object in view is detected.
+        probability: ``(L,)`` that an object is detected where it is in view.
         compute: how equations are computed.
     """
     if config.method == "oracle":
@@ -231,7 +232,7 @@ def associated(
     if isinstance(belief, MultiModelBelief):
         pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
     # What is in a gate was in view, whatever the sensor states.
-    at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
+    at.detection_probability[pairs.track] = np.maximum(probability[pairs.track], LEAST_DETECTION)
     if config.method in EXISTENCE:
         at.detection_probability[:] *= table.evidence[1]
     if config.method == "naive":
@@ -242,9 +243,8 @@ def associated(
     density = at.intensity.false_alarms
     if config.method == "jpda":
         return _established(at, pairs, table.id != NONE, density, config.max_cluster, compute)
-    if config.method == "pmb":
-        density += at.intensity.new_objects * probability
-    return weighed(at, pairs, table.evidence[:2], density, config.max_cluster, compute)
+    both = density + at.intensity.new_objects if config.method == "pmb" else density
+    return weighed(at, pairs, table.evidence[:2], both, config.max_cluster, compute)
 
 
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:

@@ -29,8 +29,6 @@ from trackbench.filters import (
     PredictedMeasurement,
     bare,
     choose,
-    select,
-    selected_prediction,
 )
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi.gate import RunDetections
@@ -114,17 +112,13 @@ class FusedTrackFilter(TrackFilter):
             put_together(result, modes), prediction_of(result, modes), np.asarray(result["in view"], dtype=bool)
         )
 
-    def after(self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
-        own, predicted = detections_of(scan, detection), selected_prediction(at.measurement, track)
-        return self._after(at._replace(belief=select(at.belief, track), measurement=predicted), own)
-
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
         valid = detection >= 0
         if not valid.any():
             return at.belief
         # The kernel is quicker with all tracks, as they lie, than with some that have to be gathered. What has no
         # detection is given one, the last, that is not looked at.
-        return self._after(at, scan._replace(measurement=scan.measurement.take(detection, axis=1), valid=valid))
+        return self._updated(at, detections_of(scan, detection)._replace(valid=valid))
 
     def mixture(
         self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array
@@ -138,15 +132,18 @@ class FusedTrackFilter(TrackFilter):
             return super().mixture(at, scan, track, detection, share, kept)
         of_slot, weight = np.full((slots, len(kept)), NONE), np.zeros((slots, len(kept)))
         of_slot[slot, track], weight[slot, track] = detection, share
-        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_sensor(scan)
+        in_slot = [detections_of(scan, which) for which in of_slot]
+        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_sensor(in_slot[0])
         values |= {"valid": of_slot[0] != NONE, "kept": kept}
-        for number in range(slots):
-            values[f"measurement {number}"] = scan.measurement.take(of_slot[number], axis=1)
+        for number, own in enumerate(in_slot):
+            values[f"measurement {number}"] = own.measurement
+            if own.noise_covariance.ndim > 2:
+                values[f"noise {number}"] = own.noise_covariance
             values[f"share {number}"] = weight[number]
         result = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
         return put_together(result, self.filter.modes)
 
-    def _after(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
+    def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
         """The belief of each member after its detection; where it is not valid, as it is."""
         values = taken_apart(at.belief) | of_prediction(at.measurement) | of_scan(scan)
         return put_together(self.filter.computed("belief", _after, values, scan), self.filter.modes)
@@ -170,7 +167,10 @@ def _after(call: FilterCall, values: Values) -> Values:
 
 def _mixture(call: FilterCall, values: Values, slots: int) -> Values:
     before, predicted = put_together(values, call.modes), prediction_of(values, call.modes)
-    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, call.scan) for number in range(slots)]
+    scans = []
+    for number in range(slots):
+        own = {name: values.get(f"{name} {number}", values.get(name)) for name in ("measurement", "noise")}
+        scans.append(scan_of({**values, **own}, call.scan))
     updated = [bare(call.filter.update(before, scan, predicted).belief) for scan in scans]
     share = [values[f"share {number}"] for number in range(slots)]
     mixed = of_slots(call.filter.motions, bare(before), updated, share, values["kept"])

@@ -11,7 +11,10 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, FieldOfView, Scan
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.detection import detected_share
+from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.assume import distance
 from trackbench.trackers.multi.gate import in_view
 
 #: A field of view without a limit of range is taken to end here, m.
@@ -49,23 +52,25 @@ class Undetected(NamedTuple):
         """The expected number in the view of a sensor."""
         return self.views[sensor].expected if sensor in self.views else self.unseen
 
-    def after_scan(self, scan: Scan, probability: float) -> Undetected:
-        """What is left where the scan detects each object in its view with this probability."""
+    def after_scan(self, scan: Scan, probability: float, signal: SignalRange | None = None) -> Undetected:
+        """What is left where the scan detects each object in its view with this probability, times its signal's."""
         field = scan.field_of_view or FieldOfView(np.pi, np.inf)
         views = {**self.views, scan.sensor: View(field, scan.sensor_pose, self.in_view(scan.sensor))}
         left = {
-            name: view._replace(expected=view.expected * (1.0 - probability * seen_share(view, scan)))
+            name: view._replace(expected=view.expected * (1.0 - probability * seen_share(view, scan, signal)))
             for name, view in views.items()
         }
         return Undetected(self.unseen, left)
 
 
-def seen_share(view: View, scan: Scan) -> float:
-    """The share of a view that a scan looks at."""
+def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> float:
+    """The share of a view that a scan looks at, or of the objects in it that it detects by their signal."""
     reach = view.field.max_range if np.isfinite(view.field.max_range) else UNLIMITED_RANGE
     angle = view.pose[2] + view.field.half_angle * _ANGLES
     away = reach * _RADII
-    return float(in_view(view.pose[:2, None] + away * np.array([np.cos(angle), np.sin(angle)]), scan).mean())
+    points = view.pose[:2, None] + away * np.array([np.cos(angle), np.sin(angle)])
+    detected = 1.0 if signal is None else detected_share(distance(points, scan), signal.half_range_m)
+    return float((in_view(points, scan) * detected).mean())
 
 
 #: Points of equal share of a sector: of its half angle, and of its radius.
@@ -82,12 +87,12 @@ class Intensity(NamedTuple):
     """Detections per unit volume and scan."""
 
     false_alarms: float
-    new_objects: float
-    """Of objects that exist and have no track, if they were detected for certain."""
+    new_objects: Array
+    """``(N,)`` of objects that have no track, where each detection is."""
 
 
 def intensity(
-    scan: Scan, components: int, config: AssociateConfig, undetected: float, velocity_sigma: float
+    scan: Scan, components: int, config: AssociateConfig, undetected: float, detection: Array, velocity_sigma: float
 ) -> Intensity:
     """What is expected in a scan.
 
@@ -99,6 +104,7 @@ def intensity(
         components: of what the filter compares: fewer than the scan has where it converts them to a position.
         config: may override what the sensor states.
         undetected: expected number of objects in view that no scan has found.
+        detection: ``(N,)`` probability that an object is detected where each detection is.
         velocity_sigma: standard deviation of an object's velocity, m/s.
     """
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
@@ -107,8 +113,8 @@ def intensity(
     volume = view.volume or measured
     false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
     if components == len(scan.measurement):
-        return Intensity(false_alarms / volume, undetected / measured)
-    return Intensity(false_alarms / positions, undetected / positions)
+        return Intensity(false_alarms / volume, undetected / measured * detection)
+    return Intensity(false_alarms / positions, undetected / positions * detection)
 
 
 @lru_cache(maxsize=64)

@@ -165,8 +165,13 @@ class TrackFilter:
             scan: of N detections, all valid.
             track, detection: ``(P,)``
         """
-        own, predicted = detections_of(scan, detection), selected_prediction(at.measurement, track)
-        result: AnyBelief = self.filter.update(select(at.belief, track), own, predicted).belief
+        predicted = selected_prediction(at.measurement, track)
+        part = at._replace(belief=select(at.belief, track), measurement=predicted)
+        return self._updated(part, detections_of(scan, detection))
+
+    def _updated(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
+        """The belief of each member after its detection."""
+        result: AnyBelief = self.filter.update(at.belief, scan, at.measurement).belief
         return result
 
     def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
@@ -206,4 +211,7 @@ def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTra
 
 def detections_of(scan: Scan, which: Indices) -> Scan:
     """Some detections of a scan, or the same one several times."""
-    return scan._replace(measurement=scan.measurement.take(which, axis=1), valid=scan.valid[which])
+    noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)
+    return scan._replace(
+        measurement=scan.measurement.take(which, axis=1), valid=scan.valid[which], noise_covariance=noise
+    )

@@ -12,7 +12,9 @@ from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, 
 from trackbench.engine.choice import compute_by, used
 from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, bare
+from trackbench.models.sensors.detection import detected_share
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.assume import distance, measured_distance
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.late import ProcessedScan, ScanTracker, replayed
@@ -22,6 +24,7 @@ from trackbench.trackers.multi.intensity import Undetected, intensity
 from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
 from trackbench.trackers.multi.table import (
     NONE,
+    PredictedTracks,
     TrackFilter,
     TrackTable,
     detections_of,
@@ -101,7 +104,7 @@ class MultiObjectTracker(ScanTracker):
             single = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, single, None if origins is None else origins[..., None])
             return state, _alone(tracks)
-        scan = self.assumed.read(scan)
+        scan = self.assumed.stated(scan)
         if state is None:
             state = self._nothing_yet(scan.time, scan.valid.shape[1])
             if scan.asked:
@@ -119,21 +122,24 @@ class MultiObjectTracker(ScanTracker):
     ) -> tuple[MultiObjectState, Tracks]:
         expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
         ahead = self._at(state, scan.time)
-        config, runs, stated = self.associate, len(ahead.next_id), self._stated_probability(scan)
+        config, runs = self.associate, len(ahead.next_id)
         detections = side_by_side(scan, as_listed=config.method == "naive")
+        detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
+        of_tracks, of_detections = self._detection_probability(expected, detections.scan)
         origin = None if origins is None else origins[:, detections.column, detections.run]
         density = intensity(
             detections.scan,
             len(expected.measurement.mean),
             config,
             ahead.undetected.in_view(scan.sensor),
+            of_detections,
             self.initial.velocity_sigma_mps,
         )
-        probability = np.where(expected.in_view, stated, 0.0)
+        probability = np.where(expected.in_view, of_tracks, 0.0)
         at = AssociationInput(
             self._track_filter, expected, detections, ahead.table.run, probability, config.gate, density
         )
-        result = associated(config, at, ahead.table, origin, stated, self._compute)
+        result = associated(config, at, ahead.table, origin, of_tracks, self._compute)
         table, ends = self._judged(ahead.table, result, at)
         if self.initial.sensors is None or scan.sensor in self.initial.sensors:
             table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin), runs)
@@ -142,7 +148,7 @@ class MultiObjectTracker(ScanTracker):
         table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
         undetected = ahead.undetected
         if config.method in EXISTENCE:
-            undetected = undetected.after_scan(scan, stated)
+            undetected = undetected.after_scan(scan, self._stated_probability(scan), self.assumed.signal(scan.sensor))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
     def _after_late(
@@ -224,7 +230,7 @@ class MultiObjectTracker(ScanTracker):
         if config.method in COUNTING:
             which = unclaimed > CLAIMED
         else:
-            new = at.intensity.new_objects * self._stated_probability(scan)
+            new = at.intensity.new_objects
             existence = unclaimed * new / (at.intensity.false_alarms + new)
             which = existence >= config.delete_existence
         if origin is not None:
@@ -242,6 +248,16 @@ class MultiObjectTracker(ScanTracker):
             none if origin is None else origin[0, own],
         )
 
+    def _detection_probability(self, expected: PredictedTracks, scan: Scan) -> tuple[Array, Array]:
+        """``(L,)`` and ``(N,)`` of an object where each track and where each detection is, were it in view."""
+        stated, signal = self._stated_probability(scan), self.assumed.signal(scan.sensor)
+        of_tracks, of_detections = (np.full(len(where), float(stated)) for where in (expected.in_view, scan.valid))
+        if signal is not None:
+            position = self._track_filter.filter.cartesian(expected.belief).mean[:2]
+            of_tracks *= detected_share(distance(position, scan), signal.half_range_m)
+            of_detections *= detected_share(measured_distance(scan), signal.half_range_m)
+        return of_tracks, of_detections
+
     def _stated_probability(self, scan: Scan) -> float:
         stated = 1.0 if scan.detection_probability is None else scan.detection_probability
         return self.associate.detection_probability.get(scan.sensor, stated)
@@ -252,8 +268,9 @@ class MultiObjectTracker(ScanTracker):
 
     def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
         """The states in which tracks are compared, and which components are angles: that of the only motion model."""
-        if isinstance(belief, Belief):
-            return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
+        motion = self.filter.motions[0]
+        if isinstance(belief, Belief) and not motion.sensors_with_errors:
+            return Gaussian(belief.mean, belief.covariance), motion.angular
         return self._track_filter.filter.cartesian(belief), ()
 
     @cached_property

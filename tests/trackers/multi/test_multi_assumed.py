@@ -1,0 +1,176 @@
+"""What trackers of several objects assume of a sensor's effects: noise and detection by range, errors as states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from scipy import stats
+from tests.support.traffic_scans import traffic, vehicles
+from tests.trackers.multi.test_multi_tracker import followed
+from tests.trackers.test_assumed_effects import BIASED, CV, KNOWN, RADAR, SIGNAL, nees, simulated
+from tests.trackers.test_assumed_effects import followed as followed_labelled
+
+import trackbench
+from trackbench.base.types import FieldOfView, Scan
+from trackbench.models.sensors import Radar
+from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
+from trackbench.models.sensors.effects.signal import SignalRange
+from trackbench.trackers.associate import AssociationMethod
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi import MultiObjectTracker, build_multi
+from trackbench.trackers.multi.intensity import Undetected, volumes
+
+#: Noise that is alike at all ranges, and detection that is certain.
+SAME = {"signal_to_noise": {"half_range_m": 1e9, "stated_at_m": 60, "constant_share": 1}}
+ENGINES = ("numpy", "fused")
+
+
+def tracker(method: str, engine: str = "numpy", **keys: Any) -> MultiObjectTracker:
+    given = {"filter": "ekf", **CV, "associate": {"method": method}, **keys}
+    return replace(build_multi(FilterConfig.model_validate(given)), engine=engine)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", get_args(AssociationMethod))
+def test_noise_that_is_alike_at_all_ranges_changes_no_bit(method: str, engine: str) -> None:
+    seen = traffic(vehicles(5, spacing=9.0), 8, runs=2, detection=0.9, clutter=4.0, seed=3)
+    assuming = tracker(method, engine, assume={"radar": SAME, "lidar": SAME})
+    for found, expected in zip(followed(assuming, seen), followed(tracker(method, engine), seen), strict=True):
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert (found.ids >= 0).sum() > 5
+
+
+def clustered(seed: int = 3) -> Any:
+    """Scans in which tracks share detections."""
+    return traffic(vehicles(6, spacing=9.0), 12, runs=3, detection=0.85, clutter=8.0, seed=seed)
+
+
+@pytest.mark.parametrize("effects", [{"signal_to_noise": SIGNAL}, {"signal_to_noise": SIGNAL, **BIASED}, KNOWN])
+@pytest.mark.parametrize("method", ["gnn", "jpda", "pmb"])
+def test_the_fused_engine_computes_the_same(method: str, effects: dict[str, Any]) -> None:
+    of, seen = tracker(method, assume={"radar": effects}), clustered()
+    fused = replace(of, engine="fused")
+    for found, expected in zip(followed(fused, seen), followed(of, seen), strict=True):
+        np.testing.assert_array_equal(found.ids, expected.ids)
+        np.testing.assert_array_equal(found.used, expected.used)
+        np.testing.assert_allclose(found.mean, expected.mean, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-7, atol=1e-8)
+    assert not fused.engine_used.why_numpy
+
+
+def hidden(scan: Scan) -> Scan:
+    """The scan of a single object in each run, as one of detections that nobody labelled."""
+    return scan._replace(
+        measurement=scan.measurement[:, None], valid=scan.valid[None], detection_probability=0.9,
+        clutter_density=1e-6, field_of_view=FieldOfView(np.pi, 300.0),
+    )  # fmt: skip
+
+
+EFFECTS = [
+    ([{"type": "signal_to_noise", **SIGNAL}], {"signal_to_noise": SIGNAL}),
+    (
+        [{"type": "correlated_errors", "share": 0.8, "time_s": 1.0}, {"type": "bias", "sigmas": {"azimuth_deg": 0.5}}],
+        KNOWN,
+    ),
+]
+
+
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize(("effects", "assumed"), EFFECTS)
+def test_a_track_without_doubt_is_that_of_the_labelled_object(effects: Any, assumed: Any, late: bool) -> None:
+    _, scans = simulated(Radar(**RADAR, effects=effects), (20.0, 5.0, 20.0, 1.0), steps=25, runs=40)
+    assert scans[0].valid.all()
+    if late:
+        scans[-2:] = [scans[-1], scans[-2]._replace(arrival_time=scans[-1].time)]
+    keys = {"filter": "ekf", "assume": {"radar": assumed}}
+    expected = followed_labelled(scans, **keys)[-1]
+    associate = {"method": "gnn", "confirm": [1, 1], "gate": 1 - 1e-9}
+    of, state = tracker("gnn", assume={"radar": assumed}, associate=associate), None
+    taken = np.ones(40, dtype=bool)
+    for seen in scans:
+        state, found = of.step(state, hidden(seen))
+        taken &= (found.used[0] >= 0) == seen.valid
+    # The power that fluctuates gives errors longer tails than a Gaussian's, so that some are outside the gate.
+    assert taken.mean() > 0.9
+    np.testing.assert_allclose(found.mean[:, 0, taken], expected.mean[:, taken], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.covariance[:, :, 0, taken], expected.covariance[..., taken], rtol=1e-8, atol=1e-10)
+
+
+def test_who_assumes_slow_errors_and_a_bias_is_consistent() -> None:
+    x, scans = simulated(Radar(**RADAR, effects=EFFECTS[1][0]), (30.0, 5.0, 4.0, 1.0), steps=40, runs=200)
+    for assumed, low, high in ((KNOWN, *stats.chi2.ppf([0.0005, 0.9995], 800) / 200), (None, 20.0, np.inf)):
+        of, state = tracker("pmb", assume={} if assumed is None else {"radar": assumed}), None
+        for seen in scans:
+            state, found = of.step(state, hidden(seen))
+        assert (found.ids[0] >= 0).all()
+        error = found._replace(mean=found.mean[:, 0], covariance=found.covariance[:, :, 0])
+        assert low < nees(error, x[39]).mean() < high
+
+
+def seen_at(distance: float, time: float, detected: bool) -> Scan:
+    """A radar's scan of one run, with one detection or none."""
+    measurement = np.array([[distance], [0.1], [0.0]])[:, : int(detected)]
+    return Scan(
+        time, "radar", "radar", measurement, np.ones(int(detected), dtype=bool), Radar(**RADAR).noise_covariance(),
+        np.zeros(3), np.zeros(2), time, 0.9, 1e-4, FieldOfView(np.pi, 250.0),
+    )  # fmt: skip
+
+
+def detected(distance: Any) -> Any:
+    return FALSE_ALARM_PROBABILITY ** (1 / (1 + signal_ratio(np.asarray(distance), 140)))
+
+
+@pytest.mark.parametrize("method", ["jipda", "pmb"])
+@pytest.mark.parametrize("distance", [30.0, 140.0, 200.0])
+def test_existence_reckons_with_the_detection_probability_of_the_range(method: str, distance: float) -> None:
+    associate = {"method": method, "birth_rate_hz": 1e-9, "lifetime_s": 1e9, "visible_s": None, "gate": 1 - 1e-12}
+    of = tracker(method, associate=associate, assume={"radar": {"signal_to_noise": SIGNAL}})
+    state, _ = of.step(None, seen_at(distance, 0.0, True))
+    probability = 0.9 * detected(distance)
+    new = 10.0 / volumes("radar", FieldOfView(np.pi, 250.0), 20.0)[0] * probability
+    exists = new / (new + 1e-4)
+    assert state.table.evidence[0, 0] == pytest.approx(exists, rel=1e-9)
+    after, _ = of.step(state, seen_at(distance, 1e-9, False))
+    # The bias of the range is taken out of a track.
+    probability = 0.9 * detected(np.hypot(*state.table.belief.mean[:2, 0]))
+    expected = exists * (1 - probability) / (1 - exists * probability)
+    assert after.table.evidence[0, 0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_scan_finds_the_share_of_its_view_that_the_signal_lets_it_detect() -> None:
+    start, signal = Undetected(10.0, {}), SignalRange(**SIGNAL)
+    left = start.after_scan(seen_at(50.0, 0.0, False), 0.9, signal).in_view("radar")
+    radii = 250.0 * np.sqrt((np.arange(4000) + 0.5) / 4000)
+    # Eight points of the radius against four thousand.
+    assert left == pytest.approx(10.0 * (1 - 0.9 * detected(radii).mean()), rel=0.01)
+
+
+def test_a_radar_whose_noise_goes_with_the_signal_is_better_followed_by_who_assumes_it() -> None:
+    signal = "{half_range_m: 140, stated_at_m: 60}"
+    own = "filter: ekf, motion: cv, acceleration_sigma_mps2: 3"
+    scenario = trackbench.load(
+        "traffic/long_range",
+        [
+            "sensors.front_radar.detection={}",
+            "sensors.front_radar.effects=[{type: signal_to_noise, half_range_m: 140, stated_at_m: 60}]",
+            # The mean over what is in view, for the tracker that knows no more.
+            "sensors.front_radar.states={detection_probability: 0.6}",
+            "sensors.front_radar.clutter.per_scan=20",
+            "truth.duration_s=8",
+            "expect=[]",
+            f"trackers={{pmb: {{{own}, associate: {{method: pmb}}}}, "
+            f"knows: {{{own}, associate: {{method: pmb, detection_probability: {{front_radar: 1}}}}, "
+            f"assume: {{front_radar: {{signal_to_noise: {signal}}}}}}}}}",
+        ],
+        runs=6,
+    )
+    result = trackbench.run(scenario)
+    (difference,) = (item for item in result.differences if item.metric == "tgospa")
+    assert (difference.a, difference.b, difference.better) == ("pmb", "knows", "knows")
+    assert difference.ci95[0] > 0.5
+    assert 2.5 < result["knows"].metrics["nees"].value < 5.0
+    assert result["pmb"].metrics["nees"].value > 15.0
