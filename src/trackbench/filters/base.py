@@ -143,7 +143,9 @@ class Filter(Protocol[B]):
 
     def step(self, belief: B, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[B]:
         """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
-        ...
+        predicted = self.predict(belief, dt)
+        update = self.update(predicted, scan)
+        return Step(update, self.cartesian(update.belief), None if guard is None else guard(predicted))
 
     def smooth(self, belief: B, later: B, dt: float) -> B:
         """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
@@ -175,10 +177,6 @@ class SingleModelFilter(Filter[Belief], ABC):
         noise = scan.noise_covariance if errors is None else errors.noise
         return Measured(scan.measurement, noise, SENSOR_MODELS[scan.kind].angular)
 
-    def step(self, belief: Belief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Belief]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
-        return stepped(self, belief, dt, scan, guard)
-
     def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
         """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
 
@@ -206,13 +204,6 @@ class SingleModelFilter(Filter[Belief], ABC):
     @abstractmethod
     def cross_covariance(self, belief: Belief, dt: float) -> Array:
         """``(n, n, ...)`` covariance of the state before (rows) and after (columns) ``dt`` seconds."""
-
-
-def stepped(filter: Filter[B], belief: B, dt: float, scan: Scan, guard: StepGuard | None) -> Step[B]:
-    """A prediction and an update."""
-    predicted = filter.predict(belief, dt)
-    update = filter.update(predicted, scan)
-    return Step(update, filter.cartesian(update.belief), None if guard is None else guard(predicted))
 
 
 #: What remains of a covariance ``(n, n, ...)``, from the transposed gain ``K^T`` ``(m, n, ...)``.

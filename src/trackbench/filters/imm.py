@@ -13,15 +13,13 @@ from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.base.units import cos_sin, difference, wrap_angle
 from trackbench.filters.base import (
     Belief,
+    Filter,
     Measured,
     MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
-    Step,
-    StepGuard,
     Update,
     either,
-    stepped,
     wrap_components,
 )
 from trackbench.filters.smoothers import future
@@ -143,7 +141,7 @@ def transition_probabilities(stay_s: tuple[float, ...], dt: float) -> Array:
 
 
 @dataclass(frozen=True)
-class InteractingMultipleModel:
+class InteractingMultipleModel(Filter[MultiModelBelief]):
     """The IMM estimator over filters of the same kind with different motion models, whose states may differ in size.
 
     Source: Blom and Bar-Shalom (1988); Bar-Shalom, Li and Kirubarajan (2001), section 11.6.6.
@@ -178,12 +176,6 @@ class InteractingMultipleModel:
     def _predicted(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return joined(belief.probability, modes, belief.repaired)
-
-    def step(
-        self, belief: MultiModelBelief, dt: float, scan: Scan, guard: StepGuard | None = None
-    ) -> Step[MultiModelBelief]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
-        return stepped(self, belief, dt, scan, guard)
 
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filters compare them with their predictions."""
