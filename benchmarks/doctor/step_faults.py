@@ -212,7 +212,31 @@ class IntegerStart:
         return super().from_cartesian(np.trunc(x), P)
 
 
+class OldCovarianceStored:
+    """The updated covariance is returned, and the predicted one stored."""
+
+    part = 1
+
+    def advance(self, track: Track, scan: Any) -> Track:
+        self.returned = super().advance(track, scan)
+        if not scan.valid:
+            return self.returned
+        old = super().advance(track, scan._replace(valid=np.array(False)))
+        return self.returned._replace(**{("mean", "covariance")[self.part]: old[1 + self.part]})
+
+    def output(self, x: Array, P: Array) -> Belief:
+        return super().output(*self.returned[1:3]) if hasattr(self, "returned") else super().output(x, P)
+
+
+class OldMeanStored(OldCovarianceStored):
+    """The updated mean is returned, and the predicted one stored."""
+
+    part = 0
+
+
 STEPS = [
+    ("update_not_kept", "covariance", OldCovarianceStored, None),
+    ("update_not_kept", "mean", OldMeanStored, None),
     ("covariance_not_reduced", "update", CovarianceKept, None),
     ("covariance_not_reduced", "radar", CovarianceKeptAtRadar, "radar"),
     ("velocity_not_kept", "prediction", VelocityShrinksInPrediction, None),

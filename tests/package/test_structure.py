@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 79_900
-MOST_FILES = 486
+MOST_LINES = 80_060
+MOST_FILES = 487
 
 
 def lines_of(file: Path) -> int:

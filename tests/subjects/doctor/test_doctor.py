@@ -72,6 +72,7 @@ NAMES = [
     "covariance_not_psd",
     "predicted_covariance_not_psd",
     "covariance_not_reduced",
+    "update_not_kept",
     "covariance_update_wrong",
     "covariance_constant",
     "covariance_diagonal",

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.doctor.faults import CORRECT, MUTANTS
 
+from trackbench.subjects.doctor.checks.continuity import continuity
 from trackbench.subjects.doctor.checks.covariance_update import covariance_update
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gate import gate
@@ -28,6 +29,7 @@ from trackbench.trackers.builtin import ekf
 
 Part = Callable[[TrackerUnderTest], PartResult]
 PARTS: dict[Part, list[str]] = {
+    continuity: ["update_not_kept/covariance", "update_not_kept/mean"],
     covariance_update: ["covariance_not_reduced/update", "covariance_not_reduced/radar", "process_noise_twice/update"],
     expectation: ["scale_error/range_1.02", "scale_error/lidar_0.97", "time_offset/predicted_later"],
     gate: ["gate_never_reopens/fixed", "gate_never_reopens/frozen"],
