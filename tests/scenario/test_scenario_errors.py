@@ -94,6 +94,36 @@ BAD = [
         "ekf: {position_sigma_m: 3, filter: ekf",
         ["21: trackers.ekf.position_sigma_m: unknown key here; it belongs to sensors or trackers.initial"],
     ),
+    # Effects of a sensor, one at a time.
+    *(
+        ("dropouts: [{from_s: 5, to_s: 6}]", f"effects: [{{{effect}}}]", [f"18: sensors.front.effects.0.{message}"])
+        for effect, message in [
+            (
+                "type: ghosts, probability: 0.1, wall_m: -0.4",
+                "wall_m: -0.4 is too near to the sensor: 0.5 or more to the left, -0.5 or less to the right",
+            ),
+            (
+                "type: interference, per_minute: 1.0e+9, duration_s: 1, sigma_factor: 2",
+                "per_minute: 1e+09 is not possible: it must be at most 6000",
+            ),
+            (
+                "type: interference, per_minute: 1, duration_s: 1.0e+9, sigma_factor: 2",
+                "duration_s: 1e+09 is not possible: it must be at most 60",
+            ),
+            (
+                "type: interference, per_minute: 1, duration_s: 1",
+                "type: interference does nothing without one of these: detection_factor, sigma_factor, alarms_per_scan",
+            ),
+            (
+                "type: reflection, time_s: 2",
+                "type: reflection does nothing without one of these: toward_sensor, along_m, across_m",
+            ),
+            (
+                "type: bias, sigmas: {azimuth_deg: 1, azimuth_rad: 0.1}",
+                "sigmas.azimuth_rad: the azimuth is stated by azimuth_deg already; remove one of them",
+            ),
+        ]
+    ),
     # Wrong types.
     (
         "range_sigma_m: 0.3",

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from tests.support.scenes import fixed_observer, truth
 
+from trackbench.base.types import Observer
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects import EFFECTS, gauss_markov
@@ -194,6 +195,10 @@ def test_quantised_measurements_are_whole_steps():
     np.testing.assert_allclose(values[0] / 0.25, np.rint(values[0] / 0.25), atol=1e-9)
     np.testing.assert_allclose(np.rad2deg(values[1]) / 0.5, np.rint(np.rad2deg(values[1]) / 0.5), atol=1e-9)
     assert len(np.unique(values[2])) == values[2].size
+    # Behind the sensor, where the rounded azimuth would leave (-pi, pi].
+    config = {**EXACT, "azimuth_sigma_deg": 1.0, "effects": [{"type": "quantised", "steps": {"azimuth_deg": 7.0}}]}
+    azimuth = runs(ideal(Radar(**config), position=(-50.0, 0.0)), 1)[1]
+    assert {*np.rint(np.rad2deg(azimuth)).ravel().tolist()} == {-178, -175, 175, 178}
 
 
 def test_bursts_of_interference_take_their_share_of_the_time():
@@ -230,6 +235,29 @@ def test_a_ghost_is_the_mirror_image_of_its_cause():
         np.testing.assert_allclose(alarms.measurement[0], distance, atol=1e-4)
         np.testing.assert_allclose(alarms.measurement[1], np.arctan2(y, x), atol=1e-6)
         np.testing.assert_allclose(alarms.measurement[2], (3 * x - 0.5 * y) / distance, atol=1e-4)
+
+
+@pytest.mark.parametrize(("wall", "mount"), [(-6.0, {}), (9.0, {"x_m": 3.0, "y_m": -0.8, "yaw_deg": -70.0})])
+def test_the_range_rate_of_a_ghost_is_the_derivative_of_its_range(wall, mount):
+    """The observer steers and slips, the vehicle brakes and changes lane."""
+    effects = [{"type": "ghosts", "wall_m": wall, "probability": 0.999}]
+    time = np.arange(2000) * 1e-3
+    turn, swing = 0.4 * np.sin(3 * time), 1.5 * np.cos(2 * time)
+    observer = Observer(
+        20 * time, 0.75 * np.sin(2 * time), 0.4 / 3 * (1 - np.cos(3 * time)), 0 * time + 20, swing, turn
+    )
+    px, py = 30 + 15 * time - time**2, 1.2 * np.sin(2.5 * time)
+    vx, vy = 15 - 2 * time, 3 * np.cos(2.5 * time)
+    of = truth(time, *(values[:, None, None] for values in (px, py, vx, vy)), observer=observer)
+    config = Radar(**EXACT | {"rate_hz": 1000, "mount": mount, "effects": effects})
+    (sensor,) = ideal_sensors(of, {"sensor": config})
+    alarms = alarms_of(sensor, 0)
+    distance, _, rate = alarms.measurement
+    inside = np.flatnonzero((np.diff(alarms.instant, 2) == 0) & (np.diff(alarms.instant)[1:] == 1)) + 1
+    assert len(inside) > 1000
+    # The noise of 1e-6 m makes 7e-4 m/s of it.
+    central = (distance[inside + 1] - distance[inside - 1]) / 2e-3
+    np.testing.assert_allclose(rate[inside], central, rtol=0, atol=5e-3)
 
 
 def test_there_is_no_ghost_of_a_vehicle_behind_the_wall():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,16 @@ def test_what_no_vehicle_does_is_refused_with_the_figure(tmp_path: Path) -> None
     assert "a accelerates by" in refusal(path=path, smoothing={"window_s": 0.5}, **options)
     assert truths(path=path, audit="repair", **options)[0].audit["velocity_jumps"]["peak_acceleration_mps2"] > 17
     truths(path=jerky(tmp_path, 0, 3), **options)
+
+
+def test_velocities_of_noisy_positions_are_refused_with_a_smoothing_that_makes_them_consistent(tmp_path: Path) -> None:
+    noise = np.random.default_rng(2).standard_normal((2, 120)) * 0.01
+    path = str(write_tracks(tmp_path / "a.csv", {"a": (np.arange(120) * 1.0 + noise[0], noise[1])}))
+    options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE, "path": path}
+    message = refusal(**options)
+    assert "the velocity contradicts the motion" in message
+    assert "smoothing: {window_s: 2.1, order: 2}" in message
+    truths(smoothing=SMOOTHING, **options)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.05])
@@ -340,9 +351,10 @@ def test_the_scenarios_of_i80_need_no_data(tmp_path: Path, monkeypatch: pytest.M
         check(load_scenario(name))
 
 
-def test_a_sensor_is_no_faster_than_the_recording() -> None:
+@pytest.mark.parametrize("action", [truths_of, check])
+def test_a_sensor_is_no_faster_than_the_recording(action: Callable[[tb.Scenario], object]) -> None:
     with pytest.raises(InputError, match=r"20 Hz is more than the truth has, which is recorded at 10 Hz; use 10"):
-        truths_of(load_scenario("recorded/i80", ["sensors.front_radar.rate_hz=20"]))
+        action(load_scenario("recorded/i80", ["sensors.front_radar.rate_hz=20"]))
 
 
 def test_old_scenarios_have_the_measurements_that_they_had() -> None:

@@ -36,7 +36,7 @@ class InputError(TrackbenchError):
 
     def located(self, *, file: Path | str | None, line: int | None) -> InputError:
         """The same error with its place, where that was not known when it was raised."""
-        return InputError(self.message, key=self.key, file=self.file or file, line=self.line or line)
+        return type(self)(self.message, key=self.key, file=self.file or file, line=self.line or line)
 
     def __str__(self) -> str:
         place = ":".join(shortened(str(part)) for part in (self.file, self.line) if part is not None)

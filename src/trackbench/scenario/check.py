@@ -10,7 +10,7 @@ from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario.load import Scenario
-from trackbench.scenario.truth import own_source
+from trackbench.scenario.truth import own_source, require_rates
 from trackbench.trackers.config import PluginConfig
 from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.filed import read_tracks
@@ -34,6 +34,7 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
 
     def check_truth() -> None:
         notes.extend(own_source(loaded).check(folder=folder, sensors=kinds) or ())
+        require_rates(loaded)
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
     return [*notes, *_columns(loaded), *_not_apart(loaded, isolation)]

@@ -107,12 +107,9 @@ def _in_world(document: YamlDocument) -> YamlDocument:
         return document
     try:
         return apply_overrides(document, changes(document.value, world))
-    except NoSuchWorld as error:
-        origin = document.origin(("world",))
-        raise NoSuchWorld(error.message, key="world", file=origin.file, line=origin.line) from None
     except InputError as error:
         origin = document.origin(_key_path(document, error.key))
-        raise InputError(error.message, key=error.key, file=origin.file, line=origin.line) from None
+        raise error.located(file=origin.file, line=origin.line) from None
 
 
 def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]], more: int) -> InputError:

@@ -19,7 +19,9 @@ from trackbench.truth.jumps import LARGEST
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
     """As ``truths_of``, of the first scene alone."""
     try:
-        return _Load.of(loaded, source_of(loaded)).made(progress)
+        made = _Load.of(loaded, source_of(loaded)).made(progress)
+        require_rates(loaded)
+        return made
     except InputError as error:
         raise loaded.locate(error) from None
 
@@ -55,6 +57,19 @@ def own_source(loaded: Scenario) -> TruthSource:
     """The source of the scenario's targets, which knows whether identities are hidden."""
     truth = loaded.config.truth
     return truth.with_hidden_identities() if loaded.config.sensing.identities == "hidden" else truth
+
+
+def require_rates(loaded: Scenario) -> None:
+    """Refuse sensors that are faster than recorded traffic, of which nobody knows the rate before it is read.
+
+    Raises:
+        InputError: one is.
+    """
+    most = own_source(loaded).recorded_rate(loaded.path.resolve().parent)
+    for name, sensor in loaded.config.sensors.items():
+        if most is not None and sensor.rate_hz is not None and sensor.rate_hz > most * (1 + 1e-6):
+            more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {most:g} Hz"
+            raise InputError(f"{more}; use {most:g}", key=f"sensors.{name}.rate_hz")
 
 
 def _hides(loaded: Scenario) -> bool:
@@ -97,6 +112,7 @@ class PendingTruths:
     def _result(self, number: int, scene: Future[LoadedTruth]) -> LoadedTruth:
         try:
             result = scene.result()
+            require_rates(self._loaded)
         except InputError as error:
             if len(self._scenes) > 1:
                 message = f"scene {number} of {len(self._scenes)}: {error.message}"
@@ -121,27 +137,18 @@ class _Load:
     folder: Path
     kinds: dict[str, str]
     hides: bool
-    rates: dict[str, float]
-    """Of the sensors that state one, Hz."""
 
     @classmethod
     def of(cls, loaded: Scenario, source: TruthSource) -> _Load:
         config = loaded.config
         draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
         kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-        rates = {name: sensor.rate_hz for name, sensor in config.sensors.items() if sensor.rate_hz is not None}
-        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded), rates)
+        return cls(source, draw, loaded.path.resolve().parent, kinds, _hides(loaded))
 
     def made(self, progress: Progress) -> LoadedTruth:
         """The truth of the scene."""
         with at_work(plugins_among(self.source)):
             loaded = self.source.load(self.draw, folder=self.folder, sensors=self.kinds, progress=progress)
-        # Of recorded traffic nobody knows its rate before.
-        most = loaded.truth.source.get("rate_hz", float("inf"))
-        for name, rate in self.rates.items():
-            if rate > most * (1 + 1e-6):
-                message = f"{rate:g} Hz is more than the truth has, which is recorded at {most:g} Hz; use {most:g}"
-                raise InputError(message, key=f"sensors.{name}.rate_hz")
         return _as_sensed(loaded, self.hides)
 
 

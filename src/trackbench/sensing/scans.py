@@ -58,6 +58,8 @@ class IdealSensor:
     """``(3, instants)``."""
     velocity: Array
     """``(2, instants)``."""
+    yaw_rate: Array
+    """``(instants,)`` rad/s."""
     noise_covariance: Array
     """``(m, m)``."""
     polar: Array | None = None
@@ -160,7 +162,7 @@ def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
 def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
     """What a synthesised sensor would read without noise at some steps of the truth."""
     motion = motion_at(truth, config, steps)
-    pose, velocity = motion
+    pose, velocity, _ = motion
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
     measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
     seen = polar(truth, steps, motion)
@@ -173,20 +175,9 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
         heading = truth.heading[steps]
         axis = np.stack([np.cos(heading), np.sin(heading)])
         bodies = Bodies(target, heading, axis, truth.yaw_rate[steps], truth.length[:, None], truth.width[:, None])
+    resolved = None if config.resolution is None else seen
     return IdealSensor(
-        name,
-        config,
-        steps,
-        time,
-        measurement,
-        visible,
-        within,
-        probability,
-        pose,
-        velocity,
-        noise,
-        polar=None if config.resolution is None else seen,
-        bodies=bodies,
+        name, config, steps, time, measurement, visible, within, probability, *motion, noise, resolved, bodies=bodies
     )
 
 
@@ -281,6 +272,7 @@ def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sens
         sensor.time,
         sensor.pose[..., None],
         sensor.velocity[..., None],
+        sensor.yaw_rate[..., None],
         sensor.bodies.of_runs(runs),
         of_runs(sensor.visible, runs),
         of_runs(sensor.probability, runs),

@@ -39,12 +39,14 @@ def silent(config: Sensor, time: Array) -> Mask:
 
 
 class SensorMotion(NamedTuple):
-    """Pose and velocity of a sensor in the fixed frame."""
+    """Pose, velocity and turn rate of a sensor in the fixed frame."""
 
     pose: Array
     """``(3, steps)`` x m, y m, yaw rad."""
     velocity: Array
     """``(2, steps)`` m/s."""
+    yaw_rate: Array
+    """``(steps,)`` rad/s."""
 
 
 def sensor_motion(observer: Observer, mount: Mount) -> SensorMotion:
@@ -54,7 +56,7 @@ def sensor_motion(observer: Observer, mount: Mount) -> SensorMotion:
     yaw = observer.yaw + np.deg2rad(mount.yaw_deg)
     pose = np.stack([observer.px + arm_x, observer.py + arm_y, yaw])
     turn = observer.yaw_rate
-    return SensorMotion(pose, np.stack([observer.vx - turn * arm_y, observer.vy + turn * arm_x]))
+    return SensorMotion(pose, np.stack([observer.vx - turn * arm_y, observer.vy + turn * arm_x]), turn)
 
 
 #: Lines of sight that are held at a time.
@@ -218,8 +220,7 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
 
 def motion_at(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
     """The motion of a sensor at some steps of the truth."""
-    motion = sensor_motion(truth.observer, config.mount)
-    return SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
+    return SensorMotion(*(part[..., steps] for part in sensor_motion(truth.observer, config.mount)))
 
 
 def to_rim(config: Sensor, seen: Array) -> Array:

@@ -44,6 +44,7 @@ def audit(
     mode: Literal["repair", "refuse"],
     reported: Reported | None = None,
     ended_early: EndedEarly | None = None,
+    remedy: str = "",
 ) -> Truth:
     """The truth with its faults repaired, and what was found and done in ``Truth.audit``.
 
@@ -57,6 +58,7 @@ def audit(
         mode: whether to repair or to refuse a truth with faults.
         reported: what the source states besides; nothing but the motion unless given.
         ended_early: why the truth is shorter than it should be.
+        remedy: what also corrects a velocity that contradicts the motion, as a message says it.
 
     Raises:
         InputError: in mode "refuse", where anything would have to be repaired.
@@ -107,7 +109,7 @@ def audit(
         else ended_early,
     )
     if mode == "refuse" and result.verdict != "consistent":
-        raise InputError(f"{_complaint(result)}; audit: repair corrects it", key="truth.audit")
+        raise InputError(f"{_complaint(result, remedy)}; audit: repair corrects it", key="truth.audit")
     return replace(repaired, audit=result.model_dump(mode="json"))
 
 
@@ -265,13 +267,13 @@ def _summary(errors: Array, truth: Truth) -> VelocityMismatch:
     )
 
 
-def _complaint(result: TruthAudit) -> str:
+def _complaint(result: TruthAudit, remedy: str) -> str:
     worst = result.velocity_error_before
     parts = []
     if worst.max_mps is not None and worst.max_mps > TOLERANCE_MPS:
         parts.append(
             f"the velocity contradicts the motion, by up to {worst.max_mps:.2g} m/s "
-            f"({worst.object} at {worst.time_s:.2f} s)"
+            f"({worst.object} at {worst.time_s:.2f} s){remedy}"
         )
     parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in result.jumps]
     if result.repaired.own_clock:

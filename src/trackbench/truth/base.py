@@ -103,6 +103,11 @@ class TruthSource(Config, ABC):
         """
         return None
 
+    def recorded_rate(self, folder: Path) -> float | None:
+        """Instants per second of recorded traffic, Hz, which no sensor exceeds; else None. ``folder`` and errors as of
+        ``load``."""
+        return None
+
     @property
     def quick(self) -> bool:
         """Whether ``load`` takes so little time that it is not worth another process."""

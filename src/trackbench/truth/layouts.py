@@ -130,24 +130,20 @@ def header(file: Path, form: str) -> list[str]:
         lines = [line for line in text_of(file).splitlines() if line.strip()]
         names = [name.strip() for name in next(csv.reader(lines[:1]))]
     else:
-        names = _parquet_columns(file)
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            names = list(pq.read_schema(file).names)
+        except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+            reason = str(error).splitlines()[0]
+            raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
     if not all(name.isprintable() and len(name) <= LONGEST_NAME for name in names):
         raise InputError("this is no row of column names", file=file)
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"there are {names.count(name)} columns {name!r}", file=file)
     return names
-
-
-def _parquet_columns(file: Path) -> list[str]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return list(pq.read_schema(file).names)
-    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
 
 
 def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | None]:

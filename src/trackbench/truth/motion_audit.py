@@ -28,6 +28,7 @@ LARGEST_SHIFT_M = 1.5
 OVERLAP_M = 0.5
 #: How often boxes are compared, s.
 OFTEN_S = 0.2
+SMOOTHER = "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
 
 
 class MotionFigures(NamedTuple):
@@ -159,7 +160,7 @@ def refuse_impossible(
         InputError: with the figure, and how to override.
     """
     remedy = "audit: repair takes the recording as it is"
-    smoother = "smooth longer" if smooths else "smooth it, such as smoothing: {window_s: 2.1, order: 2}"
+    smoother = "smooth longer" if smooths else SMOOTHER
     if used.impossible:
         raise InputError(
             f"{used.vehicle} accelerates by {used.acceleration_max_mps2:.3g} m/s^2 at {used.time_s:.2f} s "
@@ -174,10 +175,11 @@ def refuse_impossible(
             f"{jerky.time_s:.2f} s, and no pedal changes it by more than {POSSIBLE_MPS2:g}: {smoother}; {remedy}",
             key="truth.smoothing" if smooths else "truth.audit",
         )
-    turned = max(tracks, key=lambda track: slip_of(track, dt))
-    if slip_of(turned, dt) > LARGEST_SLIP:
+    slips = [slip_of(track, dt) for track in tracks]
+    turned = int(np.argmax(slips))
+    if slips[turned] > LARGEST_SLIP:
         raise InputError(
-            f"the heading of {turned.track.id} is {np.degrees(slip_of(turned, dt)):.0f}° off the way it drives "
+            f"the heading of {tracks[turned].track.id} is {np.degrees(slips[turned]):.0f}° off the way it drives "
             f"(median): check its unit, and that it counts counter-clockwise from the x axis; {remedy}",
             key="truth.audit",
         )

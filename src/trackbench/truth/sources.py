@@ -72,6 +72,9 @@ class TrafficTruth(TrafficOptions):
         truth, note = traffic.load(self, folder)
         return LoadedTruth(truth, notes=(f"recording: {note}",) if self.scene == 0 else ())
 
+    def recorded_rate(self, folder: Path) -> float:
+        return traffic.rate_of(self, folder)
+
     @property
     def quick(self) -> bool:
         return True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -79,7 +79,35 @@ class RowsFormat(TrafficFormat):
     def rows(self, file: Path) -> TrackRows: ...
 
     def read(self, file: Path) -> list[TrafficTrack]:
-        return bodies_of(self.rows(file), file)
+        """The tracks of rows in any order, each with the size and class of its first row; a size of 0 is not known.
+
+        Raises:
+            InputError: as of ``rows``; there is no row, or a body has two rows of one time.
+        """
+        rows = self.rows(file)
+        if not len(rows):
+            raise InputError("there is no vehicle in this file", file=file)
+        time = rows.time + float(rows.start)
+        speed = rows.speed if rows.vx is None or rows.vy is None else np.hypot(rows.vx, rows.vy)
+        names, first, owner = np.unique(np.asarray(rows.id), return_index=True, return_inverse=True)
+        order = np.lexsort((time, owner))
+        members = np.split(order, np.searchsorted(owner[order], np.arange(1, len(names))))
+        tracks = []
+        for number in np.argsort(first).tolist():
+            own, row, name = members[number], int(first[number]), str(names[number])
+            again = np.flatnonzero(np.diff(time[own]) <= 0)
+            if len(again):
+                raise InputError(f"{name} has two rows at {time[own][again[0]]:g} s", file=file)
+            heading, speeds = (None if column is None else column[own] for column in (rows.heading, speed))
+            length, width = (
+                None if column is None or column[row] == 0 or np.isnan(column[row]) else float(column[row])
+                for column in (rows.length, rows.width)
+            )
+            kind = "" if rows.kind is None else rows.kind[row]
+            tracks.append(
+                TrafficTrack(name, time[own], rows.px[own], rows.py[own], heading, speeds, length, width, kind)
+            )
+        return tracks
 
 
 #: The formats of recorded traffic by the names that scenarios use.
@@ -89,40 +117,6 @@ TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
 
 #: The quantity in each array of a track, a key of ``jumps.LARGEST``.
 QUANTITIES = {"x": "length", "y": "length", "heading": "angle", "speed": "speed"}
-
-
-def tracks_of(
-    file: Path, ids: Sequence[str], columns: Mapping[str, Array], bodies: Mapping[str, Mapping[str, Any]]
-) -> list[TrafficTrack]:
-    """Tracks from rows in any order.
-
-    Args:
-        file: for error messages.
-        ids: of the body of each row.
-        columns: time, x and y, and where they are known heading and speed; each ``(rows,)``.
-        bodies: length, width and kind by id, where they are known.
-
-    Raises:
-        InputError: there is no row, or a body has two rows of one time.
-    """
-    if not len(ids):
-        raise InputError("there is no vehicle in this file", file=file)
-    names, first, owner = np.unique(np.asarray(ids), return_index=True, return_inverse=True)
-    rows = np.lexsort((columns["time"], owner))
-    starts = np.searchsorted(owner[rows], np.arange(len(names)))
-    members = np.split(rows, starts[1:])
-    tracks = []
-    for number in np.argsort(first).tolist():
-        own = members[number]
-        name = str(names[number])
-        time = columns["time"][own]
-        again = np.flatnonzero(np.diff(time) <= 0)
-        if len(again):
-            raise InputError(f"{name} has two rows at {time[again[0]]:g} s", file=file)
-        tracks.append(
-            TrafficTrack(name, **{key: values[own] for key, values in columns.items()}, **bodies.get(name, {}))
-        )
-    return tracks
 
 
 def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
@@ -141,30 +135,6 @@ def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
     time, px, py = (np.concatenate([getattr(track, name) for track in tracks]) for name in ("time", "x", "y"))
     more: dict[str, Any] = {name: column(name) for name in ("heading", "speed", "length", "width")}
     return TrackRows(names("id"), time, px, py, **more, kind=names("kind"))
-
-
-def bodies_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
-    """The tracks of rows, each with the size and class of its first row.
-
-    Raises:
-        InputError: as of ``tracks_of``.
-    """
-    columns = {
-        "time": rows.time + float(rows.start),
-        "x": rows.px,
-        "y": rows.py,
-        "heading": rows.heading,
-        "speed": rows.speed,
-    }
-    if rows.vx is not None and rows.vy is not None:
-        columns["speed"] = np.hypot(rows.vx, rows.vy)
-    bodies: dict[str, dict[str, Any]] = {}
-    for row, name in enumerate(rows.id):
-        if name not in bodies:
-            sizes = {"length": rows.length, "width": rows.width}
-            bodies[name] = {key: float(size[row]) for key, size in sizes.items() if size is not None and size[row] > 0}
-            bodies[name]["kind"] = "" if rows.kind is None else rows.kind[row]
-    return tracks_of(file, rows.id, {key: item for key, item in columns.items() if item is not None}, bodies)
 
 
 def start_of(tracks: Sequence[TrafficTrack]) -> float:

@@ -20,6 +20,7 @@ from trackbench.truth.config.logs import find
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, target_bodies
 from trackbench.truth.motion_audit import (
+    SMOOTHER,
     MotionFigures,
     figures,
     overlaps,
@@ -90,6 +91,15 @@ def load(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     for number in range(config.scene if config.drove_together else 0):
         _require_apart(config, number, truth, _truth(config, traffic, every[number]))
     return truth, _note(traffic)
+
+
+def rate_of(config: TrafficOptions, folder: Path) -> float:
+    """Instants of a recording per second, Hz.
+
+    Raises:
+        InputError: as of `load`.
+    """
+    return round(1 / _traffic(_recording(config, folder)).frames.dt, 6)
 
 
 def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
@@ -235,7 +245,7 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
         recorded_noise=traffic.error,
         start=Decimal(repr(traffic.start + first * frames.dt)),
     )
-    return audit(truth, config.audit)
+    return audit(truth, config.audit, remedy="" if config.smoothing else f": {SMOOTHER}")
 
 
 def _only(frames: Frames, bodies: Sequence[int]) -> Frames:

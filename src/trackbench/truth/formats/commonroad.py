@@ -18,6 +18,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.files import read_text
 from trackbench.truth.tracks import TrafficFormat, TrafficTrack
 
+_MOTION = ("time/exact", "position/point/x", "position/point/y")
 #: A document type can name files and entities that grow without end; no scenario has one.
 _DOCUMENT_TYPE = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
@@ -57,7 +58,7 @@ def _track(item: ElementTree.Element, step: float) -> TrafficTrack | None:
     if item.find("trajectory") is None:
         return None
     try:
-        rows = [[_number(state.findtext(path)) for path in ("time/exact", *_POSITION)] for state in states]
+        rows = [[_number(state.findtext(path)) for path in _MOTION] for state in states]
         own = {key: [state.findtext(f"{key}/exact") for state in states] for key in ("orientation", "velocity")}
         known = {key: [_number(text) for text in texts] for key, texts in own.items() if None not in texts}
         shape = {key: _size(item, key) for key in ("length", "width")}
@@ -67,9 +68,6 @@ def _track(item: ElementTree.Element, step: float) -> TrafficTrack | None:
     heading, speed = (np.array(known[key]) if key in known else None for key in ("orientation", "velocity"))
     kind = (item.findtext("type") or "").strip()
     return TrafficTrack(name, time * step, x, y, heading, speed, **shape, kind=kind)
-
-
-_POSITION = ("position/point/x", "position/point/y")
 
 
 def _size(item: ElementTree.Element, key: str) -> float | None:

@@ -7,18 +7,19 @@ Sources: Krajewski et al. (2018), "The highD Dataset"; Bock et al. (2020), "The 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.truth.recorded.rows import read
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, tracks_of
+from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import RowsFormat
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
 
 
-class _LevelX(TrafficFormat):
+class _LevelX(RowsFormat):
     """What the recordings have in common."""
 
     endings: ClassVar[tuple[str, ...]] = (TRACKS,)
@@ -30,7 +31,7 @@ class _LevelX(TrafficFormat):
     from_above: ClassVar[bool] = True
     """Whether x and y are of the centre in a frame seen from above; highD's are of a corner in the picture."""
 
-    def read(self, file: Path) -> list[TrafficTrack]:
+    def rows(self, file: Path) -> TrackRows:
         if not file.name.endswith(TRACKS):
             raise InputError(f"the file of the tracks is needed, whose name ends in {TRACKS}", file=file)
         rate = self._rate(file)
@@ -41,19 +42,21 @@ class _LevelX(TrafficFormat):
         quantities = ("length", "length", "speed", "speed")
         x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
         length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
-        columns = {"time": rows.numbers("frame", 1.0 / rate, None), "speed": np.hypot(vx, vy)}
-        if self.from_above:
-            columns |= {"x": x, "y": y, "heading": rows.numbers("heading", np.pi / 180, "angle")}
-        else:
-            # The sides of highD's boxes lie along the picture's axes; its y points down.
-            columns |= {"x": x + length / 2, "y": -(y + width / 2)}
-        kinds = self._kinds(file)
-        bodies: dict[str, dict[str, Any]] = {}
-        for row, name in enumerate(ids):
-            if name not in bodies:
-                sizes = (float(size[row]) if size[row] > 0 else None for size in (length, width))
-                bodies[name] = {**dict(zip(("length", "width"), sizes, strict=True)), "kind": kinds.get(name, "")}
-        return tracks_of(file, ids, columns, bodies)
+        # The sides of highD's boxes lie along the picture's axes; its y points down.
+        px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
+        bodies = read(_beside(file, BODIES), "csv", [self.id_column, "class"])
+        kinds = dict(zip(bodies.names(self.id_column), bodies.names("class"), strict=True))
+        return TrackRows(
+            ids,
+            rows.numbers("frame", 1.0 / rate, None),
+            px,
+            py,
+            heading=rows.numbers("heading", np.pi / 180, "angle") if self.from_above else None,
+            speed=np.hypot(vx, vy),
+            length=length,
+            width=width,
+            kind=[kinds.get(name, "") for name in ids],
+        )
 
     def _rate(self, file: Path) -> float:
         """Frames per second, Hz."""
@@ -62,11 +65,6 @@ class _LevelX(TrafficFormat):
         if not 0.1 <= rate <= 1000:
             raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
         return rate
-
-    def _kinds(self, file: Path) -> dict[str, str]:
-        """The class of each body by its id."""
-        rows = read(_beside(file, BODIES), "csv", [self.id_column, "class"])
-        return dict(zip(rows.names(self.id_column), rows.names("class"), strict=True))
 
 
 def _beside(file: Path, ending: str) -> Path:

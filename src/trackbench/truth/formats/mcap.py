@@ -15,7 +15,7 @@ from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import Message, Part, decoded, messages_of, of_topic
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
+from trackbench.truth.tracks import RowsFormat
 
 
 def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:
@@ -49,16 +49,13 @@ READERS: dict[str, Callable[[Sequence[Message], Path, Sequence[Message]], TrackR
 }
 
 
-class Mcap(TrafficFormat):
+class Mcap(RowsFormat):
     """MCAP with trackbench.Tracks, foxglove.SceneUpdate (JSON), or messages of OSI. Needs `trackbench[mcap]`."""
 
     endings: ClassVar[tuple[str, ...]] = (".mcap",)
     topic: str | None = Field(
         None, min_length=1, description="The topic with the tracks; needed only where several have some."
     )
-
-    def read(self, file: Path) -> list[TrafficTrack]:
-        return bodies_of(self.rows(file), file)
 
     def rows(self, file: Path) -> TrackRows:
         messages = messages_of(file, {*READERS, foxglove.TRANSFORMS})

@@ -20,7 +20,7 @@ from pydantic import Field
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
 from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
+from trackbench.truth.tracks import RowsFormat
 
 #: Numbers of fields.
 GROUND_TRUTH_OF_VIEW = 7
@@ -36,16 +36,13 @@ Kind = Literal["SensorView", "GroundTruth"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
-class OsiTrace(TrafficFormat):
+class OsiTrace(RowsFormat):
     """ASAM OSI trace, binary (.osi): the moving objects of SensorView or GroundTruth messages."""
 
     endings: ClassVar[tuple[str, ...]] = (".osi",)
     message: Kind | None = Field(
         None, description="The type of the messages; GroundTruth where the file's name has _gt_, else SensorView."
     )
-
-    def read(self, file: Path) -> list[TrafficTrack]:
-        return bodies_of(self.rows(file), file)
 
     def rows(self, file: Path) -> TrackRows:
         kind = self.message or ("GroundTruth" if "_gt_" in file.name else "SensorView")

@@ -21,7 +21,7 @@ from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.formats.tables import FROM_ZERO_S
 from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import TrafficFormat, TrafficTrack, bodies_of
+from trackbench.truth.tracks import RowsFormat
 
 #: Of a folder of files, the one that names the others.
 METADATA = "metadata.yaml"
@@ -100,7 +100,7 @@ READERS: dict[str, Callable[[Any], Iterator[TrackedRow]]] = {
 }
 
 
-class RosBag(TrafficFormat):
+class RosBag(RowsFormat):
     """ROS bag with Odometry, MarkerArray, Detection3DArray or TrackedObjects. Needs `trackbench[ros]`, and no ROS."""
 
     endings: ClassVar[tuple[str, ...]] = (".db3", ".bag")
@@ -112,9 +112,6 @@ class RosBag(TrafficFormat):
         description="The version of ROS whose definitions of messages are meant, such as ros2_humble, where the bag "
         "has none of its own.",
     )
-
-    def read(self, file: Path) -> list[TrafficTrack]:
-        return bodies_of(self.rows(file), file)
 
     def rows(self, file: Path) -> TrackRows:
         try:

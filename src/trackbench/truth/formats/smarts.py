@@ -14,18 +14,19 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
-from trackbench.truth.tracks import MOST_ROWS, TrafficFormat, TrafficTrack, tracks_of
+from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import MOST_ROWS, RowsFormat
 
-#: Of a vehicle in NGSIM, which SMARTS keeps.
+#: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}
 
 
-class Smarts(TrafficFormat):
+class Smarts(RowsFormat):
     """SMARTS traffic history, an SQLite database (.shf) of NGSIM, INTERACTION or other traffic."""
 
     endings: ClassVar[tuple[str, ...]] = (".shf",)
 
-    def read(self, file: Path) -> list[TrafficTrack]:
+    def rows(self, file: Path) -> TrackRows:
         require_regular(file)
         address = f"file:{quote(str(file.resolve()))}?mode=ro&immutable=1"
         try:
@@ -33,31 +34,34 @@ class Smarts(TrafficFormat):
         except sqlite3.Error as error:
             raise InputError(f"not a traffic history: {error}", file=file) from None
         try:
-            vehicles = database.execute("SELECT id, type, length, width FROM Vehicle").fetchmany(MOST_ROWS)
             rows = database.execute(
-                "SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed FROM Trajectory"
+                "SELECT vehicle_id, sim_time, position_x, position_y, heading_rad, speed, COALESCE(length, 0), "
+                "COALESCE(width, 0), type FROM Trajectory LEFT JOIN Vehicle ON vehicle_id = Vehicle.id"
             ).fetchmany(MOST_ROWS)
-            bodies = {str(int(row[0])): _body(row) for row in vehicles}
             if not rows:
                 raise InputError("there is no vehicle in this file", file=file)
-            owner, time, x, y, heading, speed = (_numbers(column) for column in zip(*rows, strict=True))
+            *columns, kinds = zip(*rows, strict=True)
+            owner, time, x, y, heading, speed, length, width = map(_numbers, columns)
             ids = [str(int(number)) for number in owner.tolist()]
         except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise InputError(f"not a traffic history that can be read: {error}", file=file) from None
         finally:
             database.close()
         # SMARTS counts headings from +y.
-        columns = {"time": time, "x": x, "y": y, "heading": heading + np.pi / 2, "speed": speed}
-        return tracks_of(file, ids, columns, bodies)
+        return TrackRows(
+            ids,
+            time,
+            x,
+            y,
+            heading=heading + np.pi / 2,
+            speed=speed,
+            length=length,
+            width=width,
+            kind=[KINDS.get(kind, "") for kind in kinds],
+        )
 
 
 def _numbers(column: tuple[Any, ...]) -> Any:
     if not all(isinstance(value, int | float) for value in column):
         raise ValueError("a number is missing, or is text")
     return np.array(column, dtype=float)
-
-
-def _body(row: tuple[Any, ...]) -> dict[str, Any]:
-    """Size and class of a vehicle; a size that is not known is 0 or NULL."""
-    length, width = (None if value in (None, 0) else float(value) for value in row[2:4])
-    return {"length": length, "width": width, "kind": KINDS.get(row[1], "")}

@@ -18,10 +18,13 @@ from trackbench.truth.config.columns import Units
 from trackbench.truth.layouts import QUANTITIES, REQUIRED, ColumnLayout, header, layout
 from trackbench.truth.recorded.rows import Rows, read, time_stamps
 from trackbench.truth.track_rows import COVARIANCE, TrackRows
-from trackbench.truth.tracks import RowsFormat, TrafficFormat, TrafficTrack, bodies_of
+from trackbench.truth.tracks import RowsFormat
 
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
 FROM_ZERO_S = 1e7
+#: What cannot be meant: the least, the most, and why.
+_NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
+POSSIBLE = {"length": _NO_SIZE, "width": _NO_SIZE, "existence": (0.0, 1.0, "which is no probability")}
 
 
 def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:
@@ -61,25 +64,21 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
             values = numbers(key)
             if values is not None:
                 covariance[a, b] = covariance[b, a] = values
-    existence = numbers("existence")
-    if existence is not None:
-        wrong = (existence < 0) | (existence > 1)
-        if wrong.any():
+    numeric: dict[str, Any] = {
+        key: numbers(key) for key in ("x", "y", "vx", "vy", "heading", "speed", "length", "width", "existence")
+    }
+    for key, (least, most, why) in POSSIBLE.items():
+        if (values := numeric[key]) is not None and (wrong := (values < least) | (values > most)).any():
             row = int(np.argmax(wrong))
-            raise rows.error(row, f"{found.columns['existence']} is {existence[row]:g}, which is no probability")
-    px, py = numbers("x"), numbers("y")
-    assert px is not None
-    assert py is not None
-    numeric: dict[str, Any] = {key: numbers(key) for key in ("vx", "vy", "heading", "speed", "length", "width")}
+            raise rows.error(row, f"{found.columns[key]} is {values[row]:g}, {why}")
     named: dict[str, Any] = {key: texts(key) for key in ("scene", "run", "fingerprint")}
     return TrackRows(
         rows.names(found.columns["id"]),
         time,
-        px,
-        py,
+        numeric.pop("x"),
+        numeric.pop("y"),
         **numeric,
         covariance=covariance,
-        existence=existence,
         kind=texts("class"),
         **named,
         start=start,
@@ -133,14 +132,13 @@ I80_FILE = Path(__file__).parent / "i80.parquet"
 I80_FACTORS = {**dict.fromkeys(("time", "x", "y", "speed", "length", "width"), 1e-3), "heading": 1e-4}
 
 
-class InterstateI80(TrafficFormat):
+class InterstateI80(RowsFormat):
     """NGSIM I-80, which comes with the package: 200 vehicles, 10 s of each. No path is needed."""
 
     endings: ClassVar[tuple[str, ...]] = ()
     simultaneous: ClassVar[bool] = False
 
-    def read(self, file: Path) -> list[TrafficTrack]:
+    def rows(self, file: Path) -> TrackRows:
         names = header(I80_FILE, "parquet")
         factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
-        rows = read(I80_FILE, "parquet", names)
-        return bodies_of(table_rows(rows, ColumnLayout({name: name for name in names}, {}), factors), file)
+        return table_rows(read(I80_FILE, "parquet", names), ColumnLayout({name: name for name in names}, {}), factors)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from trackbench.models.sensors.base import Sensor
 
 #: The arrays of a ``Sensed`` that an effect may change; each may be the same in all runs, but the error.
-_ARRAYS = ("pose", "velocity", "visible", "probability", "scale", "error", "bodies.target")
+_ARRAYS = ("pose", "velocity", "yaw_rate", "visible", "probability", "scale", "error", "bodies.target")
 
 
 def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
@@ -28,7 +28,7 @@ def before(effect: Effect, sensed: Sensed, random: RunStreams) -> Sensed:
     """
     changed: Any = effect.before(sensed, random)
     if not isinstance(changed, Sensed):
-        _refuse(effect, "before", f"a Sensed, as by sensed.replaced(...), not {_kind(changed)}")
+        _refuse(effect, "before must return", f"a Sensed, as by sensed.replaced(...), not {_kind(changed)}")
     for name in _ARRAYS:
         array, given = map(attrgetter(name), (changed, sensed))
         if array is given:
@@ -63,35 +63,30 @@ def alarms(effect: Effect, sensed: Sensed, random: RunStreams) -> tuple[Indices,
     size = len(sensed.error)
     right = f"None, or the numbers of runs (n,) and of instants (n,) and measurements ({size}, n)"
     if not isinstance(given, tuple) or len(given) != 3 or not all(isinstance(part, np.ndarray) for part in given):
-        _refuse(effect, "alarms", f"{right} as three arrays, not {_kind(given)}")
+        _refuse(effect, "alarms must return", f"{right} as three arrays, not {_kind(given)}")
     run, instant, measurement = given
     if run.ndim != 1 or instant.shape != run.shape or measurement.shape != (size, len(run)):
         shapes = f"{run.shape}, {instant.shape} and {measurement.shape}"
-        _refuse(effect, "alarms", f"{right}, not arrays of shapes {shapes}")
+        _refuse(effect, "alarms must return", f"{right}, not arrays of shapes {shapes}")
     for name, number, count in (("a run", run, sensed.runs), ("an instant", instant, len(sensed.time))):
         if number.dtype.kind not in "iu" or (len(number) and not 0 <= number.min() <= number.max() < count):
-            _refuse(effect, "alarms", f"{right}; {name} is a whole number from 0 to {count - 1}")
+            _refuse(effect, "alarms must return", f"{right}; {name} is a whole number from 0 to {count - 1}")
     if not np.isfinite(measurement).all():
-        _refuse(effect, "alarms", f"{right}; a measurement is not finite")
+        _refuse(effect, "alarms must return", f"{right}; a measurement is not finite")
     return run, instant, measurement
 
 
 def _require_like(effect: Effect, what: str, changed: Any, given: Array, shapes: Sequence[tuple[int, ...]]) -> None:
     if not isinstance(changed, np.ndarray) or changed.dtype.kind not in "biuf":
-        raise TrackbenchError(f"effect {effect.type!r}: {what} an array of numbers, not {_kind(changed)}")
+        _refuse(effect, what, f"an array of numbers, not {_kind(changed)}")
     if changed.shape not in shapes:
-        raise TrackbenchError(f"effect {effect.type!r}: {what} an array of shape {shapes[0]}, not {changed.shape}")
-    finite = np.isfinite(changed)
-    if not finite.all():
-        lost = np.isfinite(given) & ~finite
-        if lost.any():
-            raise TrackbenchError(
-                f"effect {effect.type!r}: {what} finite, not {np.broadcast_to(changed, lost.shape)[lost][0]}"
-            )
+        _refuse(effect, what, f"an array of shape {shapes[0]}, not {changed.shape}")
+    if not (finite := np.isfinite(changed)).all() and (lost := np.isfinite(given) & ~finite).any():
+        _refuse(effect, what, f"finite, not {np.broadcast_to(changed, lost.shape)[lost][0]}")
 
 
-def _refuse(effect: Effect, method: str, right: str) -> NoReturn:
-    raise TrackbenchError(f"effect {effect.type!r}: {method} must return {right}")
+def _refuse(effect: Effect, what: str, right: str) -> NoReturn:
+    raise TrackbenchError(f"effect {effect.type!r}: {what} {right}")
 
 
 def _kind(value: Any) -> str:

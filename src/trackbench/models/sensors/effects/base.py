@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -79,6 +79,8 @@ class Sensed:
     """``(3, instants, runs or 1)``."""
     velocity: Array
     """``(2, instants, runs or 1)``."""
+    yaw_rate: Array
+    """``(instants, runs or 1)`` rad/s."""
     bodies: Bodies
     """The points that are measured."""
     visible: Mask
@@ -115,12 +117,19 @@ class Effect(Config, ABC):
     Effects act in the order in which a sensor lists them. Each draws from a stream of its own.
     """
 
+    one_of: ClassVar[tuple[str, ...]] = ()
+    """Options of which one is to be stated at the least: without it does nothing."""
+
     type: str = Field("", description="The effect.")
 
     @model_validator(mode="before")
     @classmethod
     def _named(cls, data: Any) -> Any:
         return {"type": EFFECTS.name_of(cls), **data} if isinstance(data, dict) else data
+
+    def problems(self) -> Iterator[Problem]:
+        if self.one_of and not self.model_fields_set & {*self.one_of}:
+            yield Problem(("type",), f"{self.type} does nothing without one of these: {', '.join(self.one_of)}")
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:
         """What is wrong with its options on this sensor."""
@@ -168,11 +177,14 @@ def component_problems(key: str, sizes: Mapping[str, float], sensor: Sensor | ty
     units = dict(zip(sensor.components, map(unit_of, sensor.units), strict=True))
     usual = {"length": "m", "angle": "deg", "speed": "mps"}
     names = [f"{name}_{usual[unit.quantity]}" for name, unit in units.items() if unit]
+    first: dict[str, str] = {}
     for name in sizes:
         component, unit = split_key(name)
         measured = units.get(component)
         if unit is None or measured is None or measured.quantity != unit.quantity:
             yield Problem((key, name), f"is no component of a {sensor.kind()} with its unit; {nearest(name, names)}")
+        elif first.setdefault(component, name) != name:
+            yield Problem((key, name), f"the {component} is stated by {first[component]} already; remove one of them")
 
 
 def gauss_markov(time: Array, time_s: float, white: Array) -> Array:

@@ -11,6 +11,7 @@ from pydantic import Field
 from trackbench.base.config import Angle, NonNegative, Positive, Problem
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
 from trackbench.models.sensors.effects.base import Effect, Sensed, by_component, component_problems, gauss_markov
 
 if TYPE_CHECKING:
@@ -78,7 +79,8 @@ class Quantised(Effect):
         step = by_component(self.steps, sensor)
         result = measurement.copy()
         for i in np.flatnonzero(step):
-            result[i] = step[i] * np.rint(measurement[i] / step[i])
+            whole = step[i] * np.rint(measurement[i] / step[i])
+            result[i] = wrap_angle(whole) if i in sensor.angular else whole
         return result
 
     def problems_on(self, sensor: Sensor) -> Iterator[Problem]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from trackbench.base.config import Positive, Problem
+from trackbench.base.config import Problem
 from trackbench.base.streams import RunStreams
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors.effects.base import Effect, Sensed
@@ -26,8 +26,10 @@ class Interference(Effect):
     In a burst detections are fewer and noisier, and with hidden identities there are more false alarms.
     """
 
-    per_minute: Positive = Field(description="Mean number of bursts per minute.")
-    duration_s: Positive = Field(description="Mean duration of a burst, s.")
+    one_of: ClassVar[tuple[str, ...]] = ("detection_factor", "sigma_factor", "alarms_per_scan")
+
+    per_minute: float = Field(gt=0, le=6000, description="Mean number of bursts per minute.")
+    duration_s: float = Field(gt=0, le=60, description="Mean duration of a burst, s.")
     detection_factor: float = Field(1, ge=0, le=1, description="Factor of the detection probability in a burst.")
     sigma_factor: float = Field(1, ge=1, le=1000, description="Factor of the standard deviations in a burst.")
     alarms_per_scan: float = Field(

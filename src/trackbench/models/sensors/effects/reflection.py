@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
@@ -15,6 +17,8 @@ class Reflection(Effect):
 
     The range rate is that of the point, to which a turn of the body gives a velocity of its own.
     """
+
+    one_of: ClassVar[tuple[str, ...]] = ("toward_sensor", "along_m", "across_m")
 
     toward_sensor: float = Field(
         0,
