@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import io
+import json
 import os
 import random
 from typing import Any
@@ -153,6 +155,41 @@ def edited_table(chance: random.Random, table: pa.Table) -> pa.Table:
         except (pa.ArrowException, OverflowError):
             made = pa.array([None if value is None else str(value) for value in values])
     return table.set_column(column, name, made)
+
+
+def edited_mcap(chance: random.Random, raw: bytes) -> bytes:
+    """Values of messages in JSON replaced, bytes of others, and messages lost or doubled, in a whole file."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    messages = list(make_reader(io.BytesIO(raw)).iter_messages())
+    chosen = {chance.randrange(len(messages)) for _ in range(chance.choice([1, 1, 2, 10]))}
+    stream = io.BytesIO()
+    writer = Writer(stream)
+    writer.start()
+    channels: dict[int, int] = {}
+    for number, (schema, channel, message) in enumerate(messages):
+        assert schema is not None
+        if channel.id not in channels:
+            known = writer.register_schema(name=schema.name, encoding=schema.encoding, data=schema.data)
+            channels[channel.id] = writer.register_channel(
+                channel.topic, message_encoding=channel.message_encoding, schema_id=known
+            )
+        data, copies = message.data, 1
+        if number in chosen:
+            kind = chance.random()
+            copies = chance.choice([0, 2]) if kind < 0.1 else 1
+            if kind > 0.3 and channel.message_encoding == "json":
+                text = json.dumps(edited_tree(chance, json.loads(data)), ensure_ascii=chance.random() < 0.5)
+                data = text.encode(errors="surrogatepass")
+            elif kind > 0.1:
+                data = edited_bytes(chance, data)
+        for _ in range(copies):
+            writer.add_message(
+                channels[channel.id], log_time=message.log_time, data=data, publish_time=message.publish_time
+            )
+    writer.finish()  # type: ignore[no-untyped-call]
+    return stream.getvalue()
 
 
 def _nodes(node: Any) -> list[Any]:

@@ -73,4 +73,4 @@ class Tables(Mapping[str, pa.Table]):
         except FileNotFoundError as error:
             raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error
         except (OSError, ValueError, pa.ArrowException) as error:
-            raise InputError(f"not a readable table: {error}", file=file) from error
+            raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from error

@@ -108,7 +108,7 @@ def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
                 yield Problem(("sensors",), f"missing: {name} reads them; only tracks made elsewhere need none")
                 return
         elif scenario.sensing.identities == "known":
-            message = "tracks made elsewhere are scored without identities; write sensing: {identities: hidden}"
+            message = "tracks are scored without identities; write sensing: {identities: hidden}, and export scans anew"
             yield Problem(("trackers", name, "use"), message)
         elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
             yield Problem(("trackers", name, "use"), "there is no truth to score its tracks against")
