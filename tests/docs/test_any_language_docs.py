@@ -28,7 +28,7 @@ def test_the_page_shows_what_is_written(tmp_path: Path, fenced: Callable[[Path],
     shown = next(block.text for block in fenced(PAGE) if block.note == "file: kalman_program.py")
     assert shown == new("tracker", "kalman_program", tmp_path, language="python-program")[0].read_text(encoding="utf-8")
     assert "trackbench" not in shown
-    assert len(shown.splitlines()) < 45
+    assert len(shown.splitlines()) <= 30
 
 
 def test_the_version_is_that_of_the_code() -> None:

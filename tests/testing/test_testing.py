@@ -325,7 +325,7 @@ def test_a_program_is_checked_by_its_command(tmp_path: Path, monkeypatch: pytest
     rules = {check.rule for check in check_tracker(use, acceleration=2.0)}
     assert "does not disturb another tracker" in rules
     assert STATE_KEPT not in rules
-    (tmp_path / "program.py").write_text(source.replace('states[message["id"]] = time', "states[1] = time"))
+    (tmp_path / "program.py").write_text(source.replace('states[message["id"]] =', "states[1] ="))
     with pytest.raises(TrackerCheckError, match="follows a target in plain sight"):
         check_tracker(use)
     with pytest.raises(InputError, match=r"did you mean ../program.py"):

@@ -154,19 +154,19 @@ class ProgramStepper(Stepper):
 class ProgramTracker:
     """A tracker in a program, which also has its state."""
 
-    def __init__(self, program: Program, number: int | None = None) -> None:
-        self._program = program
+    def __init__(self, program: Program, several: bool = False, number: int | None = None) -> None:
+        self._program, self._several = program, several
         self._number = program.start() if number is None else number
         self.batched, self.random = program.batched, program.random
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Any]:
         """What stands for its state, and the answer."""
-        return KEPT_THERE, answer_of(self._program.ask(self._number, scan), several=False)
+        return KEPT_THERE, answer_of(self._program.ask(self._number, scan), self._several)
 
     def __deepcopy__(self, memo: object) -> ProgramTracker:
         if not self._program.copies:
             raise TypeError("its program does not say that it copies trackers")
-        return ProgramTracker(self._program, self._program.copy(self._number))
+        return ProgramTracker(self._program, self._several, self._program.copy(self._number))
 
     def __del__(self) -> None:
         self._program.end(self._number)
