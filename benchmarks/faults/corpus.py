@@ -105,7 +105,7 @@ def replaced(text: str, entry: Fault) -> tuple[str, set[int]]:
     Raises:
         ValueError: the base does not have one of the pieces exactly once.
     """
-    pieces = [(piece["old"].rstrip("\n"), piece["new"].rstrip("\n")) for piece in entry.replace]
+    pieces = [(piece["old"], piece["new"]) for piece in entry.replace]
     for old, _ in pieces:
         if text.count(old) != 1:
             raise ValueError(f"{entry.name}: {entry.base}.py has {text.count(old)} times: {old}")

@@ -30,7 +30,7 @@ class Tracker:
         self.acceleration_sigma = acceleration_sigma
         self.turn_sigma = turn_sigma
         self.points = SigmaPoints(5)
-        self.Q = np.zeros((5, 5))
+        self.Q = self.process_noise(0.1)
 
     def step(self, state, scan):
         if state is None:
@@ -75,7 +75,7 @@ class Tracker:
             Q[i + 2, i + 2] = dt**2
         Q *= self.acceleration_sigma**2
         Q[4, 4] = self.turn_sigma**2 * dt
-        return Q
+        return Q + 1e-8 * np.eye(5)
 
     def predict(self, x, P, dt):
         self.Q = self.process_noise(dt)
