@@ -25,7 +25,8 @@ class Model:
         self.x = self.x + K @ y
         A = np.eye(4) - K @ H
         self.P = A @ self.P @ A.T + K @ scan.noise_covariance @ K.T
-        self.likelihood = np.exp(-0.5 * y @ np.linalg.solve(S, y)) / np.sqrt(np.linalg.det(2 * np.pi * S))
+        density = np.exp(-0.5 * y @ np.linalg.solve(S, y)) / np.sqrt(np.linalg.det(2 * np.pi * S))
+        self.likelihood = max(density, 1e-300)
 
 
 def innovation(x, scan):

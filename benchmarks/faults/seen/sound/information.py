@@ -1,0 +1,50 @@
+"""An information filter: the state is the inverse covariance and the information vector."""
+
+import numpy as np
+
+
+def fixed_frame(scan):
+    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight."""
+    x, y, yaw = scan.sensor_pose
+    if scan.kind == "lidar":
+        T = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        return np.array([x, y]) + T @ scan.measurement, np.eye(2, 4), T @ scan.noise_covariance @ T.T
+    r, c, s = scan.measurement[0], np.cos(yaw + scan.measurement[1]), np.sin(yaw + scan.measurement[1])
+    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, 0.0, 1.0]])
+    H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, c, s]])
+    rate = scan.measurement[2] + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1]
+    return np.array([x + r * c, y + r * s, rate]), H, J @ scan.noise_covariance @ J.T
+
+
+def first(scan):
+    z, _, R = fixed_frame(scan)
+    P = np.diag([0.0, 0.0, 400.0, 400.0])
+    P[:2, :2] = R[:2, :2]
+    return np.array([z[0], z[1], 0.0, 0.0]), P
+
+
+def moved(x, P, dt, sigma=3.0):
+    F = np.eye(4) + dt * np.eye(4, k=2)
+    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
+    return F @ x, F @ P @ F.T + G @ G.T
+
+
+class Tracker:
+    def step(self, state, scan):
+        if state is None:
+            x, P = first(scan)
+            Y = np.linalg.inv(P)
+            y = Y @ x
+        else:
+            time, y, Y = state
+            P = np.linalg.inv(Y)
+            x, P = moved(P @ y, P, scan.time - time)
+            Y = np.linalg.inv(P)
+            y = Y @ x
+            if scan.valid:
+                z, H, R = fixed_frame(scan)
+                W = np.linalg.inv(R)
+                y, Y = y + H.T @ W @ z, Y + H.T @ W @ H
+        P = np.linalg.inv(Y)
+        P = (P + P.T) / 2
+        return (scan.time, y, (Y + Y.T) / 2), (P @ y, P)

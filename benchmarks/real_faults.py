@@ -1,0 +1,152 @@
+"""How often the doctor is right about faults as people make them, and silent about sound trackers.
+
+    python benchmarks/real_faults.py SET [--workers N] [--out FILE] [--log FILE]
+
+Writes a table and what was said of each miss, as Markdown. With --log, what was found of a program is kept there, and a
+program that has not changed since is not examined again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from doctor.traffic.subject import looped
+from doctor_rates import doctor
+from faults.corpus import KINDS, Fault, Program, bases, faults, sound
+from markdown import table
+from trackbench.subjects.doctor.report import verdict
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.traffic import TrafficDoctor
+
+RIGHT, WRONG, UNNAMED, HEALTHY = "right", "wrong name", "failed checks, no name", "said healthy"
+OUTCOMES = (RIGHT, WRONG, UNNAMED, HEALTHY)
+#: Two-sided 95 % quantile of the normal distribution.
+Z = 1.96
+
+
+@dataclass
+class Seen:
+    """What was said of a program."""
+
+    module: str
+    text: str
+    """Hash of the program and of what is accepted."""
+    kind: str
+    outcome: str
+    """One of OUTCOMES; of a sound program, UNNAMED is a fault too."""
+    confidence: float | None
+    """Of the first finding."""
+    verdict: str
+    said: list[str]
+    seconds: float
+
+
+def mark(program: Program) -> str:
+    return sha256(f"{program.accept}{program.text}".encode()).hexdigest()[:16]
+
+
+def examine(program: Program) -> Seen:
+    warnings.simplefilter("ignore")
+    np.seterr(all="ignore")
+    begin = time.process_time()
+    with TemporaryDirectory() as folder:
+        program.write(Path(folder))
+        sys.path.insert(0, folder)
+        try:
+            tracker = import_module(program.module).Tracker
+            if program.identities == "hidden":
+                found = TrafficDoctor(SENSORS).examine(program.module, looped(tracker))
+            else:
+                found = doctor(0, tuple(SENSORS)).examine(program.module, tracker)
+        except Exception as error:
+            return Seen(program.module, mark(program), program.kind, UNNAMED, None, f"not examined: {error}", [], 0.0)
+        finally:
+            sys.path.remove(folder)
+    said = [f"{one.fault} ({one.confidence:.0%}): {one.evidence}" for one in found.causes]
+    said += [f"{check.name}: {check.result}" for check in found.checks if check.passed is False]
+    first = found.findings[0] if found.findings else None
+    if first is None:
+        outcome = HEALTHY if found.healthy else UNNAMED
+    else:
+        lines = map(int, re.findall(rf"{program.module}\.py:(\d+)", first.evidence))
+        outcome = RIGHT if first.fault in program.accept or not program.lines.isdisjoint(lines) else WRONG
+    seconds = time.process_time() - begin
+    confidence = None if first is None else first.confidence
+    return Seen(program.module, mark(program), program.kind, outcome, confidence, verdict(found), said, seconds)
+
+
+def wilson(hits: int, count: int) -> str:
+    """Share and its 95 % interval (Wilson 1927)."""
+    share, spread = hits / count, Z**2 / count
+    middle = (share + spread / 2) / (1 + spread)
+    half = Z / (1 + spread) * np.sqrt(share * (1 - share) / count + spread / (4 * count))
+    return f"{share:.0%} ({max(middle - half, 0):.0%} to {min(middle + half, 1):.0%})"
+
+
+def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
+    found = [seen[program.module] for program in programs]
+    faulty = [one for one in found if one.kind != "sound"]
+    rows = []
+    for kind in (*KINDS, "all"):
+        outcomes = [one.outcome for one in faulty if kind in (one.kind, "all")]
+        counts = [str(outcomes.count(outcome)) for outcome in OUTCOMES]
+        rows.append([kind, str(len(outcomes)), *counts, wilson(outcomes.count(RIGHT), len(outcomes))])
+    said = {outcome: [one.confidence for one in faulty if one.outcome == outcome] for outcome in (RIGHT, WRONG)}
+    silent = [one for one in found if one.kind == "sound"]
+    blamed = [one for one in silent if one.outcome != HEALTHY]
+    lines = [f"# The set `{name}`: what the doctor says", ""]
+    lines += table(["kind", "faults", *OUTCOMES, "share right"], rows)
+    means = [f"{np.mean(values):.0%} of {outcome} ones" for outcome, values in said.items() if values]
+    lines += [f"Mean stated confidence of first findings: {', '.join(means)}.", ""]
+    lines += [f"Sound trackers and bases faulted: {len(blamed)} of {len(silent)}, {wilson(len(blamed), len(silent))}."]
+    lines += [f"Median of {np.median([one.seconds for one in found]):.1f} CPU s an examination.", "", "## Misses", ""]
+    for program, one in zip(programs, found, strict=True):
+        if one.outcome != (HEALTHY if one.kind == "sound" else RIGHT):
+            fault = program.entry if isinstance(program.entry, Fault) else None
+            harm = f", harm {fault.harm}" if fault and fault.harm else ""
+            lines += [f"### {one.module} ({one.kind}): {one.outcome}", "", one.verdict, ""]
+            if fault:
+                lines += [f"{fault.said} Accepted: {', '.join(fault.accept)}{harm}.", ""]
+            lines += [*(f"- {words}" for words in one.said), ""]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("set")
+    arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument("--out", type=Path, help="default: the terminal")
+    arguments.add_argument("--log", type=Path, help="a line of JSON for each program")
+    given = arguments.parse_args()
+    programs = [*faults(given.set), *sound(given.set), *bases(given.set)]
+    kept = given.log.read_text(encoding="utf-8").splitlines() if given.log and given.log.exists() else []
+    seen = {one.module: one for one in (Seen(**json.loads(line)) for line in kept)}
+    todo = [program for program in programs if program.module not in seen or seen[program.module].text != mark(program)]
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        for one in pool.map(examine, todo):
+            print(f"{one.module}: {one.outcome}: {one.said[:1]}", flush=True)
+            seen[one.module] = one
+            if given.log:
+                with given.log.open("a", encoding="utf-8") as log:
+                    log.write(json.dumps(asdict(one)) + "\n")
+    text = page(given.set, programs, seen)
+    print(text) if given.out is None else given.out.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
