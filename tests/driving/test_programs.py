@@ -227,6 +227,11 @@ def test_one_of_several_objects_gives_tracks(launch: Launch) -> None:
     np.testing.assert_array_equal(tracks.used, [[0, 0], [1, -1]])
 
 
+def test_a_track_below_0_is_no_padding(launch: Launch) -> None:
+    with pytest.raises(TrackFault, match="an id is -1; ids count from 0"):
+        launch(TRACKS.replace("10 * message", "-1 * message"), batch=2, several=True).step(hidden_scan())
+
+
 #: What it does, and what is said of it.
 FAULTS = {
     "prints": (
@@ -284,6 +289,19 @@ def test_more_than_a_pipe_holds_goes_either_way(launch: Launch) -> None:
     body = ANSWER + "send(**usual(message), padding=bytes(3000))"
     estimate = launch(body, batch=4000).step(scan_of(4000))
     assert estimate.mean.shape == (4, 4000)
+
+
+@pytest.mark.parametrize(
+    ("instead", "said"),
+    [
+        ("os.close(1); time.sleep(60)", "its process closed the connection$"),
+        ("[write(bytes(1 << 16)) for _ in iter(int, 1)]", "it wrote more than 134217728 bytes before it read"),
+        ("[write(bytes(1 << 16)) or time.sleep(0.05) for _ in iter(int, 1)]", "no answer within 2 s .*; it wrote"),
+    ],
+)
+def test_one_that_does_not_read_is_ended_whatever_it_writes(launch: Launch, instead: str, said: str) -> None:
+    with pytest.raises(TrackFault, match=said):
+        launch(ANSWER + instead, batch=4000, timeout=2.0).step(scan_of(4000))
 
 
 def test_its_environment_is_that_of_the_user(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:

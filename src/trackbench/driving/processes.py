@@ -190,7 +190,7 @@ class GuardedProcess:
         return self._template.end_of(self._number, 0.0) is not None
 
     def _how_it_ended(self) -> str:
-        report = self._template.end_of(self._number, ENDING)
+        report = self._template.end_of(self._number, min(ENDING, self.timeout))
         if report is None:
             return "its process closed the connection"
         if report.memory:

@@ -7,7 +7,7 @@ import platform
 import select
 import signal
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -184,8 +184,8 @@ class Program(GuardedProcess):
         poll.register(self._in, select.POLLIN)
         while content:
             ready = dict(poll.poll(GLANCE * 1000))
-            if ready.get(self._in, 0) & select.POLLIN:
-                self._received += os.read(self._in, READ)
+            if self._in in ready:
+                self._read()
             if self._out in ready:
                 try:
                     content = content[os.write(self._out, content) :]
@@ -194,22 +194,27 @@ class Program(GuardedProcess):
                     pass
                 except OSError:
                     raise self._ended() from None
-            elif not ready:
-                self._look()
+            self._look(ready)
+            if len(self._received) > LARGEST:
+                raise self.failed(f"it wrote more than {LARGEST} bytes before it read what it was sent", "died")
 
     def _take(self, size: int) -> None:
         """Read until as many bytes have come."""
         while len(self._received) < size:
-            while not self._poll.poll(GLANCE * 1000):
-                self._look()
-            content = os.read(self._in, READ)
-            if not content:
-                raise self._ended()
-            self._received += content
+            if ready := self._poll.poll(GLANCE * 1000):
+                self._read()
+            if len(self._received) < size:
+                self._look(ready)
 
-    def _look(self) -> None:
-        """Raise where the program is late or has ended."""
-        if self.has_ended:
+    def _read(self) -> None:
+        content = os.read(self._in, READ)
+        if not content:
+            raise self._ended()
+        self._received += content
+
+    def _look(self, ready: Sized) -> None:
+        """Raise where the program is late or, where nothing is ready, has ended."""
+        if not ready and self.has_ended:
             raise self._ended()
         if time.monotonic() >= self._until:
             stray = f"; it wrote {_text(self._received)}" if self._received else ""
