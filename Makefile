@@ -32,12 +32,13 @@ printed: $(VENV)/.installed-dev
 # Everything that must hold of a commit.
 test-all: test test-long
 
-# Damaged scenarios, recordings and results: an hour and a half. FUZZ_FROM goes on where another run ended.
+# Damaged scenarios, recordings, results and files of tracks: five hours. FUZZ_FROM goes on where another run ended.
 FUZZ_FROM ?= 0
 fuzz: $(VENV)/.installed-dev
 	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=20000 $(BIN)/pytest tests/fuzz/test_fuzz_scenarios.py
 	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=10000 $(BIN)/pytest tests/fuzz/test_fuzz_recordings.py
-	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_results.py
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_results.py tests/fuzz/test_fuzz_history.py
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=3000 $(BIN)/pytest tests/fuzz/test_fuzz_tracks.py
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -310,6 +310,18 @@ def test_the_intervals_of_a_run_do(
             continue
         assert value.ci95[1] ** 2 - before.ci95[1] ** 2 == pytest.approx(2 * of_recording[sigma] ** 2)
     assert 0.08 < of_recording["position_m"] < 0.12
+    # Where a track is matched, the squared distance has that of the reference along two axes.
+    for path in ("gospa_localisation", "gospa", "tgospa", "tgospa_half") if identities == "hidden" else ():
+        value, before = carried["ekf"].metrics[path], exact["ekf"].metrics[path]
+        assert value.value == before.value
+        # There is one object, at every instant.
+        matched = carried["ekf"].metrics["matched_share"].value
+        assert 0.5 < matched < 1
+        added = 2 * of_recording["position_m"] ** 2 * matched
+        assert value.ci95[1] ** 2 - before.ci95[1] ** 2 == pytest.approx(added)
+        assert value.ci95[0] ** 2 == pytest.approx(max(before.ci95[0] ** 2 - added, 0))
+    for path in ("gospa_missed", "hota", "gospa_switch") if identities == "hidden" else ():
+        assert carried["ekf"].metrics[path] == exact["ekf"].metrics[path]
 
 
 def test_other_truths_are_exact() -> None:

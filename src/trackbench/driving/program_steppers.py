@@ -9,15 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Indices, Scan, Tracks, scan_of_member, scan_of_run
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.driving.frames import (
-    ScanFrames,
-    each_of,
-    estimate_of,
-    id_of,
-    ids_of,
-    plain_estimate,
-    tracks_of,
-)
+from trackbench.driving.frames import ScanFrames, each_of, estimate_of, id_of, ids_of, plain_estimate, tracks_of
 from trackbench.driving.program import Program
 from trackbench.driving.steppers import ESTIMATE_FORM, TRACKS_FORM, Stepper, Traits
 from trackbench.trackers.answers import KEPT_THERE, OF_ONE, TrackerFault, require_kept

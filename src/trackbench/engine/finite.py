@@ -11,10 +11,7 @@ CARRYING = frozenset({"add", "sub", "mul", "neg", "abs", "sqrt", "floor", "ceil"
 
 
 def conditions(
-    graph: Graph,
-    counted: Mapping[str, str],
-    outputs: Mapping[str, Sequence[Node]],
-    dropped: Iterable[Node],
+    graph: Graph, counted: Mapping[str, str], outputs: Mapping[str, Sequence[Node]], dropped: Iterable[Node]
 ) -> list[Node]:
     """Conditions that all outputs, and what was left out, are finite.
 

@@ -56,10 +56,6 @@ class Evaluation:
         return np.full(runs, np.nan) if interval is None else interval.value + interval.influence
 
 
-#: Root mean square errors, by how many axes they are of: what the noise of a recorded truth is part of.
-AXES = {"position_rmse": 2, "velocity_rmse": 2, **dict.fromkeys(("rmse.px", "rmse.py", "rmse.vx", "rmse.vy"), 1)}
-
-
 def evaluate(
     sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, noise: RecordedNoise = EXACT
 ) -> Evaluation:
@@ -94,9 +90,9 @@ def evaluate(
                 if not by_part:
                     interval = clustered(interval, scene)
                     value = interval.as_value(metric.unit)
-                if noise != EXACT and path in AXES:
+                if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps
-                    value = carrying(value, AXES[path] * sigma**2)
+                    value = carrying(value, axes * sigma**2)
                 evaluation.intervals[path] = interval
             if charged is not None:
                 value = value.model_copy(update={"charged_share": charged[0], "without_charged": charged[1]})

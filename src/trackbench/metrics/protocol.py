@@ -230,6 +230,10 @@ class Field(NamedTuple):
         return SENSOR in self.name
 
 
+#: Root mean square errors, by how many axes they are of: what the noise of a recorded truth is part of.
+AXES = {"position_rmse": 2.0, "velocity_rmse": 2.0} | dict.fromkeys(("rmse.px", "rmse.py", "rmse.vx", "rmse.vy"), 1.0)
+
+
 class Metric(Config):
     """One metric of a tracker, built in or not. The pydantic fields of a subclass are its options in a scenario.
 
@@ -274,6 +278,10 @@ class Metric(Config):
     def accumulator(self) -> Accumulator:
         """What sums for this metric."""
         return self.shared or self
+
+    def reference_axes(self, path: str, sums: Any) -> float:
+        """How many times the squared error of the reference along an axis is in the squared value, where it is one."""
+        return AXES.get(path, 0.0)
 
     def init(self, scope: Any) -> Any:
         """The sums before the first chunk of a block of runs."""

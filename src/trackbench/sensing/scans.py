@@ -25,14 +25,7 @@ from trackbench.base.types import (
 from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
 from trackbench.models.sensors.effects import Bodies, Sensed, answers
-from trackbench.sensing.view import (
-    detection_probability,
-    firing_steps,
-    in_view,
-    motion_at,
-    polar,
-    silent,
-)
+from trackbench.sensing.view import detection_probability, firing_steps, in_view, motion_at, polar, silent
 from trackbench.truth.base import Recorded
 
 

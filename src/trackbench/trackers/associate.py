@@ -118,8 +118,7 @@ class AssociateConfig(Config):
     )
     hidden_s: Positive = Field(1, description="jipda and pmb. Mean time that a hidden object stays so, s.")
     birth_rate_hz: Positive = Field(
-        0.2,
-        description="jipda and pmb. Expected number of objects per second that come into the view of each sensor.",
+        0.2, description="jipda and pmb. Expected number of objects per second that come into the view of each sensor."
     )
     undetected: NonNegative = Field(
         10, description="jipda and pmb. Expected number of objects in the view of a sensor before its first scan."

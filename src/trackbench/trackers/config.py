@@ -72,8 +72,7 @@ def _form(value: Any) -> str:
 
 #: The value of ``motion:``.
 OneOrSeveralMotions = Annotated[
-    Annotated[Motion, Tag("<model>")] | Annotated[ImmConfig, Tag("<imm>")],
-    Discriminator(_form),
+    Annotated[Motion, Tag("<model>")] | Annotated[ImmConfig, Tag("<imm>")], Discriminator(_form)
 ]
 
 
@@ -138,8 +137,7 @@ class FilterConfig(OptionsBeside):
         "every step of time whatever its length, in place of what the standard deviations above give.",
     )
     initial: InitialConfig = Field(
-        default_factory=InitialConfig,
-        description="How a track starts; a single word is short for {from: word}.",
+        default_factory=InitialConfig, description="How a track starts; a single word is short for {from: word}."
     )
     sigma_points: Literal["scaled", "classic"] = Field(
         "scaled",

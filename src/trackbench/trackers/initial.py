@@ -77,8 +77,7 @@ class InitialConfig(Config):
     )
     position_sigma_m: Sigma = Field(1, description="Standard deviation of each position component, m; from truth only.")
     velocity_sigma_mps: Sigma = Field(
-        20,
-        description="Standard deviation of each velocity component, m/s; not from two_measurements.",
+        20, description="Standard deviation of each velocity component, m/s; not from two_measurements."
     )
     acceleration_sigma_mps2: Sigma = Field(
         3, description="Standard deviation of the acceleration, m/s^2, where the state has it."

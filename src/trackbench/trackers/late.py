@@ -101,11 +101,7 @@ def up_to_date(
 
 
 def replayed(
-    step: Step[S, A],
-    history: tuple[ProcessedScan[S, A], ...],
-    number: int,
-    scan: Scan,
-    origins: Indices | None = None,
+    step: Step[S, A], history: tuple[ProcessedScan[S, A], ...], number: int, scan: Scan, origins: Indices | None = None
 ) -> Replayed[S, A]:
     """Process a late scan at its index in the history, and the later ones again."""
     before = history[number].before

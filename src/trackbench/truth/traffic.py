@@ -19,14 +19,7 @@ from trackbench.truth.config import FixedObserver
 from trackbench.truth.config.logs import find
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, target_bodies
-from trackbench.truth.motion_audit import (
-    SMOOTHER,
-    MotionFigures,
-    figures,
-    overlaps,
-    recorded_noise,
-    refuse_impossible,
-)
+from trackbench.truth.motion_audit import SMOOTHER, MotionFigures, figures, overlaps, recorded_noise, refuse_impossible
 from trackbench.truth.recorded.drive import fixed
 from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked, start_of

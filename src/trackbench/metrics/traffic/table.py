@@ -50,6 +50,8 @@ class RunRatio(Metric):
     at_least: ClassVar[float] = 0.0
     fewest: ClassVar[float] = 50
     """Runs of one scene from which on an interval is calibrated: ``benchmarks/calibration/traffic.py``."""
+    localises: ClassVar[bool] = False
+    """Whether it has the squared distance of each matched track, summed at each instant."""
     missing: ClassVar[str] = "no run tells it"
     """Why there is no value where no run has a term."""
 
@@ -60,6 +62,13 @@ class RunRatio(Metric):
     @property
     def columns(self) -> tuple[str, ...]:
         return f"{self.name}_total", f"{self.name}_count"
+
+    def reference_axes(self, path: str, sums: Array) -> float:
+        """Two for each matched track of an instant."""
+        if not self.localises:
+            return super().reference_axes(path, sums)
+        matched, instants = run_sums(sums, "matched_share")[0].sum(), run_sums(sums, path)[1].sum()
+        return 2.0 * float(matched / instants) if instants else 0.0
 
     def of_runs(self, *columns: Array) -> Interval | None:
         total, count = columns
@@ -111,11 +120,13 @@ OF_ASSOCIATIONS = {**NOT_SAID, "fewest": 400}
 NOT_ASKED = {"missing": "only built-in trackers are asked what they predict"}
 #: Those of runs with a truth.
 TRACK_METRICS = by_name(
-    root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True),
-    root_of("tgospa_half", "m", "T-GOSPA where a switch costs half as much"),
-    root_of("tgospa_twice", "m", "T-GOSPA where a switch costs twice as much"),
-    root_of("gospa", "m", "error in position, missed objects and false tracks in one number"),
-    root_of("gospa_localisation", "m", "part of GOSPA from the positions of matched tracks", fewest=400),
+    root_of("tgospa", "m", "GOSPA of whole trajectories: switches of tracks cost too", ranks=True, localises=True),
+    root_of("tgospa_half", "m", "T-GOSPA where a switch costs half as much", localises=True),
+    root_of("tgospa_twice", "m", "T-GOSPA where a switch costs twice as much", localises=True),
+    root_of("gospa", "m", "error in position, missed objects and false tracks in one number", localises=True),
+    root_of(
+        "gospa_localisation", "m", "part of GOSPA from the positions of matched tracks", fewest=400, localises=True
+    ),
     root_of("gospa_missed", "m", "part of GOSPA from objects without a track"),
     root_of("gospa_false", "m", "part of GOSPA from tracks without an object", fewest=10),
     root_of("gospa_switch", "m", "part of T-GOSPA from identities: what it has beside GOSPA"),

@@ -95,14 +95,7 @@ def cartesian_jacobian(x: Array) -> Array:
     v, yaw = x[2], x[3]
     c, s = cos_sin(yaw)
     rest = [0.0] * (len(x) - 4)
-    return linalg.matrix(
-        [
-            [1, 0, 0, 0, *rest],
-            [0, 1, 0, 0, *rest],
-            [0, 0, c, -v * s, *rest],
-            [0, 0, s, v * c, *rest],
-        ]
-    )
+    return linalg.matrix([[1, 0, 0, 0, *rest], [0, 1, 0, 0, *rest], [0, 0, c, -v * s, *rest], [0, 0, s, v * c, *rest]])
 
 
 def cartesian_belief(belief: Gaussian) -> Gaussian:

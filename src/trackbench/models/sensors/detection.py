@@ -121,6 +121,5 @@ class StatedDetection(Config):
         None, description="Of a vehicle in the field of view; the sensor's detection_probability unless given."
     )
     clutter_per_scan: NonNegative | None = Field(
-        None,
-        description="Mean number of false alarms per scan, uniform in view; clutter.per_scan unless given.",
+        None, description="Mean number of false alarms per scan, uniform in view; clutter.per_scan unless given."
     )

@@ -16,9 +16,7 @@ class Lidar(Sensor):
     """Measures position in its own frame: x forward, y to the left, m."""
 
     position_sigma_m: float = Field(
-        ge=1e-6,
-        le=1e4,
-        description="Standard deviation of the position along each axis of the sensor's frame, m.",
+        ge=1e-6, le=1e4, description="Standard deviation of the position along each axis of the sensor's frame, m."
     )
     x_bias_m: float = Field(0, description="Constant error along the boresight, m.")
     y_bias_m: float = Field(0, description="Constant error to the left of the boresight, m.")

@@ -91,13 +91,7 @@ class Radar(Polar):
         ux, uy = dx * inverse, dy * inverse
         # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
         turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
-        return linalg.matrix(
-            [
-                [ux, uy, 0, 0],
-                [-uy * inverse, ux * inverse, 0, 0],
-                [-uy * turn, ux * turn, ux, uy],
-            ]
-        )
+        return linalg.matrix([[ux, uy, 0, 0], [-uy * inverse, ux * inverse, 0, 0], [-uy * turn, ux * turn, ux, uy]])
 
     @classmethod
     def radial_velocity(cls, scan: Scan) -> Array:

@@ -3,7 +3,5 @@
 from trackbench.base.subjects import Offer, Subject
 
 SUBJECT = Subject(
-    commands={
-        "new": Offer(f"{__name__}.plug_in:new_command", "Write a plug-in of your own that works, with its test.")
-    },
+    commands={"new": Offer(f"{__name__}.plug_in:new_command", "Write a plug-in of your own that works, with its test.")}
 )

@@ -22,11 +22,7 @@ from trackbench.subjects.templates.language import LANGUAGES, PYTHON
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
 KINDS: Mapping[str, Mapping[str, str]] = {
-    "tracker": {
-        "{name}.py": "tracker.py.j2",
-        "test_{name}.py": "test_tracker.py.j2",
-        "{name}.yaml": "tracker.yaml.j2",
-    },
+    "tracker": {"{name}.py": "tracker.py.j2", "test_{name}.py": "test_tracker.py.j2", "{name}.yaml": "tracker.yaml.j2"},
     "multi-tracker": {
         "{name}.py": "multi_tracker.py.j2",
         "test_{name}.py": "test_multi_tracker.py.j2",

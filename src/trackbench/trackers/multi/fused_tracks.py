@@ -22,14 +22,7 @@ from trackbench.engine.beliefs import (
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.filters import FilterCall, FusedFilter, fused, kernels, prediction
 from trackbench.engine.pairs import PairSearch
-from trackbench.filters import (
-    AnyBelief,
-    Filter,
-    Measured,
-    PredictedMeasurement,
-    bare,
-    choose,
-)
+from trackbench.filters import AnyBelief, Filter, Measured, PredictedMeasurement, bare, choose
 from trackbench.trackers.initial import InitialConfig
 from trackbench.trackers.multi.gate import RunDetections
 from trackbench.trackers.multi.mixture import of_slots
@@ -101,11 +94,7 @@ class FusedTrackFilter(TrackFilter):
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
         values = taken_apart(belief) | self.filter.time(dt) | of_sensor(scan)
         result = self.filter.computed(
-            "expectation of a later scan",
-            partial(_expected, view=scan.field_of_view),
-            values,
-            scan,
-            scan.field_of_view,
+            "expectation of a later scan", partial(_expected, view=scan.field_of_view), values, scan, scan.field_of_view
         )
         modes = self.filter.modes
         return PredictedTracks(

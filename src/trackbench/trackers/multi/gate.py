@@ -133,11 +133,7 @@ def gated(
 
 
 def under_modes(
-    pairs: GatedPairs,
-    predicted: PredictedMeasurement,
-    measured: Measured,
-    prior: Array,
-    compute: Compute = by_numpy,
+    pairs: GatedPairs, predicted: PredictedMeasurement, measured: Measured, prior: Array, compute: Compute = by_numpy
 ) -> GatedPairs:
     """The pairs, their likelihood that of the mixture of the modes, whose probabilities are ``prior`` ``(M, L)``."""
     of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection, compute)[1] for mode in predicted.modes]

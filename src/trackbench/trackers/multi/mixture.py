@@ -142,9 +142,7 @@ def _with_detection(detections: int, state: int) -> list[tuple[slice | int, ...]
 
 #: The same as equations.
 ENUMERATION = Equations(
-    "association probabilities of a cluster",
-    lambda values: {"share": enumeration(values["weight"])},
-    {"weight": 2},
+    "association probabilities of a cluster", lambda values: {"share": enumeration(values["weight"])}, {"weight": 2}
 )
 
 
@@ -210,11 +208,7 @@ def of_pairs(
 
 
 def of_slots(
-    motions: Sequence[MotionModel],
-    before: AnyBelief,
-    updated: Sequence[AnyBelief],
-    share: Sequence[Array],
-    kept: Array,
+    motions: Sequence[MotionModel], before: AnyBelief, updated: Sequence[AnyBelief], share: Sequence[Array], kept: Array
 ) -> AnyBelief:
     """Of tracks that all have the same number of possibilities.
 

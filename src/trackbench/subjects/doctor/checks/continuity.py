@@ -151,6 +151,6 @@ CONTINUITY_CHECK = DoctorCheck(
                 always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
                 drive="own_model",
             ),
-        ),
+        )
     },
 )
