@@ -39,22 +39,23 @@ class Ghosts(Effect):
 
     def alarms(self, sensed: Sensed, random: RunStreams) -> tuple[Indices, Indices, Array]:
         presence = gauss_markov(sensed.time, self.time_s, random.standard_normal(sensed.shape))
-        sensor, turn = sensed.sensor, 1j * sensed.yaw_rate[:, None]
-        (x, y, yaw), (ux, uy) = sensed.pose[:, :, None], sensed.velocity[:, :, None]
-        mount = np.deg2rad(sensor.mount.yaw_deg)
-        # Ahead of the sensor and, imaginary, to the left of it, along the observer's heading.
-        axis = np.exp(1j * (yaw - mount))
+        sensor, turn = sensed.sensor, sensed.yaw_rate[:, None]
+        pose, velocity = sensed.pose[:, :, None], sensed.velocity[:, :, None]
+        (x, y, yaw), (ux, uy), mount = pose, velocity, np.deg2rad(sensor.mount.yaw_deg)
+        c, s = np.cos(yaw - mount), np.sin(yaw - mount)
         px, py, vx, vy = sensed.bodies.target
-        place = (px - x + 1j * (py - y)) / axis
-        change = (vx - ux + 1j * (vy - uy)) / axis - turn * place
-        image = np.conj(place) + 2j * self.wall_m
-        at, velocity = image * axis, (np.conj(change) + turn * image) * axis
-        target = np.stack([at.real + x, at.imag + y, velocity.real + ux, velocity.imag + uy])
-        mirrored = sensor.measure(target, sensed.pose[:, :, None], sensed.velocity[:, :, None])
-        same_side = (self.wall_m - place.imag) * np.sign(self.wall_m) > 0
-        in_view = np.abs(wrap_angle(np.angle(image) - mount)) <= np.deg2rad(sensor.fov_deg) / 2
+        ahead = c * (px - x) + s * (py - y)
+        # How far the wall is beyond the vehicle, and the derivative: the normal of the wall turns too.
+        beyond = self.wall_m - (c * (py - y) - s * (px - x))
+        rate = turn * ahead - (c * (vy - uy) - s * (vx - ux))
+        across, along = c * rate - s * turn * beyond, s * rate + c * turn * beyond
+        image = np.stack([px - 2.0 * s * beyond, py + 2.0 * c * beyond, vx - 2.0 * along, vy + 2.0 * across])
+        mirrored = sensor.measure(image, pose, velocity)
+        azimuth = wrap_angle(np.arctan2(self.wall_m + beyond, ahead) - mount)
+        in_view = np.abs(azimuth) <= np.deg2rad(sensor.fov_deg) / 2
         if sensor.max_range_m is not None:
-            in_view &= np.abs(image) <= sensor.max_range_m
+            in_view &= np.hypot(ahead, self.wall_m + beyond) <= sensor.max_range_m
+        same_side = beyond * np.sign(self.wall_m) > 0
         seen = sensed.visible & same_side & in_view & (presence < normal_quantile(self.probability))
         instant, number, run = np.nonzero(seen)
         return run, instant, np.broadcast_to(mirrored, (len(mirrored), *seen.shape))[:, instant, number, run]
