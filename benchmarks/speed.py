@@ -19,7 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks import filters, isolation, sensing, stages, table, traffic_scores, traffic_trackers
+from benchmarks import filters, isolation, languages, sensing, stages, table, traffic_scores, traffic_trackers
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -32,7 +32,11 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=REPETITIONS)
     parser.add_argument("--no-memory", action="store_true", help="leave out the large run, which takes a minute")
     parser.add_argument("--no-stages", action="store_true", help="leave out where the time goes, eight minutes")
+    parser.add_argument("--languages", action="store_true", help="only what another language costs; the rest stays")
     options = parser.parse_args()
+    if options.languages:
+        write(json.loads((RESULTS / "benchmark.json").read_text()) | {"languages": languages.measure()})
+        return
     if reason := unavailable():
         sys.exit(f"the fused engine cannot be measured: {reason}")
     names = ("trackbench", "numpy", "llvmlite", "filterpy", "stonesoup", "trackeval")
@@ -45,8 +49,14 @@ def main() -> None:
         "traffic_scores": traffic_scores.measure(),
         "memory": None if options.no_memory else memory(),
         "isolation": isolation.measure(),
+        "languages": languages.measure(),
         "stages": None if options.no_stages else stages.measure(),
     }
+    write(found)
+
+
+def write(found: dict[str, Any]) -> None:
+    """Print the tables and write them."""
     text = table.markdown({**found, "stages_before": stages.before()})
     print(text)
     RESULTS.mkdir(exist_ok=True)

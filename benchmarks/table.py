@@ -26,6 +26,7 @@ def markdown(found: dict[str, Any]) -> str:
             traffic_trackers(found["traffic_trackers"]),
             traffic_scores(found["traffic_scores"]),
             isolation(found["isolation"]),
+            languages(found["languages"]),
             *([compiling(found["stages"]), stages(found["stages_before"], found["stages"])] if found["stages"] else []),
         ]
     )
@@ -196,6 +197,38 @@ def isolation(rows: list[dict[str, Any]]) -> str:
                 f"| {row['batch']} | {row['start_ms']:.0f} | {digits(row['step_here_us'])} | {digits(row['step_us'])} |"
                 for row in rows
             ),
+            "",
+        ]
+    )
+
+
+def languages(found: dict[str, Any]) -> str:
+    """What a scan costs a program in C++, as a section."""
+    if "without" in found:
+        return f"## A tracker in another language\n\nNothing is measured: {found['without']}.\n"
+    us = {(row["tracker"], row["members"]): row["us"] for row in found["rows"]}
+    sizes = list(dict.fromkeys(members for _, members in us))
+    names = dict.fromkeys(name for name, _ in us)
+
+    def cells(name: str) -> str:
+        first = us[name, sizes[0]]
+        return " | ".join([name, *(digits(us[name, size]) for size in sizes), digits(first / found["bare_us"])])
+
+    return "\n".join(
+        [
+            "## A tracker in another language",
+            "",
+            "The same extended Kalman filter as a program in C++ (that of `trackbench new tracker --language cpp`, "
+            "compiled with `-O2`), and inside. Microseconds for a scan of all members, median of the elapsed time, "
+            "with bench and program on one core. A bare exchange of 400 and 200 bytes by pipes takes "
+            f"{digits(found['bare_us'])} there; the last column is the time for one member as a multiple of it. Before "
+            "anything is timed all estimates are compared, to 1e-9 of the largest entry.",
+            "",
+            f"| | {' | '.join('one member' if size == 1 else f'{size} members' for size in sizes)} | bare exchanges |",
+            f"|---|{'---:|' * len(sizes)}---:|",
+            *(f"| {cells(name)} |" for name in names),
+            "",
+            *goals(found["goals"], "a program in another language"),
             "",
         ]
     )

@@ -15,10 +15,10 @@ def met(given: bool | None) -> str:
     return {True: "met", False: "missed", None: ""}[given]
 
 
-def goals(rows: list[dict[str, Any]]) -> list[str]:
-    """What was measured of the fused engine beside what is aimed at, as the lines of a table."""
+def goals(rows: list[dict[str, Any]], of: str = "the fused engine") -> list[str]:
+    """What was measured beside what is aimed at, as the lines of a table."""
     return [
-        "| the fused engine | measured | goal | |",
+        f"| {of} | measured | goal | |",
         "|---|---:|---|---|",
         *(f"| {row['what']} | {digits(row['value'])} | {row['goal']} | {met(row['met'])} |" for row in rows),
     ]

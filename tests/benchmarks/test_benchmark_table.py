@@ -138,3 +138,20 @@ def test_what_is_measured_fills_the_table(module, section, small, monkeypatch):
     assert all(row["largest_difference"] < 1e-6 for row in rows if row.get("peer") or "engine" in row)
     own = [row for row in rows if row.get("engine", "fused") == "fused"]
     assert len(cells(section(rows).partition("| the fused engine")[0])) == 1 + len(own)
+
+
+def test_a_program_stands_beside_a_bare_exchange_and_the_filter_inside():
+    rows = [
+        {"members": members, "tracker": name, "us": us}
+        for name, times in {"program": (20.0, 500.0), "inside": (10.0, 400.0)}.items()
+        for members, us in zip((1, 2000), times, strict=True)
+    ]
+    goals = [{"what": "program: µs", "value": 20.0, "goal": "at most 30", "met": True}]
+    section = table.languages({"bare_us": 5.0, "rows": rows, "goals": goals})
+    assert cells(section.partition("| a program in")[0]) == [
+        ["", "one member", "2000 members", "bare exchanges"],
+        ["program", "20", "500", "4"],
+        ["inside", "10", "400", "2"],
+    ]
+    assert "| program: µs | 20 | at most 30 | met |\n" in section
+    assert "no C++ compiler" in table.languages({"without": "no C++ compiler"})

@@ -123,11 +123,12 @@ class Program(GuardedProcess):
         if sent < len(content):
             self._send_rest(memoryview(content)[sent:])
 
-    def receive(self, numbers: Sequence[int] = ()) -> dict[str, Any]:
+    def receive(self, number: int | None = None, listed: bool = False) -> dict[str, Any]:
         """The next answer.
 
         Args:
-            numbers: of the trackers that a scan was for; none of the first answer of all.
+            number: of the tracker that was asked, of several the first; None of the first answer of all.
+            listed: whether the scan was for several.
 
         Raises:
             TrackFault: the program says that it failed (its member is then the number of a list that it names), has
@@ -148,10 +149,10 @@ class Program(GuardedProcess):
             raise self.failed(f"its answer is {error}; it begins with {_text(content)}") from None
         kind = answer.get("type")
         if kind == "error":
-            cause, number = f"{self.name}: {_line(str(answer.get('message')))}", answer.get("id")
-            raise TrackFault(cause, "raised", member=number if type(number) is int and len(numbers) > 1 else None)
-        if numbers and (kind not in ("estimate", "none", "tracks") or answer.get("id") != numbers[0]):
-            asked = f"a scan of tracker {numbers[0]}"
+            cause, named = f"{self.name}: {_line(str(answer.get('message')))}", answer.get("id")
+            raise TrackFault(cause, "raised", member=named if listed and type(named) is int else None)
+        if number is not None and (kind not in ("estimate", "none", "tracks") or answer.get("id") != number):
+            asked = f"a scan of tracker {number}"
             raise self.failed(f"it answered {asked} with {_said(kind)} of {_said(answer.get('id'))}")
         return answer
 
@@ -165,7 +166,7 @@ class Program(GuardedProcess):
     def ask(self, number: int, scan: Scan) -> dict[str, Any]:
         """What a tracker answers to a scan."""
         self.send([frames.ScanFrames(scan).of(frames.id_of(number), scan)])
-        return self.receive([number])
+        return self.receive(number)
 
     def _understand(self, answer: Mapping[str, Any]) -> None:
         version = answer.get("version")

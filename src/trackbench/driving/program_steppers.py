@@ -121,7 +121,7 @@ class ProgramStepper(Stepper):
 
     def _received(self, members: Sequence[int]) -> Message:
         try:
-            return self._program.receive([self._numbers[member] for member in members])
+            return self._program.receive(self._numbers[members[0]], listed=len(members) > 1)
         except TrackFault as fault:
             # An error of one of a list names it.
             number = self._numbers[members[0]] if len(members) == 1 else fault.member
