@@ -287,6 +287,26 @@ def test_an_examination_as_data() -> None:
     assert one["factor"] == 0.251
 
 
+def test_sensors_have_no_effects_in_an_examination(tiny_text: str, tmp_path: Path) -> None:
+    effects = "effects: [{type: bias, sigmas: {range_m: 1}}]"
+    text = tiny_text.replace("range_rate_sigma_mps: 0.1}", f"range_rate_sigma_mps: 0.1, {effects}}}")
+    first = "initial: {from: two_measurements, least_time_s: 0}"
+    text = text.replace(first, "assume: {radar: {bias: {sigmas: {range_m: 1}}}}")
+    (tmp_path / "biased.yaml").write_text(text)
+    found = subject(f"{tmp_path / 'biased.yaml'}#ekf", {})
+    assert Doctor(found.sensors).sensors["radar"].effects == []
+    assert len(found.notes) == 1
+    probe = GENERAL[0]
+    scans = [probe.scan("radar", found.sensors["radar"], 0.1 * number) for number in range(5)]
+    ends = []
+    for make in (found.make, lambda: ekf(motion="cv", acceleration_sigma_mps2=3)):
+        session = TrackerSession(make)
+        ends.append([session.step(scan) for scan in scans][-1])
+    assert ends[0] is not None
+    assert ends[1] is not None
+    np.testing.assert_array_equal(ends[0].mean, ends[1].mean)
+
+
 def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_uses() -> None:
     found = subject(f"{REPOSITORY}/scenarios/scripted/own_model.yaml#kf_lidar", {})
     assert list(found.sensors) == ["lidar"]

@@ -99,8 +99,8 @@ def rate_of(sensor: Sensor) -> float:
 
 
 def simplified(sensor: Sensor) -> Sensor:
-    """The sensor without limits of view, missed detections, delays and biases."""
+    """The sensor without limits of view, missed detections, delays, biases and effects."""
     biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
     unlimited: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
-    rate = {"rate_hz": rate_of(sensor), "phase_s": 0.0, "latency_s": 0}
+    rate = {"rate_hz": rate_of(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
     return sensor.model_copy(update={**biases, **unlimited, **rate})

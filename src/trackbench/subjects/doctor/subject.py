@@ -119,14 +119,18 @@ def _of_scenario(
     used = sensors or {
         key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used
     }
+    notes: tuple[str, ...] = ()
+    if isinstance(tracker, FilterConfig) and tracker.assume:
+        tracker = tracker.model_copy(update={"assume": {}})
+        notes = ("the sensors have no effects here, and the tracker assumes none",)
     if isinstance(tracker, FilterConfig) and tracker.associate is not None:
         if tracker.associate.method == "oracle":
             raise InputError(f"{name} is told the true origins, which an examination does not have", file=path)
-        return ExaminedTracker(name, fresh_tracks(tracker, None, isolation), used, multi_object=True)
+        return ExaminedTracker(name, fresh_tracks(tracker, None, isolation), used, True, notes)
     if isinstance(tracker, FilterConfig):
         if tracker.smoother is not None:
             raise InputError(f"{name} is a smoother, which needs all measurements of a run; remove smoother", file=path)
-        return _startable(ExaminedTracker(name, lambda: build(tracker), used))
+        return _startable(ExaminedTracker(name, lambda: build(tracker), used, notes=notes))
     folder = loaded.path.resolve().parent
     if config.sensing.identities == "hidden":
         return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), used, multi_object=True)
@@ -145,6 +149,5 @@ def _startable(of: ExaminedTracker) -> ExaminedTracker:
         assert isinstance(tracker, FilterTracker)
         return replace(tracker, initial=initial)
 
-    return replace(
-        of, make=make, notes=("its tracks start from two measurements here, and from the truth in the scenario",)
-    )
+    note = "its tracks start from two measurements here, and from the truth in the scenario"
+    return replace(of, make=make, notes=(*of.notes, note))
