@@ -10,7 +10,7 @@ from rich.text import Text
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE, print_hanging
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, reach, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
@@ -27,7 +27,7 @@ from trackbench.report.sentences import (
     value_and_limit,
 )
 from trackbench.report.tables import OUTCOME_TONE, TONE, metric_of
-from trackbench.results import Result, TrackerResult
+from trackbench.results import MetricValue, Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = {
@@ -103,10 +103,19 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
             for mean, word, style in zip(means, words, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
-    halves = [half_width(metric.ci95) if path == "position_rmse" else None for metric in metrics]
+    ends = _ends(metrics, places) if path == "position_rmse" else [""] * len(metrics)
+    return [Text(f"{short(m.value, places)} {end}".rstrip()) for m, end in zip(metrics, ends, strict=True)]
+
+
+def _ends(metrics: Sequence[MetricValue], places: int) -> list[str]:
+    """Half of each interval, or its ends to the first digit of the longest of their shorter halves."""
+    known = [(metric.value, metric.ci95) for metric in metrics]
+    shorter = [min(value - ends[0], ends[1] - value) for value, ends in known if value is not None and ends]
+    fewer = min(places, decimals([max(shorter, default=None)], 1))
+    halves = [(metric, reach(metric.value, metric.ci95, places)) for metric in metrics]
     return [
-        Text(short(metric.value, places) + ("" if half is None else f" ±{short(half, places)}"))
-        for metric, half in zip(metrics, halves, strict=True)
+        half if half[:1] in ("±", "") else reach(metric.value, metric.ci95, fewer).replace(" to ", "-")
+        for metric, half in halves
     ]
 
 
@@ -252,6 +261,11 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
     return [*lines]
 
 
+def _interval_sign(trackers: Sequence[TrackerResult]) -> str:
+    ends = _ends([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
+    return "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
+
+
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
@@ -259,7 +273,7 @@ def _notes(result: Result) -> list[str]:
         return [*_notes_on_tracks(result), *(_note_on_groups(result) if summary.truth.known else [])]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     notes = [
-        *(values_of_few_scenes(result) or [f"±: 95 %, {basis_of_intervals(result)}"]),
+        *(values_of_few_scenes(result) or [f"{_interval_sign(trackers)}: 95 %, {basis_of_intervals(result)}"]),
         f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *missing_estimates(result),

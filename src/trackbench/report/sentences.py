@@ -277,7 +277,7 @@ def headline(result: Result) -> str:
         reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]
-    places = meaningful(metric.value, metric.ci95)
+    places = max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
     bounds = in_brackets(metric.ci95, places)
     value = fixed(metric.value, places)
     lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
