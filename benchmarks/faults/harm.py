@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import yaml
 
 import trackbench as tb
@@ -58,16 +58,14 @@ def main() -> None:
     file = SETS / given.set / "faults.yaml"
     text = file.read_text(encoding="utf-8")
     for program in [*dict.fromkeys([*needed, *others]), *faulty]:
-        if program.module not in found:
-            print(f"{program.module}: no estimate, or it failed", file=sys.stderr)
-            continue
-        error, nees = found[program.module]
-        line = f"{program.module}: {error:.3f} m, NEES {nees:.3g}"
+        error, nees = found.get(program.module, (np.nan, np.nan))
+        line, harm = f"{program.module}: {error:.3f} m, NEES {nees:.3g}", "null  # it does not get to the end"
         if isinstance(program.entry, Fault):
-            ratio = error / found[program.entry.base][0]
-            line += f", {ratio:.2f} of {program.entry.base}'s"
+            if program.module in found:
+                ratio = error / found[program.entry.base][0]
+                line, harm = f"{line}, {ratio:.2f} of {program.entry.base}'s", f"[{ratio:.3g}, {nees:.3g}]"
             entry = re.compile(rf"(- name: {re.escape(program.entry.name)}\n(?:  .*\n)*?)(?:  harm: .*\n)?(?=- |\Z|\n)")
-            text, count = entry.subn(rf"\g<1>  harm: [{ratio:.3g}, {nees:.3g}]\n", text)
+            text, count = entry.subn(rf"\g<1>  harm: {harm}\n", text)
             assert count == 1, program.entry.name
         print(line, flush=True)
     file.write_text(text, encoding="utf-8")

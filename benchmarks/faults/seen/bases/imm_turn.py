@@ -96,7 +96,11 @@ class Tracker:
         predicted = joint.sum(axis=0)
         backward = joint / predicted
         both = [mixed(X, P, backward[:, j]) for j in (STRAIGHT, TURN)]
-        return np.stack([x for x, _ in both], axis=-1), np.stack([p for _, p in both], axis=-1), predicted
+        return (
+            np.stack([x for x, _ in both], axis=-1),
+            np.stack([p for _, p in both], axis=-1),
+            predicted / predicted.sum(),
+        )
 
     def predict(self, X, P, dt):
         X, P = X.copy(), P.copy()
