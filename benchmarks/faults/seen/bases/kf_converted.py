@@ -77,6 +77,8 @@ class Tracker:
         c, s = np.cos(yaw + azimuth), np.sin(yaw + azimuth)
         z = np.array([x + r * c, y + r * s, rate + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1]])
         J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, 0.0, 1.0]])
+        if self.x is not None:  # an error of the azimuth turns the line of sight of the relative velocity
+            J[2, 1] = s * (self.x[2] - scan.sensor_velocity[0]) - c * (self.x[3] - scan.sensor_velocity[1])
         H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, c, s]])
         return z, H, J @ scan.noise_covariance @ J.T
 

@@ -3,14 +3,18 @@
 import numpy as np
 
 
-def fixed_frame(scan):
-    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight."""
+def fixed_frame(scan, velocity=(0.0, 0.0)):
+    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight.
+
+    An error of the azimuth turns the line of sight, along which a velocity near the predicted one is seen.
+    """
     x, y, yaw = scan.sensor_pose
     if scan.kind == "lidar":
         T = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return np.array([x, y]) + T @ scan.measurement, np.eye(2, 4), T @ scan.noise_covariance @ T.T
     r, c, s = scan.measurement[0], np.cos(yaw + scan.measurement[1]), np.sin(yaw + scan.measurement[1])
-    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, 0.0, 1.0]])
+    across = s * (velocity[0] - scan.sensor_velocity[0]) - c * (velocity[1] - scan.sensor_velocity[1])
+    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, across, 1.0]])
     H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, c, s]])
     rate = scan.measurement[2] + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1]
     return np.array([x + r * c, y + r * s, rate]), H, J @ scan.noise_covariance @ J.T
@@ -44,7 +48,7 @@ class Tracker:
             G = self.jerk * np.vstack([dt**3 / 6 * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)])
             x, P = F @ x, F @ P @ F.T + G @ G.T
             if scan.valid:
-                z, H, R = fixed_frame(scan)
+                z, H, R = fixed_frame(scan, x[2:4])
                 H = np.hstack([H, np.zeros((len(z), 2))])
                 K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
                 A = np.eye(6) - K @ H

@@ -3,14 +3,18 @@
 import numpy as np
 
 
-def fixed_frame(scan):
-    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight."""
+def fixed_frame(scan, velocity=(0.0, 0.0)):
+    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight.
+
+    An error of the azimuth turns the line of sight, along which a velocity near the predicted one is seen.
+    """
     x, y, yaw = scan.sensor_pose
     if scan.kind == "lidar":
         T = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return np.array([x, y]) + T @ scan.measurement, np.eye(2, 4), T @ scan.noise_covariance @ T.T
     r, c, s = scan.measurement[0], np.cos(yaw + scan.measurement[1]), np.sin(yaw + scan.measurement[1])
-    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, 0.0, 1.0]])
+    across = s * (velocity[0] - scan.sensor_velocity[0]) - c * (velocity[1] - scan.sensor_velocity[1])
+    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, across, 1.0]])
     H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, c, s]])
     rate = scan.measurement[2] + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1]
     return np.array([x + r * c, y + r * s, rate]), H, J @ scan.noise_covariance @ J.T
@@ -43,7 +47,7 @@ class Tracker:
             error, self.P = moved(np.zeros(4), self.P, dt)
             self.nominal = np.concatenate([self.nominal[:2] + dt * self.nominal[2:], self.nominal[2:]])
             if scan.valid:
-                z, H, R = fixed_frame(scan)
+                z, H, R = fixed_frame(scan, self.nominal[2:])
                 dz = z - H @ self.nominal
                 K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + R)
                 error = error + K @ (dz - H @ error)
