@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -137,6 +137,11 @@ drivers: $(VENV)/.installed-dev
 # How often the doctor is right; about 40 minutes on two cores.
 doctor-rates: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/doctor_rates.py
+
+# What the doctor says of faults that people made, of a set in benchmarks/faults; five minutes on two cores.
+SET ?= seen
+real-faults: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/real_faults.py $(SET)
 
 clean:
 	rm -rf $(VENV) build dist src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -33,8 +33,7 @@ from trackbench.subjects.doctor.report import verdict
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
-RIGHT, WRONG, UNNAMED, HEALTHY = "right", "wrong name", "failed checks, no name", "said healthy"
-OUTCOMES = (RIGHT, WRONG, UNNAMED, HEALTHY)
+OUTCOMES = RIGHT, WRONG, UNNAMED, HEALTHY = "right", "wrong name", "failed checks, no name", "said healthy"
 #: Two-sided 95 % quantile of the normal distribution.
 Z = 1.96
 
@@ -44,19 +43,17 @@ class Seen:
     """What was said of a program."""
 
     module: str
-    text: str
-    """Hash of the program and of what is accepted."""
+    text: str  # its mark
     kind: str
     outcome: str
-    """One of OUTCOMES; of a sound program, UNNAMED is a fault too."""
-    confidence: float | None
-    """Of the first finding."""
+    confidence: float | None  # of the first finding
     verdict: str
     said: list[str]
     seconds: float
 
 
 def mark(program: Program) -> str:
+    """Of the text of a program, and of what is accepted."""
     return sha256(f"{program.accept}{program.text}".encode()).hexdigest()[:16]
 
 
@@ -85,8 +82,7 @@ def examine(program: Program) -> Seen:
     else:
         lines = map(int, re.findall(rf"{program.module}\.py:(\d+)", first.evidence))
         outcome = RIGHT if first.fault in program.accept or not program.lines.isdisjoint(lines) else WRONG
-    seconds = time.process_time() - begin
-    confidence = None if first is None else first.confidence
+    confidence, seconds = None if first is None else first.confidence, time.process_time() - begin
     return Seen(program.module, mark(program), program.kind, outcome, confidence, verdict(found), said, seconds)
 
 
@@ -113,16 +109,18 @@ def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
     lines += table(["kind", "faults", *OUTCOMES, "share right"], rows)
     means = [f"{np.mean(values):.0%} of {outcome} ones" for outcome, values in said.items() if values]
     lines += [f"Mean stated confidence of first findings: {', '.join(means)}.", ""]
-    lines += [f"Sound trackers and bases faulted: {len(blamed)} of {len(silent)}, {wilson(len(blamed), len(silent))}."]
+    lines += [f"Sound ones and bases faulted: {len(blamed)} of {len(silent)}, {wilson(len(blamed), len(silent))}.", ""]
+    harm = {program.module: program.entry.harm for program in programs if isinstance(program.entry, Fault)}
+    hidden = [one.module for one in faulty if one.outcome == HEALTHY and (harm[one.module] or [np.inf])[0] >= 2]
+    lines += [f"With at least twice the error, and said healthy: {', '.join(hidden) or 'none'}.", ""]
     lines += [f"Median of {np.median([one.seconds for one in found]):.1f} CPU s an examination.", "", "## Misses", ""]
     for program, one in zip(programs, found, strict=True):
         if one.outcome != (HEALTHY if one.kind == "sound" else RIGHT):
-            fault = program.entry if isinstance(program.entry, Fault) else None
-            harm = f", harm {fault.harm}" if fault and fault.harm else ""
             lines += [f"### {one.module} ({one.kind}): {one.outcome}", "", one.verdict, ""]
-            if fault:
-                lines += [f"{fault.said} Accepted: {', '.join(fault.accept)}{harm}.", ""]
-            lines += [*(f"- {words}" for words in one.said), ""]
+            if one.module in harm:
+                accepted = ", ".join(program.accept)
+                lines += [f"{program.entry.said} Accepted: {accepted}. Harm: {harm[one.module]}.", ""]
+            lines += [f"- {words}" for words in one.said] + [""] * bool(one.said)
     return "\n".join(lines)
 
 

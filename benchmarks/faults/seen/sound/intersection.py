@@ -53,7 +53,7 @@ class Tracker:
         if len(beliefs) == 1:
             return beliefs[0]
         (a, A), (b, B) = beliefs
-        Ai, Bi = np.linalg.inv(A), np.linalg.inv(B)
+        Ai, Bi = (np.linalg.inv(C + 1e-8 * np.eye(4)) for C in (A, B))
         shares = np.linspace(0.0, 1.0, 21)
         w = min(shares, key=lambda w: np.linalg.det(np.linalg.inv(w * Ai + (1 - w) * Bi)))
         P = np.linalg.inv(w * Ai + (1 - w) * Bi)
