@@ -1,4 +1,4 @@
-"""What the faults of a set do: 20 runs of one scene of 10 s.
+"""What the faults of a set do: 20 runs of one scene of 10 s, the set's own where its folder has one.
 
     python -m benchmarks.faults.harm SET [--only TEXT]
 
@@ -23,7 +23,7 @@ from .corpus import SETS, Fault, Program, bases, faults, sound
 ERROR = {"known": "position_rmse", "hidden": "gospa"}
 
 
-def measured(programs: list[Program]) -> dict[str, tuple[float, float]]:
+def measured(programs: list[Program], name: str) -> dict[str, tuple[float, float]]:
     """Error and mean NEES of each program that gave estimates at every scan, by its module."""
     found: dict[str, tuple[float, float]] = {}
     with TemporaryDirectory() as folder:
@@ -33,13 +33,14 @@ def measured(programs: list[Program]) -> dict[str, tuple[float, float]]:
             chosen = [program for program in programs if program.identities == identities]
             if not chosen:
                 continue
-            scene = yaml.safe_load((SETS / f"{identities}.yaml").read_text(encoding="utf-8"))
+            places = (SETS / name / f"{identities}.yaml", SETS / f"{identities}.yaml")
+            scene = yaml.safe_load(next(file for file in places if file.exists()).read_text(encoding="utf-8"))
             scene["trackers"] = {program.module: {"use": program.reference} for program in chosen}
             file = Path(folder) / f"{identities}.yaml"
             file.write_text(yaml.safe_dump(scene), encoding="utf-8")
             result = tb.run(str(file))
             for program in chosen:
-                values = [result[program.module].metrics[name].value for name in (error, "nees")]
+                values = [result[program.module].metrics[metric].value for metric in (error, "nees")]
                 if None not in values:
                     found[program.module] = (values[0], values[1])
     return found
@@ -54,7 +55,7 @@ def main() -> None:
     faulty = [one for one in faults(given.set) if given.only in one.module or given.only in one.entry.base]
     others = [one for one in (*origins.values(), *sound(given.set)) if given.only in one.module]
     needed = [origins[one.entry.base] for one in faulty if origins[one.entry.base] not in others]
-    found = measured([*dict.fromkeys([*needed, *others]), *faulty])
+    found = measured([*dict.fromkeys([*needed, *others]), *faulty], given.set)
     file = SETS / given.set / "faults.yaml"
     text = file.read_text(encoding="utf-8")
     for program in [*dict.fromkeys([*needed, *others]), *faulty]:

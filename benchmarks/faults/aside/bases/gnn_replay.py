@@ -42,6 +42,8 @@ class Tracker:
             time, _, known = past[-1] if past else (one.time, None, (0, ()))
             past.append((one.time, one, self.processed(known, one, one.time - time)))
         now, (_, tracks) = past[-1][0], past[-1][2]
+        if later:  # the tracks name detections of the last scan, not of this one
+            tracks = [track._replace(used=-1) for track in tracks]
         return [m for m in past if now - m[0] <= self.memory], self.output(tracks)
 
     def processed(self, known, scan, dt):
@@ -81,7 +83,7 @@ class Tracker:
     def predicted(self, track, dt):
         F = np.eye(4) + dt * np.eye(4, k=2)
         G = 3.0 * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-        return track._replace(x=F @ track.x, P=F @ track.P @ F.T + G @ G.T)
+        return track._replace(x=F @ track.x, P=F @ track.P @ F.T + G @ G.T, used=-1)
 
     def updated(self, x, P, z, H, R):
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)

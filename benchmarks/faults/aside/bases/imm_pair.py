@@ -6,7 +6,7 @@ TRANSITIONS = np.array([[0.97, 0.03], [0.06, 0.94]])  # row: from, column: to, p
 
 
 class Tracker:
-    def __init__(self, sigmas=(0.7, 6.0)):
+    def __init__(self, sigmas=(1.5, 8.0)):
         self.sigmas = sigmas
 
     def step(self, state, scan):
@@ -79,5 +79,5 @@ class Tracker:
             z = np.append(z, scan.measurement[2] + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1])
             H = np.vstack([H, [0.0, 0.0, c, s]])
             R = np.pad(R, (0, 1))
-            R[2, 2] = scan.noise_covariance[2, 2] + (0.05) ** 2  # of the ray's own direction
+            R[2, 2] = scan.noise_covariance[2, 2] + 0.15**2  # the ray is that of the measured azimuth
         return z, H, R

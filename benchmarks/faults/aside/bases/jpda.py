@@ -35,7 +35,7 @@ class Tracker:
             seen = self.in_view(t.x, scan)
             used = gated[i][int(np.argmax(beta[i][:-1]))] if hit else -1
             t = Track(t.id, x, P, t.hits + hit, t.scans + seen, 0 if hit else t.lost + seen, used)
-            if t.lost <= (8 if t.hits >= 5 else 1):
+            if t.lost <= (8 if t.hits >= 5 else 1) and np.trace(t.P[:2, :2]) < 9:
                 after.append(t)
         taken = {j for choice in gated for j in choice}
         for j in set(range(len(z))) - taken:
@@ -56,7 +56,7 @@ class Tracker:
 
     def marginals(self, tracks, gated, z, R, scan, density):
         """For each track the probabilities of its gated detections, and at last that of none."""
-        pd = scan.detection_probability
+        pd = min(scan.detection_probability, 0.98)  # no sensor is perfect
         beta = [np.zeros(len(choice) + 1) for choice in gated]
         for cluster in self.clusters(gated):
             weights = []

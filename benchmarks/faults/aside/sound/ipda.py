@@ -61,7 +61,7 @@ class Tracker:
             t, near = self.updated(t, detections, scan)
             taken |= near
             t = t._replace(confirmed=t.confirmed or t.existence > 0.98)
-            if t.existence > 0.02:
+            if t.existence > 0.005:
                 after.append(t)
         for j, (z, H, R) in enumerate(detections):
             if j not in taken:
@@ -73,7 +73,7 @@ class Tracker:
         return (scan.time, count, self.distinct(after)), self.output([t for t in self.distinct(after) if t.confirmed])
 
     def updated(self, t, detections, scan):
-        pd = (scan.detection_probability or 0.0) * in_view(t.x, scan)
+        pd = min(scan.detection_probability or 0.0, 0.9) * in_view(t.x, scan)  # no sensor is perfect
         near, ratios, parts = [], [], []
         for j, (z, H, R) in enumerate(detections):
             y, S = z - H @ t.x, H @ t.P @ H.T + R
