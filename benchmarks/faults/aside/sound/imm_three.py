@@ -36,7 +36,7 @@ def constant_velocity(dt, sigma=3.0):
     return F, G @ G.T
 
 
-SIGMAS = (0.5, 3.0, 9.0)
+SIGMAS = (1.5, 4.0, 9.0)
 LEAVE = np.array([[-0.6, 0.4, 0.2], [0.8, -1.2, 0.4], [0.6, 0.9, -1.5]])  # rates from row to column, 1/s
 
 
