@@ -26,6 +26,7 @@ from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import SensorAudit
 from trackbench.subjects.log_audit.noise import Band
 from trackbench.subjects.log_audit.report import log_audit_document, log_audit_summary
+from trackbench.subjects.log_audit.unlabelled import GATE_M, Unlabelled
 
 SCHEMA_VERSION = 1
 
@@ -74,6 +75,7 @@ def _sensor(item: SensorAudit) -> dict[str, Any]:
             "largest_range_m": detections.seen_range_m,
         },
         "wrong_units": [asdict(wrong) for wrong in item.units],
+        "unlabelled": item.unlabelled and _unlabelled(item.unlabelled),
     }
     if fit is None:
         return {**values, "reason": "too few measurements to estimate anything"}
@@ -105,6 +107,18 @@ def _sensor(item: SensorAudit) -> dict[str, Any]:
             for noise in item.noise
         },
         "covariance": item.covariance,
+    }
+
+
+def _unlabelled(item: Unlabelled) -> dict[str, Any]:
+    return {
+        "gate_m": GATE_M,
+        "scans": item.scans,
+        "detections_per_scan": _interval(item.per_scan),
+        "near_share": _interval(item.near),
+        "others_per_scan": _interval(item.others),
+        "stated_false_alarms_per_scan": item.stated_others,
+        "bands": [_band(band) for band in item.bands],
     }
 
 

@@ -25,6 +25,7 @@ from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
 from trackbench.subjects.log_audit.noise import detections_of, noise_of
 from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
 from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, clock_of, wrong_units
+from trackbench.subjects.log_audit.unlabelled import unlabelled, with_boxes
 from trackbench.truth.recorded import Drive, read
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles
@@ -238,6 +239,8 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
         clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(inside.time)))
         sensor = SensorLog(name, config, inside, drive, truth, reference, np.ones(len(config.components)))
         sensors[name] = audit_sensor(sensor, looked[name])
+        if name in drive.detections:
+            sensors[name] = replace(sensors[name], unlabelled=unlabelled(sensor))
     progress(len(sensors), len(sensors))
     level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
     findings = [
@@ -262,14 +265,13 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     try:
         if truth.without_truth:
             raise InputError("missing: an audit holds the measurements against a truth", key="truth.path")
-        for name in truth.measurements:
-            if truth.unlabelled(name):
-                message = "missing: an audit holds each measurement against its object, which nothing says here"
-                raise InputError(message, key=f"truth.readings.{name}.object")
         if truth.number_of_logs > 1:
             message = f"an audit looks at one log, and these are {truth.number_of_logs}; name one file"
             raise InputError(message, key="truth.path")
+        truth = truth.scenes()[0]
         drive = read(truth, kinds, loaded.path.resolve().parent)
+        found = {name: with_boxes(name, loaded.config.sensors[name], drive, truth) for name in drive.detections}
+        drive = replace(drive, logs={**drive.logs, **found})
         if not drive.logs:
             message = "no sensor's measurements are recorded, so there is nothing to audit"
             raise InputError(message, key="truth.readings")
@@ -319,6 +321,9 @@ def _squares(loaded: Scenario) -> dict[str, float]:
     truth, drive = _read(loaded)
     squares, reference = {}, reference_noise(drive)
     for name, log in drive.clipped().logs.items():
+        if name in drive.detections:
+            # Of unlabelled detections some that are near a box are false alarms.
+            continue
         config = loaded.config.sensors[name]
         sensor = SensorLog(name, config, log, drive, truth, reference, np.ones(len(config.components)))
         variance = np.array(config.sigmas())[:, None] ** 2 + sensor.reference_variance({})

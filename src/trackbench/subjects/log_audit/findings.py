@@ -13,6 +13,7 @@ from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
 from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
+from trackbench.subjects.log_audit.unlabelled import Unlabelled
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
@@ -69,6 +70,8 @@ class SensorAudit:
     """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
     square_after: float | None = None
     """With the findings put in."""
+    unlabelled: Unlabelled | None = None
+    """Of a sensor whose detections nobody labelled."""
 
     @property
     def tests(self) -> int:
@@ -252,7 +255,7 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     if fit is None:
         return
     outliers, rows = int(fit.outlier.sum()), len(fit.inlier)
-    if outliers > OUTLIERS * rows:
+    if outliers > OUTLIERS * rows and item.unlabelled is None:
         yield LogFinding(
             kind="outliers",
             sensor=sensor,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.base.errors import counted
-from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
+from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.subjects.log_audit import tables
 from trackbench.subjects.log_audit.audit import LogAudit, corrected
 from trackbench.subjects.log_audit.figures import band_figures, finding_figure
@@ -29,6 +29,7 @@ def log_audit_document(audit: LogAudit) -> Document:
         Section("Verdict", tuple(_verdict(audit))),
         *([Section("Findings", tuple(_findings(audit)))] if audit.findings else []),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
+        *(Section("Unlabelled detections", (table,)) for table in _unlabelled(audit)),
         Section("Truth and clocks", (tables.clocks(audit), tables.velocities(audit))),
         Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
     ]
@@ -46,11 +47,16 @@ def log_audit_summary(audit: LogAudit) -> Document:
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
-    blocks += [Section("Noise", (tables.noise(audit),)), Section("Detections", (tables.rates(audit),))]
+    detections = (tables.rates(audit), *_unlabelled(audit))
+    blocks += [Section("Noise", (tables.noise(audit),)), Section("Detections", detections)]
     hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
     return Document("audit", audit.name, tuple(blocks))
+
+
+def _unlabelled(audit: LogAudit) -> list[Table]:
+    return [tables.unlabelled(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:

@@ -12,6 +12,7 @@ from trackbench.subjects.log_audit.audit import LogAudit
 from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, shown, spelt
 from trackbench.subjects.log_audit.noise import ResidualNoise
+from trackbench.subjects.log_audit.unlabelled import GATE_M
 
 #: Two estimates are called correlated from here on.
 STRONG = 0.95
@@ -44,6 +45,37 @@ def rates(audit: LogAudit) -> Table:
         (Column("detected, %", details=_INTERVAL), [_percents(item.share) for item in detections]),
     ]
     return Table.of_columns("rates", columns)
+
+
+def unlabelled(audit: LogAudit) -> Table:
+    """The detections of sensors whose detections nobody labelled."""
+    rows: list[list[Cell]] = []
+    gaps = {clock.name: f"{clock.longest_gap_s:.3g}" for clock in audit.clocks}
+    for name, sensor in audit.sensors.items():
+        if (item := sensor.unlabelled) is None:
+            continue
+        shares = [_number(item.per_scan), _percents(item.near), _number(item.others)]
+        rows.append([Cell(name), Cell(str(item.scans)), Cell(gaps[name]), *shares, Cell(f"{item.stated_others:.3g}")])
+        for band in item.bands:
+            where = Cell(f"{band.from_m:.0f} to {band.to_m:.0f} m")
+            rows.append([where, *[Cell("")] * 4, _number(band.interval), Cell("")])
+    columns = (
+        Column("sensor", left=True),
+        Column("scans"),
+        Column("gap, s", "the longest between two scans"),
+        Column("a scan", "detections", details=_INTERVAL),
+        Column("near a box, %", f"the nearest within {GATE_M:g} m", details=_INTERVAL),
+        Column("others a scan", "near no box: false alarms, and objects without one", details=_INTERVAL),
+        Column("stated"),
+    )
+    return Table.of_columns(
+        "unlabelled", [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
+    )
+
+
+def _number(interval: BlockInterval) -> Cell:
+    low, high = interval.bounds()
+    return Cell(f"{interval.value:.3g}", (f"{max(low, 0.0):.3g} to {high:.3g}",))
 
 
 def components(item: SensorAudit) -> Table:
