@@ -192,6 +192,22 @@ def test_a_heading_that_is_not_the_way_it_drives_is_refused(tmp_path: Path, head
         truths(**options)
 
 
+def test_who_is_parked_has_no_heading_from_noise(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.02, (2, 80))
+    file = write_tracks(tmp_path / "a.csv", {name: (x + noise[0], 3.2 + noise[1]) for name, x in (("a", 7), ("b", 37))})
+    (truth,) = truths(format="csv", path=str(file), observer={"vehicle": "a"}, smoothing=SMOOTHING)
+    assert not truth.observer.yaw.any()
+
+
+@pytest.mark.parametrize("smoothing", [None, SMOOTHING])
+def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str, Any] | None) -> None:
+    table = pd.read_csv(write_csv(tmp_path))
+    table["speed"] *= 3.6
+    table.to_csv(tmp_path / "kmph.csv", index=False)
+    message = refusal(tmp_path, format="csv", path="kmph.csv", observer={"vehicle": "2"}, smoothing=smoothing)
+    assert "units: {speed: kmph}" in message
+
+
 def test_smoothing_hides_no_jump(tmp_path: Path) -> None:
     options: dict[str, Any] = {"format": "csv", "observer": ROADSIDE, "smoothing": SMOOTHING}
     message = refusal(path=jerky(tmp_path, 4, 0), **options)

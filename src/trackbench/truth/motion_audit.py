@@ -24,6 +24,8 @@ PEDAL_S = 0.1
 ROLLING_MPS, LARGEST_SLIP = 3.0, np.radians(30.0)
 #: Smoothing that moves a vehicle further hides a jump, m: it moves one that brakes as hard as it can by 1.
 LARGEST_SHIFT_M = 1.5
+#: Speeds that a file states are so far off the motion, m/s (RMS of a vehicle), in another unit, or where it jumps.
+LARGEST_SPEED_ERROR_MPS = 3.0
 #: Boxes that are this far inside each other are two vehicles in one place, m.
 OVERLAP_M = 0.5
 #: How often boxes are compared, s.
@@ -115,6 +117,14 @@ def slip_of(track: GridTrack, dt: float) -> float:
     return float(np.median(np.abs(wrap_angle(np.arctan2(dy, dx) - track.heading[:-1])[rolling])))
 
 
+def _speed_error(track: GridTrack, dt: float) -> float:
+    """Root mean square of the speed that the file states minus that of the displacement; 0 where it states none."""
+    if track.track.speed is None:
+        return 0.0
+    displacement = np.hypot(np.diff(track.x), np.diff(track.y)) / dt
+    return float(np.sqrt(np.mean((np.abs(track.raw_speed[1:] + track.raw_speed[:-1]) / 2 - displacement) ** 2)))
+
+
 def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:
     """What smoothing took away, root mean square: from the positions per axis, and from the speeds."""
     shift = np.concatenate([np.concatenate([t.raw_x - t.x, t.raw_y - t.y]) for t in tracks])
@@ -181,6 +191,14 @@ def refuse_impossible(
         raise InputError(
             f"the heading of {tracks[turned].track.id} is {np.degrees(slips[turned]):.0f}° off the way it drives "
             f"(median): check its unit, and that it counts counter-clockwise from the x axis; {remedy}",
+            key="truth.audit",
+        )
+    off = [_speed_error(track, dt) for track in tracks]
+    worst = int(np.argmax(off))
+    if off[worst] > LARGEST_SPEED_ERROR_MPS:
+        raise InputError(
+            f"the speeds that the file states of {tracks[worst].track.id} are {off[worst]:.2g} m/s (RMS) off its "
+            f"motion: check their unit, such as units: {{speed: kmph}}; {smoother}; {remedy}",
             key="truth.audit",
         )
     shifts = [np.hypot(track.raw_x - track.x, track.raw_y - track.y) for track in tracks]

@@ -60,12 +60,21 @@ def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing 
     """
     result = []
     for track in tracks:
-        for part in _without_gaps(track, max(LONGEST_GAP_S, LONGEST_GAP_STEPS * dt)):
+        for part in _without_gaps(track, _longest_gap(dt)):
             # Rows are on the grid but for rounding of their times.
             first, last = int(np.ceil(part.time[0] / dt - 0.05)), int(np.floor(part.time[-1] / dt + 0.05))
             if last > first:
                 result.append(_on_grid(part, first, np.arange(first, last + 1, dtype=np.float64) * dt, dt, smoothing))
     return result
+
+
+def gaps(tracks: Sequence[TrafficTrack], dt: float) -> int:
+    """How often a track ends, and another begins after a gap."""
+    return sum(int((np.diff(track.time) > _longest_gap(dt)).sum()) for track in tracks)
+
+
+def _longest_gap(dt: float) -> float:
+    return max(LONGEST_GAP_S, LONGEST_GAP_STEPS * dt)
 
 
 def _without_gaps(track: TrafficTrack, longest: float) -> Iterator[TrafficTrack]:
@@ -103,10 +112,11 @@ def _on_grid(track: TrafficTrack, first: int, times: Array, dt: float, smoothing
 
 
 def _course(vx: Array, vy: Array) -> Array:
-    """``(steps,)`` direction of motion, rad; while a body is slow, that of the nearest instant before, else after."""
+    """``(steps,)`` direction of motion, rad; while a body is slow, that of the nearest instant before, else after; 0 of
+    one that is always slow, whose displacement is noise."""
     moving = np.hypot(vx, vy) > SLOW_MPS
     if not moving.any():
-        moving = np.ones_like(moving)
+        return np.zeros(len(vx))
     steps = np.arange(len(vx))
     latest = np.maximum.accumulate(np.where(moving, steps, -1))
     chosen = np.where(latest < 0, int(np.argmax(moving)), latest)

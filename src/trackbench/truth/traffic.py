@@ -21,7 +21,7 @@ from trackbench.truth.config.traffic import Smoothing, TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, target_bodies
 from trackbench.truth.motion_audit import SMOOTHER, MotionFigures, figures, overlaps, recorded_noise, refuse_impossible
 from trackbench.truth.recorded.drive import fixed
-from trackbench.truth.smoothing import GridTrack, grid_step, grid_tracks
+from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked, start_of
 
 #: The arrays of ``Frames`` with a column for each body.
@@ -43,6 +43,8 @@ class RecordedVehicles(NamedTuple):
     error: RecordedNoise
     vehicles: int
     """Of the whole file."""
+    gaps: int
+    """How often a track of the file ends, and another begins after a gap."""
     start: float
     """s of the file's clock at the first instant."""
 
@@ -154,7 +156,7 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
         together = frames if recording.drove_together else None
         refuse_impossible(used, inside, together, dt, start, smoothing is not None)
     raw, error = figures(inside, dt, start, raw=True), recorded_noise(inside)
-    return RecordedVehicles(frames, raw, used, error, len(tracks), clock + start)
+    return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
 
 
 def _frames(tracks: Sequence[GridTrack], dt: float, first: int, last: int, size: tuple[float, float]) -> Frames:
@@ -295,10 +297,12 @@ def _note(traffic: RecordedVehicles) -> str:
     raw, used, error = traffic.raw, traffic.used, traffic.error
     parts = [
         f"{counted(traffic.vehicles, 'vehicle')} at {1 / traffic.frames.dt:.3g} Hz",
-        f"as recorded, acceleration to {raw.acceleration_max_mps2:.3g} m/s^2, jerk to {raw.jerk_max_mps3:.3g} m/s^3, "
-        f"displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
+        f"as recorded, change of speed to {raw.acceleration_max_mps2:.3g} m/s^2, jerk to {raw.jerk_max_mps3:.3g} "
+        f"m/s^3, displacement against speed {raw.displacement_rms_mps:.2g} m/s (RMS), {counted(raw.jumps, 'jump')}",
         f"as used, acceleration to {used.acceleration_max_mps2:.3g} m/s^2, jerk to {used.jerk_max_mps3:.3g} m/s^3",
     ]
     if error.position_m > 0:
         parts.append(f"smoothing took {error.position_m:.2g} m and {error.velocity_mps:.2g} m/s (RMS)")
+    if traffic.gaps:
+        parts.append(f"after {counted(traffic.gaps, 'gap')} in tracks another vehicle begins, named by its number")
     return "; ".join(parts)
