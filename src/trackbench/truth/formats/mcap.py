@@ -12,7 +12,7 @@ from trackbench.truth.formats import osi
 from trackbench.truth.formats.tables import table_rows
 from trackbench.truth.layouts import QUANTITIES, ColumnLayout
 from trackbench.truth.recorded import foxglove
-from trackbench.truth.recorded.mcap import Message, Part, decoded, messages_of, of_topic
+from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import RowsFormat
@@ -59,6 +59,6 @@ class Mcap(RowsFormat):
 
     def rows(self, file: Path) -> TrackRows:
         messages = messages_of(file, {*READERS, foxglove.TRANSFORMS})
-        own = of_topic(messages, READERS, Part("tracks", self.topic), file)
+        own = of_topic(messages, READERS, LogPart("tracks", self.topic), file)
         transforms = [message for message in messages if message.schema == foxglove.TRANSFORMS]
         return READERS[own[0].schema](own, file, transforms)

@@ -29,7 +29,7 @@ class Message(NamedTuple):
     data: bytes
 
 
-class Part(NamedTuple):
+class LogPart(NamedTuple):
     """What is read of a file that holds several things."""
 
     what: str
@@ -42,7 +42,7 @@ class Part(NamedTuple):
 SCHEMAS = {"boxes": (foxglove.BOXES,), "detections": (foxglove.POINTS, foxglove.SCAN), "frame": ()}
 
 
-def columns(file: Path, part: Part) -> dict[str, Sequence[Any]]:
+def columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
     """What a part of a file holds, as columns in SI units and radians.
 
     Raises:
@@ -59,7 +59,7 @@ def columns(file: Path, part: Part) -> dict[str, Sequence[Any]]:
     return foxglove.columns_of_detections(decoded(own, file), own[0].schema, file)
 
 
-def of_topic(messages: Sequence[Message], schemas: Collection[str], part: Part, file: Path) -> list[Message]:
+def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPart, file: Path) -> list[Message]:
     """The messages of one topic: of the first of the schemas that is there, unless the topic is named.
 
     Raises:

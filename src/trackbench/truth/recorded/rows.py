@@ -120,7 +120,7 @@ class Rows(NamedTuple):
         return number
 
 
-def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.Part | None = None) -> Rows:
+def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart | None = None) -> Rows:
     """The columns of a file of the format "csv", "parquet" or "mcap" that are wanted; of MCAP those of a part.
 
     Raises:

@@ -23,7 +23,7 @@ from trackbench.truth.config.columns import (
 )
 from trackbench.truth.config.logs import find
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order, slope
-from trackbench.truth.recorded.mcap import Part
+from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
 from trackbench.truth.recorded.rows import Rows, read, seconds_from, time_stamps
 from trackbench.truth.recorded.scans import Scans, columns_of, measured, scans_of
@@ -47,7 +47,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
     wanted += [columns.kind, *ignore, *(observer.given.values() if observer is not None and not observer.path else ())]
     file = find(config.path, folder, "truth.path")
-    table = read(file, config.format, wanted, Part("boxes", columns.topic))
+    table = read(file, config.format, wanted, LogPart("boxes", columns.topic))
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
@@ -64,7 +64,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     if observer is not None and observer.path is not None:
         time = observer.time or columns.time
         own_rows = find(observer.path, folder, "truth.columns.observer.path")
-        source = read(own_rows, config.format, [time, *observer.given.values()], Part("frame", observer.frame))
+        source = read(own_rows, config.format, [time, *observer.given.values()], LogPart("frame", observer.frame))
         times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
         carrier = observer_motion(source, observer, times, units)
     elif observer is not None:
@@ -77,7 +77,9 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
         if entry.path is not None:
             file = find(entry.path, folder, f"truth.readings.{name}.path")
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
-            source = read(file, config.format, [entry.time or columns.time, *needed], Part("detections", entry.topic))
+            source = read(
+                file, config.format, [entry.time or columns.time, *needed], LogPart("detections", entry.topic)
+            )
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s

@@ -14,7 +14,7 @@ from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.logs import find
 from trackbench.truth.recorded.drive import carrier, fixed, within
-from trackbench.truth.recorded.mcap import Part
+from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.rows import read, seconds_from, time_stamps
 from trackbench.truth.recorded.scans import columns_of, detections, scan_notes, scans_of
 from trackbench.truth.recorded.table import observer_motion
@@ -33,7 +33,7 @@ def load(
             find(entry.path or "", folder, f"truth.readings.{name}.path"),
             config.format,
             columns_of(entry),
-            Part("detections", entry.topic),
+            LogPart("detections", entry.topic),
         )
         for name, entry in config.measurements.items()
     }
@@ -54,7 +54,7 @@ def load(
     if config.ego is not None:
         columns, units = config.ego, config.units
         file = find(columns.path or "", folder, "truth.ego.path")
-        table = read(file, config.format, [columns.time, *columns.given.values()], Part("frame", columns.frame))
+        table = read(file, config.format, [columns.time, *columns.given.values()], LogPart("frame", columns.frame))
         own_stamps = time_stamps(table, columns.time or "", units.factor("time", columns.units.get("time")))
         motion = observer_motion(table, columns, seconds_from(start, own_stamps), units)
         times = within(times, motion, "measurements", "truth.ego")

@@ -35,7 +35,7 @@ LEFT = 0.5
 MOST, LEAST = 0.7, 3
 
 
-class Kept(NamedTuple):
+class KeptChange(NamedTuple):
     """A measurement, and what is left of its change a moment later."""
 
     trial: Trial
@@ -67,7 +67,7 @@ def continuity(tracker: TrackerUnderTest) -> PartResult:
     return result
 
 
-def _kept(tracker: TrackerUnderTest, probe: Probe, name: str) -> Kept | None:
+def _kept(tracker: TrackerUnderTest, probe: Probe, name: str) -> KeptChange | None:
     """A measurement off the predicted one, some time after the last."""
     session = tracker.session_of_most(probe)
     trial = None if session is None else after_gap(tracker, probe, name, session, GAP)
@@ -81,7 +81,7 @@ def _kept(tracker: TrackerUnderTest, probe: Probe, name: str) -> Kept | None:
             sigma = np.sqrt(np.maximum(np.diag(updated.covariance), np.finfo(float).tiny))
             mean = _share(updated.mean - missed.mean, later.mean - without.mean, sigma)
             covariances = updated.covariance - missed.covariance, later.covariance - without.covariance
-            return Kept(trial, updated, later, mean, _share(*covariances, trial.variance_scale))
+            return KeptChange(trial, updated, later, mean, _share(*covariances, trial.variance_scale))
     return None
 
 
@@ -97,14 +97,14 @@ def _share(change: Array, left: Array, scale: Array) -> float:
     return float(np.sum(left * change) / np.sum(change**2)) if np.abs(change).max() > CLEAR else np.nan
 
 
-def _known(kept: list[Kept], part: str) -> Array:
+def _known(kept: list[KeptChange], part: str) -> Array:
     """The shares of the trials with a clear change."""
     shares = np.array([getattr(one, part) for one in kept], dtype=float)
     known: Array = shares[np.isfinite(shares)]
     return known
 
 
-def _lost(name: str, kept: list[Kept], part: str) -> Finding | None:
+def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
     shares = _known(kept, part)
     if len(shares) < LEAST or np.mean(shares < LEFT) < MOST:
         return None
