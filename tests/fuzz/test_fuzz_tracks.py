@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,10 @@ def sound(form: str, folder: Path) -> Path:
         return folder / "tracks.mcap"
     if form == "mcap boxes":
         tb.export(SCENARIO, folder / "scans", folder / "truth", format="mcap")
-        return folder / "truth" / "scene0.mcap"
+        file = (folder / "truth" / "scene0.mcap").rename(folder / "boxes.mcap")
+        for rest in (folder / "scans", folder / "truth"):
+            rmtree(rest)
+        return file
     if form in OTHERS:
         make = Messages()
         kind = {"ros odometry": make.odometry, "ros markers": make.markers}.get(form, make.detections)

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.results.columns import split
 from trackbench.results.declared import HIDDEN, LABELLED
 
@@ -73,7 +73,7 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
         for value in pc.unique(table[column]).to_pylist():
             if value is None or value not in names.get(column, (value,)):
                 hint = nearest(str(value), names.get(column, ()))
-                raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
+                raise InputError(f"{column} {shortened(str(value), 40)!r} is none of this run; {hint}", file=file)
     if declared.series:
         _require_times(name, table, texts, layout.repeated, file)
     if name == "runs":
