@@ -24,7 +24,20 @@ from trackbench.truth.config import HUMAN
 from trackbench.truth.sources import HighwayTruth
 
 from . import cost, page, recorded, reversal, statistics
-from .fit import FEWER_SEEDS, OTHER_TIMES, SEEDS, SPEEDS_MPS, Lanes, range_of, simulated, sizes, trials
+from .fit import (
+    FEWER_SEEDS,
+    OTHER_FULL_MPS,
+    OTHER_TIMES,
+    SEEDS,
+    SPEEDS_MPS,
+    Lanes,
+    full_size_trial,
+    range_of,
+    simulated,
+    sizes,
+    trials,
+    with_full_size_at,
+)
 from .simulated import congested
 
 ROOT = Path(__file__).parents[2]
@@ -46,6 +59,11 @@ def fitted() -> None:
     found = {name: sizes(windows, lanes, len(leaders)) for name, windows in alike.items()}
     tried = {1.0: trials(1.0, half, lanes)}
     print(json.dumps(page.rounded({"sizes": found, "trials": tried[1.0]})), flush=True)
+    full = {HUMAN.acceleration_full_mps: full_size_trial(HUMAN, half, lanes)}
+    for drivers in map(with_full_size_at, OTHER_FULL_MPS):
+        tried_lanes = simulated(1.0, leaders, FEWER_SEEDS, drivers)
+        full[drivers.acceleration_full_mps] = full_size_trial(drivers, half, tried_lanes)
+    print(json.dumps(page.rounded({"full": list(full.values())})), flush=True)
     tried |= {slower: trials(slower, half, simulated(slower, leaders, FEWER_SEEDS)) for slower in OTHER_TIMES}
     # The first of the lanes are those of ``human`` as it is.
     simulations = {
@@ -68,6 +86,7 @@ def fitted() -> None:
         "drivers": HUMAN.model_dump(mode="json"),
         "sizes": found,
         "trials": [list(each) for each in zip(*(tried[slower] for slower in sorted(tried)), strict=True)],
+        "full_size": [list(full[speed]) for speed in sorted(full)],
         "statistics": {name: statistics.of(windows) for name, windows in columns.items()},
         "rms_of_seeds": rms_of_seeds(lanes[0], len(leaders)),
         "by_speed": {name: by_speed(of) for name, of in (("I-80", half + held_back), ("human", human))},

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.truth.config import HUMAN
+from trackbench.truth.config import HUMAN, Drivers
 
 from . import statistics
 from .recorded import Window
@@ -32,6 +32,8 @@ EFFECTS = (
 #: Sizes that are simulated, over those of ``human``. A logarithm of a statistic is taken as a straight line in that of
 #: the size, between them and beyond.
 SIMULATED = (1.0, 1.5)
+#: Speeds from which on the acceleration has its full size that are tried beside that of ``human``, m/s.
+OTHER_FULL_MPS = (2.0, 6.0, 8.0, 12.0, 15.0)
 #: Correlation times that are tried beside those of ``human``, over these.
 OTHER_TIMES = (0.25, 0.5, 2.0, 4.0)
 #: Of each leader: at the times of ``human``, and at the others.
@@ -46,9 +48,9 @@ Lanes = list[list[Window]]
 
 
 class Trial(NamedTuple):
-    """A correlation time, the size that it takes, and how far off the statistics are."""
+    """A correlation time or speed, the size that it takes, and how far off the statistics are."""
 
-    time_s: float
+    value: float
     size: float
     off: float
     """RMS of the logarithms of simulated over recorded statistics."""
@@ -62,16 +64,16 @@ class Size(NamedTuple):
     most: float
 
 
-def simulated(slower: float, speeds: Sequence[float], seeds: int) -> tuple[Lanes, Lanes]:
-    """Lanes of both of the sizes ``SIMULATED``, with the correlation times of ``human`` times ``slower``.
+def simulated(slower: float, speeds: Sequence[float], seeds: int, drivers: Drivers = HUMAN) -> tuple[Lanes, Lanes]:
+    """Lanes of both of the sizes ``SIMULATED``, with the correlation times of ``drivers`` times ``slower``.
 
     The effects are fitted in the same simulations: nobody accelerates for the sake of a place in the lane.
     """
     low, high = (
         congested(
-            HUMAN.model_copy(
-                update={effect.size: getattr(HUMAN, effect.size) * times for effect in EFFECTS}
-                | {effect.time: getattr(HUMAN, effect.time) * slower for effect in EFFECTS}
+            drivers.model_copy(
+                update={effect.size: getattr(drivers, effect.size) * times for effect in EFFECTS}
+                | {effect.time: getattr(drivers, effect.time) * slower for effect in EFFECTS}
             ),
             speeds,
             range(1, seeds + 1),
@@ -79,6 +81,28 @@ def simulated(slower: float, speeds: Sequence[float], seeds: int) -> tuple[Lanes
         for times in SIMULATED
     )
     return low, high
+
+
+def with_full_size_at(speed_mps: float) -> Drivers:
+    """Drivers as ``human``, whose acceleration has its full size from another speed on; below, it grows as theirs."""
+    size = HUMAN.acceleration_rms_mps2 * speed_mps / HUMAN.acceleration_full_mps
+    return HUMAN.model_copy(update={"acceleration_rms_mps2": size, "acceleration_full_mps": speed_mps})
+
+
+def full_size_trial(drivers: Drivers, recorded: Sequence[Window], lanes: tuple[Lanes, Lanes]) -> Trial:
+    """The size that is nearest to the recorded RMS in all ranges of ``SPEEDS_MPS``, each as often as it has vehicles.
+
+    The slowest range is left out: there recorded drivers hold the pedal still, which no size does.
+    """
+    wanted = _sums([[window] for window in recorded]).sum(axis=0)[2:]
+    low, high = (_sums([[window for lane in of for window in lane]])[0, 2:] for of in lanes)
+    least, most, met = (np.log(squares / number) / 2 for number, squares in (low.T, high.T, wanted.T))
+    weight = wanted[:, 0] / wanted[:, 0].sum()
+    slope = most - least
+    along = float(weight @ (slope * (met - least)) / (weight @ slope**2))
+    size = drivers.acceleration_rms_mps2 * (SIMULATED[1] / SIMULATED[0]) ** along
+    off = least + along * slope - met
+    return Trial(drivers.acceleration_full_mps, size, float(np.sqrt(weight @ off**2)))
 
 
 def trials(slower: float, recorded: Sequence[Window], lanes: tuple[Lanes, Lanes]) -> list[Trial]:

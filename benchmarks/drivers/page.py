@@ -60,6 +60,13 @@ def _fit(fit: Mapping[str, Any]) -> Iterator[str]:
     yield f"Size that meets the RMS at all speeds together; `human` has {drivers['acceleration_rms_mps2']:g} m/s²:"
     yield ""
     yield from table(["", "size, m/s²"], [[name, _interval(of[0])] for name, of in fit["sizes"].items()])
+    full = drivers["acceleration_full_mps"]
+    yield f"By the speed from which on the acceleration has its full size (`human`: {full:g} m/s): the size that comes"
+    yield "nearest to the RMS of the half that is fitted at all speeds above 4 m/s. The misfit is the RMS of the"
+    yield "logarithms of simulated over recorded RMS by range of speed, weighted by the recorded instants."
+    yield ""
+    trials = [[_short(v) for v in trial] for trial in fit["full_size"]]
+    yield from table(["full size from, m/s", "size, m/s²", "misfit"], trials)
     yield "By correlation time: the size that meets the RMS of the half that is fitted. The misfit is the RMS of the"
     yield "logarithms of simulated over recorded statistics."
     yield f"{SEEDS} seeds of each leader with the times of `human`, {FEWER_SEEDS} with others."

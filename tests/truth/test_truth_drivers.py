@@ -138,6 +138,17 @@ def test_each_driver_has_its_speed_and_headway() -> None:
     assert IDMVehicle.TIME_WANTED == 1.5
 
 
+def test_below_the_speed_of_its_full_size_the_acceleration_is_in_proportion_to_the_speed() -> None:
+    def speeds(size: float, full_mps: float) -> list[float]:
+        scene = Scene(Drivers(acceleration_rms_mps2=size, acceleration_full_mps=full_mps), 0.0, 1e4, speed=5.0)
+        scene.drive(2)
+        return [car.speed for car in scene.cars]
+
+    assert speeds(0.4, 20.0) == pytest.approx(speeds(0.1, 5.0), rel=1e-3)
+    assert speeds(0.4, 20.0) != speeds(0.4, 5.0)
+    assert speeds(0.4, 3.0) == speeds(0.4, 2.0)
+
+
 def test_a_car_that_stands_keeps_standing() -> None:
     scene = Scene(Drivers(acceleration_rms_mps2=2.0), 0.0, speed=5.0)
     scene.cars[0].target_speed = 0.0
@@ -265,6 +276,17 @@ def test_the_size_that_meets_the_recorded_rms_has_its_closed_form() -> None:
     assert size == pytest.approx([1.3 * HUMAN.acceleration_rms_mps2] * 3)
     assert ranges[1] == pytest.approx(size)
     assert math.isnan(ranges[0].value)
+
+
+def test_the_size_that_is_nearest_in_all_ranges_has_its_closed_form() -> None:
+    # Simulated 0.2 m/s^2 times the size in each range; recorded 1.3 times that in half of the windows.
+    ranges = (5.0, 7.0, 9.0, 12.0)
+    low, high = ([[shaken(0.2 * times, speed) for speed in ranges]] for times in fitting.SIMULATED)
+    alike = [shaken(0.26)] * 3 + [shaken(0.2, speed) for speed in ranges[1:]]
+    found = fitting.full_size_trial(HUMAN, [*alike, shaken(2.0, 3.0)], (low, high))
+    assert found.size == pytest.approx(HUMAN.acceleration_rms_mps2 * math.sqrt(1.3))
+    assert found.off == pytest.approx(math.log(1.3) / 2)
+    assert found.value == HUMAN.acceleration_full_mps
 
 
 def test_the_interval_of_the_size_holds_that_of_single_seeds() -> None:

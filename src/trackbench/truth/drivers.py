@@ -16,8 +16,6 @@ from trackbench.base.units import wrap_angle
 from trackbench.truth.config import Drivers, HighwayOptions
 from trackbench.truth.environment import Kinds, SteeredVehicle, steered
 
-#: Below this speed the acceleration that a driver adds fades, so that who stands still does, m/s.
-FADES_BELOW_MPS = 2.0
 #: With which a driver brakes for a bend ahead, m/s^2.
 COMFORTABLE_BRAKING_MPS2 = 2.0
 #: How far a driver looks for bends from the start of its lane, m: beyond where it would brake at 40 m/s.
@@ -142,7 +140,8 @@ class HumanVehicle(SteeredVehicle):
             most = options.jerk_mps3 * dt
             wanted = max(self.intended - most, min(self.intended + most, wanted))
         self.intended = wanted
-        wanted += driver.acceleration.advance() * min(1.0, abs(self.speed) / FADES_BELOW_MPS)
+        # Who stands still does so.
+        wanted += driver.acceleration.advance() * min(1.0, abs(self.speed) / options.acceleration_full_mps)
         turning = (self.slip - slip_before) / dt + self.speed * math.sin(slip_before) / (self.LENGTH / 2)
         across = self.speed * turning
         most = min(self.ACC_MAX, math.sqrt(max(0.0, self.GRIP**2 - across**2)))

@@ -19,6 +19,9 @@ class Drivers(Config):
     acceleration_rms_mps2: float = Field(
         0, ge=0, le=3, description="Acceleration that a driver adds to that of the model: a Gauss-Markov process, rms."
     )
+    acceleration_full_mps: Positive = Field(
+        2, description="Speed from which on it has this size. Below, the size is in proportion to the speed."
+    )
     acceleration_time_s: float = Field(1, ge=0.05, le=60, description="Its correlation time, to 1/e.")
     wander_m: float = Field(0, ge=0, le=1, description="Distance of the car from where its lane leads it, rms.")
     wander_time_s: float = Field(
@@ -66,7 +69,8 @@ class Drivers(Config):
 
 #: Acceleration and wander are fitted to recorded traffic; the other values have their sources in docs/drivers.md.
 HUMAN = Drivers(
-    acceleration_rms_mps2=0.3,
+    acceleration_rms_mps2=0.52,
+    acceleration_full_mps=10,
     acceleration_time_s=0.8,
     wander_m=0.18,
     wander_time_s=0.4,
