@@ -323,13 +323,8 @@ def test_times_of_another_epoch_are_said(tmp_path: Path) -> None:
         truth_in(write(tmp_path, radar=late))
 
 
-def test_what_an_audit_and_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
-    file = write(tmp_path)
-    done = CliRunner().invoke(cli, ["audit", str(file)], standalone_mode=False)
-    assert "truth.readings.radar.object: missing: an audit holds each measurement against its object" in str(
-        done.exception
-    )
-    done = CliRunner().invoke(cli, ["run", str(file), "--worlds", "typical"], standalone_mode=False)
+def test_what_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, ["run", str(write(tmp_path)), "--worlds", "typical"], standalone_mode=False)
     assert "none, for its measurements are recorded" in str(done.exception) + done.output
 
 
