@@ -199,6 +199,11 @@ def test_who_is_parked_has_no_heading_from_noise(tmp_path: Path) -> None:
     assert not truth.observer.yaw.any()
 
 
+def test_another_separator_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time;id;x;y\n0;a;0;0\n0.1;a;1;0\n")
+    assert "separated by ';'" in refusal(tmp_path, format="csv", path="a.csv", observer={"vehicle": "a"})
+
+
 @pytest.mark.parametrize("smoothing", [None, SMOOTHING])
 def test_speeds_in_another_unit_are_refused(tmp_path: Path, smoothing: dict[str, Any] | None) -> None:
     table = pd.read_csv(write_csv(tmp_path))

@@ -78,12 +78,15 @@ def load_several(
     """
     named, options = [*scenarios], {"runs": runs, "scenes": scenes}
     changes: list[dict[str, int]] = [{option: n for option, n in options.items() if n is not None} for _ in named]
-    plain = [load(item, set).config for item in named] if len(named) > 1 and any(changes) else []
+    plain = [load(item, set).config for item in named] if scenes or (len(named) > 1 and any(changes)) else []
     notes = []
     for option, word, fixed in (
         ("runs", "run", [same_every_run(config) for config in plain]),
         ("scenes", "scene", ["seeds" not in type(config.truth).model_fields for config in plain]),
     ):
+        if option == "scenes" and fixed and all(fixed):
+            message = "a recording has one scene for each of truth.observer.vehicle, or of the files of truth.path"
+            raise InputError(f"{message}; a script has one", key="--scenes")
         if options[option] is not None and any(fixed) and not all(fixed):
             for change, same in zip(changes, fixed, strict=True):
                 if same:

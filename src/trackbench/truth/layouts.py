@@ -129,6 +129,8 @@ def header(file: Path, form: str) -> list[str]:
     if form == "csv":
         lines = [line for line in text_of(file).splitlines() if line.strip()]
         names = [name.strip() for name in next(csv.reader(lines[:1]))]
+        if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
+            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)
     else:
         import pyarrow as pa
         import pyarrow.parquet as pq
