@@ -151,5 +151,5 @@ def test_scenes_of_several_leave_those_that_have_one() -> None:
     assert [item.config.monte_carlo.runs for item in loaded] == [2, 2]
     assert unchanged == ["one scene, whatever --scenes says: cut_in"]
     for named in (["traffic/cut_in"], ["traffic/cut_in", "traffic/guard_rail"]):
-        with pytest.raises(InputError, match="one scene for each of truth.observer.vehicle"):
+        with pytest.raises(InputError, match="one scene for each of truth"):
             load_several(named, scenes=3)
