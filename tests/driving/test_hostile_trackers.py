@@ -116,7 +116,7 @@ STEPS: dict[str, tuple[str, str | None, bool]] = {
         False,
     ),
     "breaks_numpy": ("np.asarray = np.shape = np.full = None", "TypeError", False),
-    "forgets_modules": ("sys.modules.clear()", "", False),
+    "forgets_modules": ("sys.modules.clear()", None, False),
     "changes_the_path": ("sys.path.clear()", None, False),
     "changes_the_environment": ("os.environ.clear()", None, False),
     "raises_for_numpy": ("np.seterr(all='raise'); np.ones(1) / 0", "FloatingPointError", True),

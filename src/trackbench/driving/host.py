@@ -18,11 +18,11 @@ import numpy as np
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.printed import say_stray_errors
-from trackbench.base.types import Estimate, Scan, Tracks
+from trackbench.base.types import Estimate, FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
 from trackbench.driving.steppers import Stepper, local, refuse_truth
-from trackbench.driving.wire import Arrays, receive_request, send_answer
+from trackbench.driving.wire import Arrays, receive, send_answer
 from trackbench.trackers.answers import is_random
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -52,21 +52,20 @@ class Host:
         answer: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**arguments)
         return answer
 
-    def check(self, config: PluginConfig, folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+    def check(self, config: dict[str, Any], folder: str) -> tuple[dict[str, Any], Arrays]:
         """Import the tracker and hold its options against what it declares."""
-        check_entry(config, folder)
+        check_entry(PluginConfig.model_validate(config), _folder(folder))
         return {}, {}
 
-    def start(
-        self, config: PluginConfig, folder: Path | None, batch: int, several: bool
-    ) -> tuple[dict[str, Any], Arrays]:
+    def start(self, config: dict[str, Any], folder: str, batch: int, several: bool) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker for a batch, whose answers are checked."""
-        stepper = local(config, folder, batch, lambda tracker: tracker, several)
+        known = PluginConfig.model_validate(config)
+        stepper = local(known, _folder(folder), batch, lambda tracker: tracker, several)
         return {"number": self._keep(stepper), **stepper.traits._asdict()}, {}
 
-    def fresh(self, config: PluginConfig, folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+    def fresh(self, config: dict[str, Any], folder: str) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
-        alone = Alone(maker(config, folder))
+        alone = Alone(maker(PluginConfig.model_validate(config), _folder(folder)))
         if isinstance(alone.tracker, FilterTracker):
             refuse_truth(alone.tracker)
         number = self._keep(alone)
@@ -80,13 +79,12 @@ class Host:
         traits = {"batched": alone.batched, "random": is_random(tracker), "methods": methods}
         return {**traits, "not_copied": alone.not_copied}, {}
 
-    def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
-        """The estimate after a scan."""
-        for value in scan:
-            if isinstance(value, np.ndarray):
-                # As in the bench, so that a tracker that writes into them is found out.
-                value.setflags(write=False)
-        estimate = self._stepped[number].step(scan)
+    def step(self, number: int, scan: list[Any]) -> tuple[dict[str, Any], Arrays]:
+        """The estimate after a scan, whose fields are given."""
+        given = Scan(*scan)
+        if given.field_of_view is not None:
+            given = given._replace(field_of_view=FieldOfView(*given.field_of_view))
+        estimate = self._stepped[number].step(given)
         return {"given": estimate is not None}, {} if estimate is None else _arrays(estimate)
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
@@ -108,6 +106,10 @@ class Host:
         return self._numbers
 
 
+def _folder(path: str) -> Path | None:
+    return Path(path) if path else None
+
+
 def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
     """Answer the bench until it ends.
 
@@ -121,7 +123,7 @@ def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
     host = Host()
     while True:
         try:
-            request = receive_request(connection)
+            request = receive(connection)
         except (EOFError, OSError):
             os._exit(0)
         except BaseException:

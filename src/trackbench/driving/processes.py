@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
+import numpy as np
 import numpy.typing as npt
 
 from trackbench.base import at_hand
@@ -25,7 +26,7 @@ from trackbench.base.process import how_it_ended
 from trackbench.base.user_code import place_in_dump
 from trackbench.driving.faults import KINDS, TrackFault
 from trackbench.driving.isolation import GIGABYTE, Isolation
-from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, receive_answer, send_request
+from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, framed, receive
 
 TEMPLATE = "trackbench.driving.template"
 #: Whether messages keep their bounds, which macOS does not offer. Nothing here needs them: one launch is under way at a
@@ -233,20 +234,27 @@ class TrackerProcess(GuardedProcess):
         """
         if self.fault is not None:
             raise self.fault
+        self._exchange += 1
+        request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
+        if self._exchange == 1:
+            request |= {"cwd": None, "path": sys.path, "classes": at_hand.pickled()}
+            # It may have been deleted.
+            with suppress(FileNotFoundError):
+                request["cwd"] = os.getcwd()
+        try:
+            content = framed(request)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"its process cannot be told this: {error}") from None
         self._until = time.monotonic() + self.timeout
         try:
             self._socket.settimeout(self.timeout)
-            self._exchange += 1
-            request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
-            if self._exchange == 1:
-                request |= {"cwd": None, "path": sys.path, "classes": at_hand.pickled()}
-                # It may have been deleted.
-                with suppress(FileNotFoundError):
-                    request["cwd"] = os.getcwd()
-            send_request(self._socket, request)
+            self._socket.sendall(content)
             self.dropped = []
-            values, arrays = receive_answer(self)
-            if values.get("exchange") != self._exchange:
+            answer = receive(self)
+            values, arrays = answer["values"], answer["arrays"]
+            if values["exchange"] != self._exchange or not all(
+                isinstance(each, np.ndarray | np.generic) for each in arrays.values()
+            ):
                 raise Malformed
             _raise_error(values, self._members)
         except TimeoutError:
@@ -254,7 +262,7 @@ class TrackerProcess(GuardedProcess):
             raise self._ended(text, signal.SIGABRT) from None
         except (EOFError, OSError):
             raise self._ended(self._how_it_ended()) from None
-        except (Malformed, TypeError, ValueError):
+        except (Malformed, AttributeError, KeyError, TypeError, ValueError):
             raise self._ended(NO_ANSWER, signal.SIGTERM) from None
         return values, arrays
 

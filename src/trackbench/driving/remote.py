@@ -46,7 +46,7 @@ class TrackerTrial:
         elif self._process is None:
             check_entry(self._config, self._folder)
         else:
-            self._process.ask("check", config=self._config, folder=self._folder)
+            self._process.ask("check", **_named(self._config, self._folder))
 
     def start(self, several: bool = False, sensors: Mapping[str, Sensor] = {}) -> None:
         """Start it for one member; what is no class of Python is told the sensors, and of several objects.
@@ -152,7 +152,7 @@ class RemoteStepper(Stepper):
         several: bool,
     ) -> None:
         self._process, self._form = process, TRACKS_FORM if several else ESTIMATE_FORM
-        self._number, traits = process.start("start", config=config, folder=folder, batch=batch, several=several)
+        self._number, traits = process.start("start", **_named(config, folder), batch=batch, several=several)
         self.traits = Traits(bool(traits.get("batched")), bool(traits.get("random")))
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Any:
@@ -182,7 +182,7 @@ class RemoteTracker:
     @classmethod
     def fresh(cls, process: TrackerProcess, config: PluginConfig, folder: Path | None) -> RemoteTracker:
         """A fresh one."""
-        number, traits = process.start("fresh", config=config, folder=folder)
+        number, traits = process.start("fresh", **_named(config, folder))
         methods = frozenset(map(str, traits.get("methods", ())))
         return cls(process, number, bool(traits.get("batched")), bool(traits.get("random")), methods)
 
@@ -213,6 +213,10 @@ class RemoteTracker:
     def __del__(self) -> None:
         if self._process.fault is None:
             self._process.dropped.append(self._number)
+
+
+def _named(config: FilterConfig | PluginConfig, folder: Path | None) -> dict[str, Any]:
+    return {"config": config.model_dump(), "folder": "" if folder is None else str(folder)}
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:

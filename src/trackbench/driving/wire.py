@@ -1,27 +1,28 @@
-"""Messages between the bench and the process of a tracker.
+"""Messages between the bench and the process of a tracker in Python: frames as of programs in other languages.
 
-Requests are pickled. Answers are not: they come from code that nobody here knows, and are JSON and plain arrays.
+Nothing in them is pickled but classes of a notebook, which the bench sends.
 """
 
 from __future__ import annotations
 
 import json
-import pickle
 import socket
 import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
+import msgpack
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.driving.frames import LARGEST, LENGTH
+
 #: Set in the environment of every tracker's process.
 INSIDE = "TRACKBENCH_TRACKER_PROCESS"
-_LENGTH = struct.Struct("<Q")
-#: Of the JSON part of an answer, bytes.
-LARGEST_HEADER = 1 << 20
-#: Of an answer's arrays together, bytes.
-LARGEST_ARRAYS = 1 << 32
+#: The extension of MessagePack that is an array: its type, shape and bytes.
+ARRAY = 1
+#: Half a character may be in the name of a file, or in an error of a tracker.
+ANY_TEXT = "surrogatepass"
 _TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_), "l": np.dtype(np.int64)}
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -98,10 +99,19 @@ class Malformed(Exception):
     """The bytes received are no valid answer."""
 
 
-def send_request(to: socket.socket, request: Mapping[str, Any]) -> None:
-    """Pickle and send."""
-    content = pickle.dumps(request, protocol=pickle.HIGHEST_PROTOCOL)
-    to.sendall(_LENGTH.pack(len(content)) + content)
+def framed(message: Mapping[str, Any]) -> bytes:
+    """A message as a frame, in which values may be arrays.
+
+    Raises:
+        TypeError, ValueError, OverflowError: it has a value that MessagePack does not know.
+    """
+    content: bytes = msgpack.packb(message, default=_extended, unicode_errors=ANY_TEXT)
+    return LENGTH.pack(len(content)) + content
+
+
+def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) -> None:
+    """Send values, and arrays of float, bool or int."""
+    to.sendall(framed({"values": values, "arrays": arrays}))
 
 
 class Source(Protocol):
@@ -110,59 +120,42 @@ class Source(Protocol):
     def recv_into(self, buffer: memoryview) -> int: ...
 
 
-def receive_request(source: Source) -> dict[str, Any]:
-    """The next request.
+def receive(source: Source) -> dict[str, Any]:
+    """The next message.
 
     Raises:
         EOFError: the other side has ended.
+        Malformed: the bytes received are none.
     """
-    result: dict[str, Any] = pickle.loads(_receive(source, _LENGTH.unpack(_receive(source, _LENGTH.size))[0]))
-    return result
-
-
-def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) -> None:
-    """Send JSON values, and arrays of float, bool or int."""
-    described = [[name, array.dtype.char, array.shape] for name, array in arrays.items()]
-    header = json.dumps({"values": values, "arrays": described}).encode()
-    # At once, since each part wakes the other side.
-    to.sendall(b"".join((_LENGTH.pack(len(header)), header, *(array.tobytes() for array in arrays.values()))))
-
-
-def receive_answer(source: Source) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
-    """The next answer: its values and its arrays.
-
-    Raises:
-        EOFError: the other side has ended.
-        Malformed: the bytes received are no valid answer.
-    """
-    (size,) = _LENGTH.unpack(_receive(source, _LENGTH.size))
-    if size > LARGEST_HEADER:
+    (size,) = LENGTH.unpack(_received(source, LENGTH.size))
+    if size > LARGEST:
         raise Malformed
+    content = _received(source, size)
     try:
-        header = json.loads(_receive(source, size))
-        values, described = header["values"], header["arrays"]
-        shapes = [(str(name), _TYPES[kind], tuple(map(int, shape))) for name, kind, shape in described]
-        sizes = [_size(shape) * kind.itemsize for _, kind, shape in shapes]
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        message = msgpack.unpackb(content, ext_hook=_array, strict_map_key=False, unicode_errors=ANY_TEXT)
+    except Exception as error:
         raise Malformed from error
-    if not isinstance(values, dict) or sum(sizes) > LARGEST_ARRAYS:
+    if not isinstance(message, dict):
         raise Malformed
-    result = {}
-    for (name, kind, shape), number in zip(shapes, sizes, strict=True):
-        result[name] = np.frombuffer(_receive(source, number), dtype=kind).reshape(shape)
-    return values, result
+    return message
 
 
-def _size(shape: tuple[int, ...]) -> int:
-    size = 1
-    for length in shape:
-        if length < 0:
-            raise ValueError(length)
-        size *= length
-    return size
+def _extended(value: Any) -> Any:
+    if not isinstance(value, np.ndarray | np.generic):
+        raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
+    kind = value.dtype.char if value.dtype.char in _TYPES else "d"
+    return msgpack.ExtType(ARRAY, msgpack.packb([kind, value.shape, value.astype(_TYPES[kind]).tobytes()]))
 
 
-def _receive(source: Source, size: int) -> bytearray:
+def _array(_: int, content: bytes) -> Any:
+    kind, shape, numbers = msgpack.unpackb(content)
+    if any(length < 0 for length in shape):
+        raise ValueError(shape)
+    # Of bytes, so that a tracker cannot write into a scan; the empty index makes a number of an array without axes.
+    return np.frombuffer(numbers, dtype=_TYPES[kind]).reshape(shape)[()]
+
+
+def _received(source: Source, size: int) -> bytearray:
     content = bytearray(size)
     view = memoryview(content)
     done = 0
