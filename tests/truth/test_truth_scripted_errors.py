@@ -41,7 +41,7 @@ LAST = "{turn_rate_degps: 20}"
             "  source: scripted\n",
             "",
             2,
-            "truth.source: missing; choose from: highway-env, recorded-traffic, recording, scripted",
+            "truth.source: missing; choose from: highway-env, recorded-boxes, recorded-traffic, recording, scripted",
         ),
         (
             "rate_hz: 20\n",

@@ -335,6 +335,9 @@ class Truth:
     """The noise of recorded motion; 0 where the motion is exact."""
     unscored: Unscored | None = None
     """None where objects and tracks count everywhere."""
+    beside: Mask | None = None
+    """``(steps, objects)`` where it is just before or after its time: a track of it is neither right nor false there,
+    and its motion is not known."""
     start: Decimal = Decimal(0)
     """s of the recording's clock at time 0: other files may state times of the same clock."""
 
@@ -358,6 +361,7 @@ class Truth:
             self,
             ids=tuple(name for name, kept in zip(self.ids, chosen, strict=True) if kept),
             **{name: getattr(self, name)[:, chosen] for name in motion},
+            beside=None if self.beside is None else self.beside[:, chosen],
             **{name: getattr(self, name)[chosen] for name in ("length", "width", "target")},
         )
 

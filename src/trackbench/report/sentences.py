@@ -179,6 +179,13 @@ def made_elsewhere(result: Result) -> list[str]:
     for tracker in trackers:
         if not tracker.paired:
             sentences.append(f"{tracker.name}: no fingerprint says of which scans, so compared with no tracker")
+        if tracker.filed is not None and tracker.filed.outside:
+            of = f"{tracker.filed.outside} of {counted(tracker.filed.rows, 'row')}"
+            sentences.append(f"{tracker.name}: {of} outside the time of the truth, left out")
+        if tracker.filed is not None and tracker.filed.silent_runs:
+            sentences.append(
+                f"{tracker.name}: no track in {counted(tracker.filed.silent_runs, 'run')}: all missed there"
+            )
         offset = tracker.time_offset
         if offset is None or offset.value is None:
             sentences.append(f"{tracker.name}: time offset n/a: nothing that it is on moves")

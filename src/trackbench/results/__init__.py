@@ -18,7 +18,7 @@ from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.scenario_summary import TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
 from trackbench.results.tables import Tables
-from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, Health, TrackerResult
+from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
 from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "Difference",
     "ExpectationResult",
     "Failure",
+    "FiledRows",
     "Health",
     "MetricValue",
     "PartVerdict",

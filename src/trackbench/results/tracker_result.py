@@ -109,6 +109,17 @@ class Breakdown(ResultModel):
     """By whether the velocity of the truth jumped within the second before."""
 
 
+class FiledRows(ResultModel):
+    """What was taken of a file of tracks."""
+
+    rows: int
+    """In the file."""
+    outside: int
+    """Of the runs that were scored, those outside the time of the truth, which are left out."""
+    silent_runs: int
+    """Runs of which there are none: what is due in them is missed."""
+
+
 class TrackerResult(ResultModel):
     """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
 
@@ -134,6 +145,8 @@ class TrackerResult(ResultModel):
     """False of tracks made elsewhere that do not say of which scans: they are compared with no tracker."""
     time_offset: MetricValue | None = None
     """Of tracks made elsewhere, what has to be added to their time stamps for the least position error, s."""
+    filed: FiledRows | None = None
+    """Of tracks made elsewhere."""
     first_velocity: FirstVelocity | None = None
     """Where what it assumes of a track's first velocity is contradicted by what it measures; else None."""
     failed: Failure | None

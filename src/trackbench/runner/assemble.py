@@ -21,7 +21,7 @@ from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import Sensor
-from trackbench.results import Health, MetricValue, Result, Summary, Tables, TrackerResult, difference_table
+from trackbench.results import FiledRows, Health, MetricValue, Result, Summary, Tables, TrackerResult, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
     MountSummary,
@@ -51,6 +51,7 @@ from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
+from trackbench.truth.track_rows import TrackRows
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
@@ -175,7 +176,9 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
     evaluation = scores.evaluations[name]
     entry |= {"metrics": evaluation.values, "scene_share": _scene_share(work, evaluation)}
     if work.cutoff is not None:
-        entry["time_offset"] = _time_offset(scores.tracks[name])
+        if name in work.filed:
+            entry["time_offset"] = _time_offset(scores.tracks[name])
+            entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
@@ -187,6 +190,13 @@ def _time_offset(blocks: Sequence[TrafficScores]) -> MetricValue | None:
         return None
     offset = offset_of(np.concatenate(sums, axis=1))
     return MetricValue(unit="s", reason="nothing moves") if offset is None else offset.as_value("s")
+
+
+def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
+    read, there, silent = np.sum([block.filed for block in blocks], axis=0).tolist()
+    # Scenes of one file without runs share its rows.
+    outside = (len(rows) if rows.run is None else read) - there
+    return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
 
 
 def _headline_sums(work: Work, evaluation: Evaluation) -> tuple[Array, Array]:

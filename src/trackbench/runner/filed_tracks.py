@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import InputError, shortened
-from trackbench.base.types import Array, Indices, Truth
+from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.metrics.traffic.assignment import NearPairs
 from trackbench.trackers.answers import NO_TRACK
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.track_rows import SAME_STAMP_S, TrackRows
 
-#: A time stamp this near to an instant, s, is at it: files are written with microseconds.
-AT_INSTANT_S = 1e-6
+#: s.
+LONGEST_PERIOD_S = 0.5
+_NONE = np.zeros(0, dtype=np.intp)
+#: Instants times tracks whose covariances take half a gigabyte.
+MOST_CELLS = 4_000_000
 #: Blocks of time by which the interval of an offset is made, s, so that they are nearly independent.
 BLOCK_S = 2.0
 #: Objects times tracks times instants whose truth is kept where the tracks of an instant have several time stamps.
@@ -47,8 +52,6 @@ def why_other_scans(own: TrackRows, every: TrackRows, fingerprint: str) -> str |
         every: those of the file.
         fingerprint: of the run's measurements.
     """
-    if not len(own) and every.run is not None:
-        return "the file has no tracks of this run; write some, or take fewer runs or scenes"
     stated = sorted({*(own.fingerprint or ())} - {fingerprint})
     if not stated:
         return None
@@ -58,40 +61,83 @@ def why_other_scans(own: TrackRows, every: TrackRows, fingerprint: str) -> str |
     return f"the tracks have the fingerprint {shortened(stated[-1], 40)!r}, the measurements {fingerprint!r}; {remedy}"
 
 
+def inside(rows: TrackRows, shift: float, first: float, last: float) -> Mask:
+    """Which rows are within the time of a truth, or so near to it that they may be of its first or last instant."""
+    stamp, margin = rows.time + shift, LONGEST_PERIOD_S / 2
+    return np.asarray((stamp >= first - margin) & (stamp <= last + margin))
+
+
+def why_no_overlap(rows: TrackRows, offset: float, spans: Sequence[tuple[float, float]]) -> str | None:
+    """Why no row is within the time of any truth; None where one is.
+
+    Args:
+        rows: of the file.
+        offset: added to the time stamps, s.
+        spans: first and last time of each truth, s of the clock.
+    """
+    shift = float(rows.start) + offset
+    if any(inside(rows, shift, *span).any() for span in spans):
+        return None
+    first, last = rows.time.min() + shift, rows.time.max() + shift
+    begin, end = min(span[0] for span in spans), max(span[1] for span in spans)
+    if first > end:
+        what = f"the tracks begin {first - end:.4g} s after the end of the truth"
+    elif last < begin:
+        what = f"the tracks end {begin - last:.4g} s before the truth begins"
+    else:
+        what = "no row is within the time of a scene"
+    return f"{what}: check the clocks and the units of time, or say what is to be added, time_offset_s (--time-offset)"
+
+
 def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
     """At each instant the row of each track whose time stamp is nearest, if it is within half a period.
 
-    The period is the longer of the median time between instants and that between the rows of the track. Where the file
-    has rows at an instant, those are its tracks, and no others.
+    The period is the median time between instants, or that of the file where it is longer, see ``period_of``. A track
+    that has a row at more than two of three instants at which any has one, between its first and its last, was given
+    then and not between: at such instants it is where it has a row.
 
     Args:
         rows: in the order of time.
         time: ``(T,)`` of the instants, s after the start of the truth.
         shift: added to the rows' times, s.
+
+    Raises:
+        InputError: there are too many tracks at too many instants.
     """
-    stamp = rows.time + shift
+    number = _numbers(rows.id)
+    order = np.lexsort((rows.time, number))
+    track, stamp = number[order], rows.time[order] + shift
     instant = np.clip(np.searchsorted(time, stamp), 0, len(time) - 1)
     instant -= (instant > 0) & (np.abs(stamp - time[instant - 1]) <= np.abs(stamp - time[instant]))
-    exact = np.abs(stamp - time[instant]) <= AT_INSTANT_S
+    exact = np.abs(stamp - time[instant]) <= SAME_STAMP_S
     stamp = np.where(exact, time[instant], stamp)
-    open_instants = np.setdiff1d(np.arange(len(time)), instant[exact])
-    instants, members = [instant[exact]], [np.flatnonzero(exact)]
-    period = _median_step(time)
-    number = _numbers(rows.id)
-    for track in np.unique(number) if len(open_instants) else ():
-        own = np.flatnonzero(number == track)
-        after = np.clip(np.searchsorted(stamp[own], time[open_instants]), 0, len(own) - 1)
-        before = np.maximum(after - 1, 0)
-        away = np.abs(stamp[own][[before, after]] - time[open_instants])
-        nearest = np.where(away[0] <= away[1], before, after)
-        near = away.min(axis=0) <= max(period, _median_step(stamp[own])) / 2 * (1 + 1e-9)
-        instants.append(open_instants[near])
-        members.append(own[nearest[near]])
-    at, row = np.concatenate(instants), np.concatenate(members)
-    order = np.lexsort((row, at))
-    at, row = at[order], row[order]
+    first = np.flatnonzero(np.diff(track, prepend=track[0] - 1)) if len(track) else np.zeros(0, dtype=np.intp)
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    reach = max(usual, period_of(np.diff(stamp)[np.diff(track) == 0])) / 2 * (1 + 1e-9)
+    taken = np.isin(np.arange(len(time)), instant[exact])
+    before = np.concatenate([[0], np.cumsum(taken)])
+    instants, members = [], []
+    for start, end in pairwise([*first.tolist(), len(track)]):
+        own = stamp[start:end]
+        low, high = np.searchsorted(time, [own[0] - reach, own[-1] + reach])
+        at = np.arange(low, high)
+        after = np.clip(np.searchsorted(own, time[at]), 0, len(own) - 1)
+        away = np.abs(own[[np.maximum(after - 1, 0), after]] - time[at])
+        nearest = np.where(away[0] <= away[1], np.maximum(after - 1, 0), after)
+        near = away.min(axis=0) <= reach
+        inside = np.searchsorted(time, own[[0, -1]] + (-SAME_STAMP_S, SAME_STAMP_S))
+        if 3 * exact[start:end].sum() > 2 * (before[inside[1]] - before[inside[0]]):
+            near &= ~taken[at] | (exact[start + nearest] & (instant[start + nearest] == at))
+        instants.append(at[near])
+        members.append(order[start + nearest[near]])
+    at, row = np.concatenate([*instants, _NONE]), np.concatenate([*members, _NONE])
+    by_instant = np.lexsort((row, at))
+    at, row = at[by_instant], row[by_instant]
     column = np.arange(len(at)) - np.searchsorted(at, at)
     shape = (len(time), int(column.max(initial=-1)) + 1)
+    if shape[0] * shape[1] > MOST_CELLS:
+        raise InputError(f"{shape[1]} tracks at one of {shape[0]} instants are too many; leave out those that are none")
+    stamp = stamp[np.argsort(order)]
 
     def placed(values: Array, fill: float = np.nan) -> Array:
         result = np.full((*values.shape[:-1], *shape), fill)
@@ -99,7 +145,7 @@ def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
         return result
 
     missing = np.full(len(rows), np.nan)
-    vx, vy = (missing if value is None else value for value in velocity(rows))
+    vx, vy = (missing if value is None else value for value in rows.velocity)
     ids = np.full(shape, NO_TRACK)
     ids[at, column] = number[row]
     nothing = np.full((4, 4, 1), np.nan)
@@ -109,15 +155,10 @@ def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
     return FiledTracks(TrackHistory(ids, mean, placed(covariance), existence), placed(stamp))
 
 
-def velocity(rows: TrackRows) -> tuple[Array | None, Array | None]:
-    """The velocity that a file states, by its components or by speed and heading; None where it states none."""
-    if rows.vx is None and rows.speed is not None and rows.heading is not None:
-        return rows.speed * np.cos(rows.heading), rows.speed * np.sin(rows.heading)
-    return rows.vx, rows.vy
-
-
-def _median_step(times: Array) -> float:
-    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+def period_of(steps: Array) -> float:
+    """The time between the rows of a track without those that are missing, s: the tenth percentile, but at most
+    ``LONGEST_PERIOD_S``."""
+    return min(float(np.percentile(steps, 10)), LONGEST_PERIOD_S) if len(steps) else 0.0
 
 
 def _numbers(ids: object) -> Indices:
@@ -148,7 +189,7 @@ def truth_at(truth: Truth, run: int, instants: TruthHistory, stamp: Array) -> Tr
         return instants
     there = np.isfinite(stamp)
     common = np.where(there.any(axis=1), np.nanmax(np.where(there, stamp, -np.inf), axis=1), instants.time)
-    if (~there | (np.abs(stamp - common[:, None]) <= AT_INSTANT_S)).all():
+    if (~there | (np.abs(stamp - common[:, None]) <= SAME_STAMP_S)).all():
         return instants._replace(state=_states(truth, run, common, instants.state))
     if stamp.size * len(truth.ids) > LARGEST:
         message = "the tracks of one instant have different time stamps, and are too many; cut the recording"
@@ -166,7 +207,7 @@ def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
     result = np.array(nominal)
     motion = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., min(run, truth.px.shape[-1] - 1)]
     for item in range(len(truth.ids)):
-        alive = truth.alive[:, item]
+        alive = truth.alive[:, item] if truth.beside is None else truth.alive[:, item] & ~truth.beside[:, item]
         if not alive.any():
             continue
         own = truth.time[alive]

@@ -62,6 +62,8 @@ class TrafficScores:
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
     offset: Array | None = None
     """``(2, blocks)`` sums of a time offset, of tracks made elsewhere: see :func:`offset_sums`."""
+    filed: Indices | None = None
+    """Of tracks made elsewhere, the numbers of rows, of those within the time of the truth, and of runs without any."""
 
 
 class HiddenRun(TrackerRun[Tracks]):

@@ -26,6 +26,7 @@ from trackbench.metrics.registry import built_in_metrics, headline
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
+from trackbench.runner.filed_tracks import why_no_overlap
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import TrackerEntry
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
@@ -295,15 +296,20 @@ def _filed(work: Work) -> dict[str, TrackRows]:
     """The rows of tracks made elsewhere, by tracker.
 
     Raises:
-        InputError: a file is damaged, or does not say of which of several runs its tracks are.
+        InputError: a file is damaged, does not say of which of several runs its tracks are, or has none in the time of
+            a truth.
     """
-    filed = {}
+    filed, truths = {}, [scene.truth for scene in work.scenes]
     for name, config in work.trackers.items():
         if isinstance(config, TracksConfig):
             filed[name] = read_tracks(config, name, work.folder or Path())
             if filed[name].run is None and (work.runs > 1 or not _apart_in_time(work.scenes)):
                 message = "there is no column run, and the scenario has several runs or scenes; use --runs 1, one scene"
                 raise InputError(message, file=config.path)
+            spans = [(float(truth.start) + truth.time[0], float(truth.start) + truth.time[-1]) for truth in truths]
+            problem = why_no_overlap(filed[name], config.time_offset_s, spans)
+            if problem is not None:
+                raise InputError(problem, file=config.path, key=f"trackers.{name}")
     return filed
 
 

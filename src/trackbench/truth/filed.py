@@ -24,11 +24,20 @@ def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
         InputError: there is no such file, or it is damaged.
     """
     file = find(config.path, folder, f"trackers.{name}.path")
+    return read_rows(config.format, file).ordered(file)
+
+
+def read_rows(form: TrafficFormat, file: Path) -> TrackRows:
+    """All rows of a file, as they stand in it.
+
+    Raises:
+        InputError: it is damaged.
+    """
     file = Path(os.path.normpath(file))
     version = file.stat()
-    return _read(config.format, file, (version.st_mtime_ns, version.st_size))
+    return _read(form, file, (version.st_mtime_ns, version.st_size))
 
 
 @lru_cache(maxsize=8)
 def _read(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> TrackRows:
-    return form.rows(file).ordered(file)
+    return form.rows(file)

@@ -5,14 +5,15 @@ The simulator takes a second to import, so nothing here imports it before it is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from trackbench.base.types import Progress, no_progress
-from trackbench.truth import recorded, scripted, simulated, traffic
+from trackbench.truth import boxes, recorded, scripted, simulated, traffic
 from trackbench.truth.base import Draw, LoadedTruth
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
+from trackbench.truth.config.boxes import BoxesOptions
 from trackbench.truth.config.traffic import TrafficOptions
 
 #: A recording is the same in every draw.
@@ -63,6 +64,21 @@ class RecordingTruth(RecordingOptions):
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
         logs = self.scenes()
         return [note for log in logs for note in log.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors).notes]
+
+
+class BoxesTruth(BoxesOptions):
+    """Boxes of a file, against which tracks of other files are scored."""
+
+    def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
+        truth, notes = boxes.load(self, folder)
+        return LoadedTruth(truth, notes=notes)
+
+    @property
+    def quick(self) -> bool:
+        return True
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> Sequence[str]:
+        return self.load(_ANY_DRAW, folder=folder or Path()).notes
 
 
 class TrafficTruth(TrafficOptions):

@@ -11,8 +11,10 @@ from typing import Any, Self
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array, Indices, Mask
 
+#: Time stamps this near to each other, s, are the same: files are written with microseconds.
+SAME_STAMP_S = 1e-6
 #: Upper triangle of a covariance of px, py, vx, vy, by the names of its columns.
 COVARIANCE = {f"p_{a}{b}": (a, b) for a in range(4) for b in range(a, 4)}
 
@@ -49,6 +51,8 @@ class TrackRows:
     """``(rows,)`` m."""
     kind: Sequence[str] | None = None
     """``(rows,)`` class, such as car, in the file's own words."""
+    dont_care: Mask | None = None
+    """``(rows,)`` where the file says that a row is of no object, and a track there neither right nor false."""
     scene: Sequence[str] | None = None
     """``(rows,)`` name of the bench's scene, as the next two where tracks were made from exported scans."""
     run: Sequence[str] | None = None
@@ -62,6 +66,13 @@ class TrackRows:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def velocity(self) -> tuple[Array | None, Array | None]:
+        """vx and vy as stated, or by speed and heading; None where the file states neither."""
+        if self.vx is None and self.speed is not None and self.heading is not None:
+            return self.speed * np.cos(self.heading), self.speed * np.sin(self.heading)
+        return self.vx, self.vy
 
     def rows(self, chosen: Indices) -> Self:
         """Some of the rows, by their numbers."""

@@ -42,6 +42,10 @@ class TrafficTrack(NamedTuple):
     """m; None where the file has none."""
     kind: str = ""
     """Its class, such as car, in the file's own words."""
+    vx: Array | None = None
+    """``(rows,)`` m/s; None where the file has neither it nor speed and heading."""
+    vy: Array | None = None
+    """``(rows,)`` m/s."""
 
 
 class TrafficFormat(Config, ABC):
@@ -79,35 +83,10 @@ class RowsFormat(TrafficFormat):
     def rows(self, file: Path) -> TrackRows: ...
 
     def read(self, file: Path) -> list[TrafficTrack]:
-        """The tracks of rows in any order, each with the size and class of its first row; a size of 0 is not known.
-
-        Raises:
-            InputError: as of ``rows``; there is no row, or a body has two rows of one time.
-        """
         rows = self.rows(file)
-        if not len(rows):
-            raise InputError("there is no vehicle in this file", file=file)
-        time = rows.time + float(rows.start)
-        speed = rows.speed if rows.vx is None or rows.vy is None else np.hypot(rows.vx, rows.vy)
-        names, first, owner = np.unique(np.asarray(rows.id), return_index=True, return_inverse=True)
-        order = np.lexsort((time, owner))
-        members = np.split(order, np.searchsorted(owner[order], np.arange(1, len(names))))
-        tracks = []
-        for number in np.argsort(first).tolist():
-            own, row, name = members[number], int(first[number]), str(names[number])
-            again = np.flatnonzero(np.diff(time[own]) <= 0)
-            if len(again):
-                raise InputError(f"{name} has two rows at {time[own][again[0]]:g} s", file=file)
-            heading, speeds = (None if column is None else column[own] for column in (rows.heading, speed))
-            length, width = (
-                None if column is None or column[row] == 0 or np.isnan(column[row]) else float(column[row])
-                for column in (rows.length, rows.width)
-            )
-            kind = "" if rows.kind is None else rows.kind[row]
-            tracks.append(
-                TrafficTrack(name, time[own], rows.px[own], rows.py[own], heading, speeds, length, width, kind)
-            )
-        return tracks
+        if rows.dont_care is not None:
+            rows = rows.rows(np.flatnonzero(~rows.dont_care))
+        return tracks_of(rows, file)
 
 
 #: The formats of recorded traffic by the names that scenarios use.
@@ -116,7 +95,39 @@ TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
 )
 
 #: The quantity in each array of a track, a key of ``jumps.LARGEST``.
-QUANTITIES = {"x": "length", "y": "length", "heading": "angle", "speed": "speed"}
+QUANTITIES = {"x": "length", "y": "length", "heading": "angle", **dict.fromkeys(("speed", "vx", "vy"), "speed")}
+
+
+def tracks_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
+    """The tracks of rows in any order, each with the size and class of its first row; a size of 0 is not known.
+
+    Raises:
+        InputError: there is no row, or a body has two rows of one time.
+    """
+    if not len(rows):
+        raise InputError("there is no vehicle in this file", file=file)
+    time = rows.time + float(rows.start)
+    speed = rows.speed if rows.vx is None or rows.vy is None else np.hypot(rows.vx, rows.vy)
+    names, first, owner = np.unique(np.asarray(rows.id), return_index=True, return_inverse=True)
+    order = np.lexsort((time, owner))
+    members = np.split(order, np.searchsorted(owner[order], np.arange(1, len(names))))
+    tracks = []
+    for number in np.argsort(first).tolist():
+        own, row, name = members[number], int(first[number]), str(names[number])
+        again = np.flatnonzero(np.diff(time[own]) <= 0)
+        if len(again):
+            raise InputError(f"{name} has two rows at {time[own][again[0]]:g} s", file=file)
+        heading, speeds, *velocity = (
+            None if column is None else column[own] for column in (rows.heading, speed, *rows.velocity)
+        )
+        length, width = (
+            None if column is None or column[row] == 0 or np.isnan(column[row]) else float(column[row])
+            for column in (rows.length, rows.width)
+        )
+        kind = "" if rows.kind is None else rows.kind[row]
+        place = name, time[own], rows.px[own], rows.py[own]
+        tracks.append(TrafficTrack(*place, heading, speeds, length, width, kind, *velocity))
+    return tracks
 
 
 def rows_of(tracks: Sequence[TrafficTrack]) -> TrackRows:
@@ -146,7 +157,21 @@ def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
     """The tracks with at least two rows, from the time of the first row on.
 
     Raises:
-        InputError: a name, a size, a number or a time cannot be meant, or no track has two rows.
+        InputError: as of ``require_possible``, or no track has two rows.
+    """
+    require_possible(tracks, file)
+    kept = [track for track in tracks if len(track.time) > 1]
+    if not kept:
+        raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
+    start = start_of(kept)
+    return [track._replace(time=track.time - start) for track in kept]
+
+
+def require_possible(tracks: Sequence[TrafficTrack], file: Path) -> None:
+    """Make sure that what a file says can be meant.
+
+    Raises:
+        InputError: a name, a size, a number or a time cannot be, or there are too many rows.
     """
     if sum(len(track.time) for track in tracks) > MOST_ROWS:
         raise InputError(f"more than {MOST_ROWS} rows; cut the recording", file=file)
@@ -158,14 +183,9 @@ def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
         if problem is not None:
             raise InputError(f"vehicle {track.id[:20]!r}: {problem}", file=file)
         seen.add(track.id)
-    kept = [track for track in tracks if len(track.time) > 1]
-    if not kept:
-        raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
-    start = start_of(kept)
-    last = max(float(track.time[-1]) for track in kept)
-    if last - start > jumps.LONGEST:
-        raise InputError(f"its last row is {jumps.why_too_long(last - start)}", file=file)
-    return [track._replace(time=track.time - start) for track in kept]
+    ends = np.array([track.time[[0, -1]] for track in tracks if len(track.time)])
+    if ends.size and np.ptp(ends) > jumps.LONGEST:
+        raise InputError(f"its last row is {jumps.why_too_long(float(np.ptp(ends)))}", file=file)
 
 
 def _problem(track: TrafficTrack) -> str | None:

@@ -14,6 +14,7 @@ from tests.support.places import DOCS
 
 import trackbench as tb
 from trackbench.base.errors import InputError
+from trackbench.report.sentences import made_elsewhere
 from trackbench.truth.formats.tables import Csv
 
 PAGE = (DOCS / "export.md").read_text(encoding="utf-8")
@@ -100,7 +101,6 @@ def test_without_fingerprints_they_are_scored_and_not_paired(elsewhere: pd.DataF
     [
         ({"fingerprint": "0123456789abcdef"}, 3, "scene 0, run 0: the tracks have the fingerprint '0123456789abcdef'"),
         ({"run": 0}, 3, "the tracks have the fingerprint|has two rows"),
-        ({}, 4, "scene 0, run 3: the file has no tracks of this run"),
     ],
 )
 def test_tracks_of_other_scans_are_refused(
@@ -109,6 +109,18 @@ def test_tracks_of_other_scans_are_refused(
     with pytest.raises(InputError, match=message) as raised:
         result_of(written(elsewhere.assign(**change), tmp_path / "tracks.csv"), runs)
     assert "\n" not in str(raised.value)
+
+
+def test_a_run_without_a_track_is_missed_and_named(elsewhere: pd.DataFrame, tmp_path: Path) -> None:
+    file = written(elsewhere, tmp_path / "tracks.csv")
+    three, four = (result_of(file, runs) for runs in (3, 4))
+    assert three["theirs"].filed.silent_runs == 0
+    assert (four["theirs"].filed.silent_runs, four["theirs"].filed.outside) == (1, 0)
+    assert "theirs: no track in 1 run: all missed there" in made_elsewhere(four)
+    # Three runs of four have what they had.
+    share = 0.75 * three["theirs"].matched_share.value
+    assert four["theirs"].matched_share.value == pytest.approx(share, rel=0.02)
+    assert four["gnn"].gospa.value is not None
 
 
 def test_another_seed_is_another_scan(elsewhere: pd.DataFrame, tmp_path: Path) -> None:

@@ -38,9 +38,7 @@ def score(
     files = [tracks] if isinstance(tracks, Path | str) else tracks
     options = FileOptions(columns or {}, format, rate_hz)
     folder = Path() if out is None else Path(out)
-    loaded, _ = scoring_scenario(
-        [Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s
-    )
+    loaded = scoring_scenario([Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s)
     if out is not None:
         write_whole(loaded.path, loaded.text.encode())
     return run(loaded, out=out)

@@ -88,10 +88,8 @@ def score_command(
     if junit is not None:
         results.require_file(junit, "--junit")
     options = FileOptions(stated, form, rate)
-    loaded, lines = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
+    loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
     output = RunOutput(as_json, quiet)
-    if lines:
-        output.note(f"truth: {', '.join(lines)}")
     plan, executor = RunPlan(out, left_out=left_out), InProcess()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())

@@ -16,6 +16,7 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.truth.config.filed import format_of
+from trackbench.truth.filed import read_rows
 from trackbench.truth.layouts import QUANTITIES, header, layout
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
@@ -34,15 +35,6 @@ class FileOptions(NamedTuple):
     """Of files that count frames."""
 
 
-class FileEntry(NamedTuple):
-    """What a scenario says of a file."""
-
-    entry: dict[str, Any]
-    """path, format and its options."""
-    lines: list[str]
-    """What is read from where."""
-
-
 def scoring_scenario(
     tracks: Sequence[Path],
     truth: Path,
@@ -51,8 +43,8 @@ def scoring_scenario(
     *,
     time_offset_s: float = 0.0,
     overrides: Sequence[str] = (),
-) -> tuple[Scenario, list[str]]:
-    """The scenario, and what is read of the boxes from where.
+) -> Scenario:
+    """The scenario.
 
     Args:
         tracks: files, each of which is a tracker.
@@ -72,28 +64,27 @@ def scoring_scenario(
             raise InputError(f"there is no such file; {nearest(file.name, beside)}", file=file)
     _require_known(options.columns, files, options)
     boxes = _entry(truth, options, folder)
-    form = TRAFFIC_FORMATS[boxes.entry["format"]]
-    rows = form.model_validate({k: v for k, v in boxes.entry.items() if k in form.model_fields}).rows(truth)
+    form = TRAFFIC_FORMATS[boxes["format"]]
+    rows = read_rows(form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields}), truth)
     name = re.sub("[^a-z0-9_-]+", "_", truth.stem.lower())[:64].strip("_") or "boxes"
     offset = {"time_offset_s": time_offset_s} if time_offset_s else {}
     content = {
         "name": name,
         "description": f"Tracks made elsewhere against {truth.name}.",
         "truth": {
-            "source": "recorded-traffic",
-            **boxes.entry,
+            "source": "recorded-boxes",
+            **boxes,
             "observer": {"x": float(np.round(rows.px.mean())), "y": float(np.round(rows.py.mean()))},
-            "audit": "repair",
         },
         "sensing": {"identities": "hidden"},
         "trackers": {
-            tracker: {"use": "tracks", **_entry(file, options, folder).entry, **offset}
+            tracker: {"use": "tracks", **_entry(file, options, folder), **offset}
             for tracker, file in zip(tracker_names(tracks), tracks, strict=True)
         },
         "monte_carlo": {"runs": 1},
     }
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120)
-    return scenario_of(text, folder / f"{name}.yaml", overrides), boxes.lines
+    return scenario_of(text, folder / f"{name}.yaml", overrides)
 
 
 def tracker_names(files: Iterable[Path]) -> list[str]:
@@ -127,14 +118,15 @@ def _format(file: Path, options: FileOptions) -> str:
         return options.format
 
 
-def _entry(file: Path, options: FileOptions, folder: Path) -> FileEntry:
+def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
+    """What a scenario says of a file: path, format and its options."""
     form = _format(file, options)
     entry = {"path": os.path.relpath(file.absolute(), folder.absolute()), "format": form}
     if form not in TABLES:
         rate = TRAFFIC_FORMATS[form].model_fields.get("rate_hz")
         if rate is not None and rate.is_required() and options.rate_hz is None:
             raise InputError(f"{form} counts frames: give their number per second, --rate", file=file)
-        return FileEntry({**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}, [])
+        return {**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}
     names = header(file, form)
     own = {key: text for key, text in options.columns.items() if _column(text, names) in names}
     try:
@@ -142,7 +134,7 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> FileEntry:
     except InputError as error:
         raise InputError(f"{error.message} (--map KEY=COLUMN)", file=file) from None
     columns = {key: f"{name}:{known.units[key]}" if key in known.units else name for key, name in known.columns.items()}
-    return FileEntry({**entry, "columns": columns}, known.lines)
+    return {**entry, "columns": columns}
 
 
 def _column(text: str, names: Sequence[str]) -> str:

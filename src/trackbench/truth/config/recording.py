@@ -44,7 +44,16 @@ BOX_COLUMNS = {"time": "time", "object": "id", "px": "x", "py": "y"} | {k: k for
 FRAME_COLUMNS = {"time": "time", "px": "x", "py": "y", "yaw": "yaw"}
 
 
-class RecordingOptions(TruthSource):
+class ReferenceTruth(TruthSource):
+    """Boxes of a reference, as they were recorded."""
+
+    observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
+    length_m: Positive = Field(4.5, description="Length of every object of which the file does not state it, m.")
+    width_m: Positive = Field(1.8, description="Width of every object of which the file does not state it, m.")
+    reference: ReferenceOptions = Field(default_factory=ReferenceOptions, description="What of the truth counts.")
+
+
+class RecordingOptions(ReferenceTruth):
     """Motion from a file, and measurements where it has them."""
 
     format: Literal["udacity", "csv", "parquet", "mcap"] = Field(
@@ -73,12 +82,6 @@ class RecordingOptions(TruthSource):
         None,
         description="csv and parquet without a truth: the recorded motion of what carries the sensors, in a file of "
         "its own; otherwise observer. Beside a truth it is columns.observer.",
-    )
-    observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
-    length_m: Positive = Field(4.5, description="Length of every object without columns.length, m.")
-    width_m: Positive = Field(1.8, description="Width of every object without columns.width, m.")
-    reference: ReferenceOptions = Field(
-        default_factory=ReferenceOptions, description="csv and parquet: what of the truth counts."
     )
     stretches: int | None = Field(
         None,

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from trackbench.base.config import Positive
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
@@ -77,23 +77,28 @@ def numbers_of(lines: Sequence[TextLine], column: int, file: Path) -> Array:
 
 
 class MotChallenge(RowsFormat):
-    """MOTChallenge with positions on the ground: frame, id, left, top, width, height, confidence, x, y, z."""
+    """MOTChallenge with positions on the ground: frame, id, left, top, width, height, confidence, x, y, z.
+
+    Of boxes, a confidence of 0 says don't care.
+    """
 
     endings: ClassVar[tuple[str, ...]] = (".txt",)
     rate_hz: Positive = Field(description="Frames per second, Hz; frame 1 is at 0 s.")
 
     def rows(self, file: Path) -> TrackRows:
         lines = read_lines(file, ",", 10, "frame, id, left, top, width, height, confidence, x, y, z")
-        frame, x, y = (numbers_of(lines, column, file) for column in (0, 7, 8))
+        frame, confidence, x, y = (numbers_of(lines, column, file) for column in (0, 6, 7, 8))
         if (x == -1).all() and (y == -1).all():
             message = "x and y are -1: these are boxes in the picture, and positions on the ground are scored"
             raise InputError(message, file=file)
-        return TrackRows([row.cells[1] for row in lines], (frame - 1) / self.rate_hz, x, y)
+        return TrackRows([row.cells[1] for row in lines], (frame - 1) / self.rate_hz, x, y, dont_care=confidence == 0)
 
 
 FRAME, ID, TYPE, WIDTH, LENGTH, X, Z, ROTATION = 0, 1, 2, 11, 12, 13, 15, 16
 COLUMNS = 17
 NO_OBJECT = "DontCare"
+#: m, in place of a coordinate of what has a box in the picture alone.
+NOWHERE = -1000.0
 
 
 class Kitti(RowsFormat):
@@ -104,9 +109,14 @@ class Kitti(RowsFormat):
 
     def rows(self, file: Path) -> TrackRows:
         every = read_lines(file, None, COLUMNS, "frame, id, type and 14 numbers")
-        lines = [line for line in every if line.cells[TYPE] != NO_OBJECT]
-        if not lines:
+        in_picture = [
+            line.cells[TYPE] == NO_OBJECT and z == NOWHERE
+            for line, z in zip(every, numbers_of(every, Z, file), strict=True)
+        ]
+        lines = [line for line, nowhere in zip(every, in_picture, strict=True) if not nowhere]
+        if all(line.cells[TYPE] == NO_OBJECT for line in lines):
             raise InputError("there is no object in this file", file=file)
+        left_out = f"left out {counted(sum(in_picture), 'DontCare row')} without a place on the ground"
 
         def column(number: int) -> Array:
             return numbers_of(lines, number, file)
@@ -121,4 +131,6 @@ class Kitti(RowsFormat):
             length=column(LENGTH),
             width=column(WIDTH),
             kind=[line.cells[TYPE].lower() for line in lines],
+            dont_care=np.array([line.cells[TYPE] == NO_OBJECT for line in lines]),
+            notes=(left_out,) if any(in_picture) else (),
         )

@@ -86,7 +86,7 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
     )
 
 
-class _Table(RowsFormat):
+class Table(RowsFormat):
     """What CSV and Parquet have in common."""
 
     form: ClassVar[Literal["csv", "parquet"]]
@@ -113,14 +113,14 @@ class _Table(RowsFormat):
         return table_rows(read(file, self.form, found.columns.values()), found, factors)
 
 
-class Csv(_Table):
+class Csv(Table):
     """CSV of your own, a line of column names first: time, id, x, y; heading, speed, length, width, class."""
 
     endings: ClassVar[tuple[str, ...]] = (".csv",)
     form: ClassVar[Literal["csv", "parquet"]] = "csv"
 
 
-class Parquet(_Table):
+class Parquet(Table):
     """Parquet of your own, with columns time, id, x, y; heading, speed, length, width, class."""
 
     endings: ClassVar[tuple[str, ...]] = (".parquet",)

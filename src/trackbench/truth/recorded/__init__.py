@@ -69,14 +69,15 @@ def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> R
     times = grid(clipped, looked)
     counts = left_out(drive, clipped, hidden=config.hidden)
     truth = truth_on_grid(config, clipped, times)
-    truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
+    source = {"source": "recording", "format": config.format, "recorded": drive.sensors, **truth.source}
+    truth = replace(truth, source={**source, **({"left_out": counts} if counts else {})})
     result: dict[str, Recorded] = {
         name: measurements_on_grid(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }
     lines = [*notes(drive, counts)]
     if config.hidden:
-        truth = judged(truth, config, clipped)
+        truth = judged(truth, config.reference, clipped)
         # Objects have numbers of their own.
         result |= {name: detections(of.without_slots(), times) for name, of in drive.detections.items()}
         lines += scan_notes(drive.detections, times, "truth")

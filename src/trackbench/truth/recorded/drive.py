@@ -13,7 +13,8 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import KINEMATICS, Array, Indices, Observer, RecordedAlarms, RecordedMeasurements, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.truth.config import FixedObserver, RecordingOptions
+from trackbench.truth.config import FixedObserver
+from trackbench.truth.config.recording import ReferenceTruth
 from trackbench.truth.recorded.cycles import Cycles, cycles
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def row_order(time: Array, owner: Sequence[int] | Indices) -> tuple[Indices, Row
     return sorted_rows[kept], order
 
 
-def truth_on_grid(config: RecordingOptions, drive: Drive, times: Array) -> Truth:
+def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
     """The motion of all objects at ``times``, between the recorded instants by linear interpolation.
 
     Args:
@@ -178,7 +179,7 @@ def truth_on_grid(config: RecordingOptions, drive: Drive, times: Array) -> Truth
         width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
         observer=fixed(config.observer, len(times)) if drive.observer is None else carrier(drive.observer, times),
         start=drive.start,
-        source={"source": "recording", "format": config.format, "recorded": drive.sensors, **drive.source},
+        source=drive.source,
     )
 
 

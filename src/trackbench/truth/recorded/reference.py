@@ -9,8 +9,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask, Truth, Unscored
 from trackbench.base.units import wrap_angle
-from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import TruthColumns
+from trackbench.truth.config.recording import RecordingOptions, ReferenceTruth
 from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.noise import noise_of
@@ -40,7 +40,7 @@ def _number(text: str) -> float | None:
         return None
 
 
-def moved_to_centre(motion: Motion, config: RecordingOptions) -> Motion:
+def moved_to_centre(motion: Motion, config: ReferenceTruth) -> Motion:
     """The motion of the centre of a box, from that of the point that the reference has."""
     ahead = _to_centre(config.reference, config.length_m if motion.length is None else motion.length)
     if motion.heading is None or not np.any(ahead):
@@ -69,17 +69,22 @@ def dont_care_boxes(table: Rows, columns: TruthColumns, seconds: Array, config: 
 
     x, y = column("px", "length", 0.0), column("py", "length", 0.0)
     heading, length = column("heading", "angle", 0.0), column("length", "length", config.length_m)
-    ahead = _to_centre(config.reference, length)
-    half_length, half_width = length / 2, column("width", "length", config.width_m) / 2
-    boxes = np.stack(
-        [seconds, x + ahead * np.cos(heading), y + ahead * np.sin(heading), heading, half_length, half_width]
-    )
-    return np.asarray(boxes[:, np.isfinite(boxes).all(axis=0) & (half_length > 0) & (half_width > 0)])
+    boxes = placed_boxes(seconds, x, y, heading, length, column("width", "length", config.width_m), config.reference)
+    return np.asarray(boxes[:, np.isfinite(boxes).all(axis=0) & (boxes[4:] > 0).all(axis=0)])
 
 
-def judged(truth: Truth, config: RecordingOptions, drive: Drive) -> Truth:
+def placed_boxes(
+    seconds: Array, x: Array, y: Array, heading: Array, length: Array, width: Array, reference: ReferenceOptions
+) -> Array:
+    """``(6, boxes)`` as in ``Drive.boxes``, from the point that the reference has."""
+    ahead = _to_centre(reference, length)
+    centre = x + ahead * np.cos(heading), y + ahead * np.sin(heading)
+    return np.stack([seconds, *centre, heading, length / 2, width / 2])
+
+
+def judged(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
     """The truth of hidden identities: which objects count and where, while they have rows, and its noise."""
-    reference, kinds = config.reference, drive.kinds
+    kinds = drive.kinds
     alive = truth.alive.copy()
     for number, motion in enumerate(drive.motions.values()):
         alive[:, number] &= ~_in_gap(motion.time, truth.time)

@@ -1,0 +1,133 @@
+"""A truth from the boxes of a file: each counts where it is, and none is repaired or left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from trackbench.base.errors import InputError, counted
+from trackbench.base.types import Array, Mask, Truth
+from trackbench.truth.config.boxes import BoxesOptions
+from trackbench.truth.config.logs import find
+from trackbench.truth.filed import read_rows
+from trackbench.truth.formats.tables import Table
+from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
+from trackbench.truth.recorded.reference import LONGEST_GAP_S, ignored_rows, judged, moved_to_centre, placed_boxes
+from trackbench.truth.recorded.rows import read
+from trackbench.truth.track_rows import SAME_STAMP_S, TrackRows
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible, tracks_of
+
+#: Instants times objects that still fit the memory of a small machine.
+LARGEST = 20_000_000
+
+
+def load(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
+    """The truth, and how the file was read, a line.
+
+    Raises:
+        InputError: the file cannot be read or is damaged, or has no object.
+    """
+    file = find(config.path, folder, "truth.path")
+    rows = read_rows(config.format, file)
+    dont_care = _dont_care(config, rows, file)
+    if dont_care.all():
+        raise InputError("every row is a don't-care box, so there is no object", file=file)
+    time = _without_rounding(rows.time)
+    first = float(time[~dont_care].min())
+    tracks = tracks_of(_only(rows, time - first, ~dont_care), file)
+    require_possible(tracks, file)
+    if len(np.unique(time)) * len(tracks) > LARGEST:
+        what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
+        raise InputError(f"{what} are too many; take a shorter time", file=file)
+    if config.reference.point not in (None, "centre") and rows.heading is None:
+        message = f"the file has no heading, along which the {config.reference.point} is moved to the centre"
+        raise InputError(message, file=file, key="truth.reference.point")
+    kinds = {track.id: track.kind for track in tracks}
+    for number, kind in enumerate(config.reference.classes or ()):
+        if kind not in kinds.values():
+            known = ", ".join(sorted({*kinds.values()} - {""})) or "no classes"
+            raise InputError(
+                f"no object is of the class {kind!r}; the file has {known}", key=f"truth.reference.classes.{number}"
+            )
+    drive = Drive(
+        {track.id: moved_to_centre(_motion(track), config) for track in tracks},
+        RowOrder(len(rows), 0, 0.0, 0),
+        observer=None,
+        logs={},
+        source={
+            "source": "recorded-boxes",
+            "format": TRAFFIC_FORMATS.name_of(type(config.format)),
+            "file": file.name,
+            "rows": len(rows),
+        },
+        frames=np.unique(time) - first,
+        boxes=_boxes(config, _only(rows, time - first, dont_care)),
+        kinds=kinds,
+        start=rows.start + Decimal(repr(first)),
+    )
+    truth = judged(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
+    beside = _beside(drive, truth) & ~truth.alive
+    truth = replace(truth, alive=truth.alive | beside, beside=beside)
+    return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
+
+
+def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
+    """``(rows,)`` what the format says is a don't-care box, or a column of a table."""
+    result = np.zeros(len(rows), dtype=bool) if rows.dont_care is None else rows.dont_care
+    ignore = config.reference.ignore
+    if ignore:
+        if not isinstance(config.format, Table):
+            message = (
+                "is of columns with names, which this format does not have; it says itself what is a don't-care box"
+            )
+            raise InputError(message, key="truth.reference.ignore")
+        result = result | ignored_rows(read(file, config.format.form, list(ignore)), ignore)
+    return result
+
+
+def _without_rounding(time: Array) -> Array:
+    """The times, those that differ by rounding alone made equal to the earliest of them."""
+    order = np.argsort(time, kind="stable")
+    begins = np.diff(time[order], prepend=-np.inf) > SAME_STAMP_S
+    result = np.empty_like(time)
+    result[order] = time[order][np.flatnonzero(begins)[np.cumsum(begins) - 1]]
+    return result
+
+
+def _only(rows: TrackRows, time: Array, chosen: Mask) -> TrackRows:
+    """Some of the rows, with the time from the first on."""
+    return replace(rows, time=time, start=Decimal(0)).rows(np.flatnonzero(chosen))
+
+
+def _motion(track: TrafficTrack) -> Motion:
+    """As stated; without a velocity that of the displacement."""
+    vx, vy = track.vx, track.vy
+    if vx is None or vy is None:
+        vx, vy = slope(track.x, track.time), slope(track.y, track.time)
+    length, width = (None if size is None else np.array([size]) for size in (track.length, track.width))
+    return Motion(track.time, track.x, track.y, vx, vy, track.heading, length=length, width=width)
+
+
+def _beside(drive: Drive, truth: Truth) -> Mask:
+    """``(steps, objects)`` which times, of other objects, are within half a period of a row."""
+    usual = [float(np.median(np.diff(own.time))) for own in drive.motions.values() if len(own.time) > 1]
+    result = np.zeros_like(truth.alive)
+    for number, own in enumerate(drive.motions.values()):
+        period = np.median(np.diff(own.time) if len(own.time) > 1 else usual or [0.0])
+        after = np.clip(np.searchsorted(own.time, truth.time), 0, len(own.time) - 1)
+        away = np.abs(own.time[[after, np.maximum(after - 1, 0)]] - truth.time).min(axis=0)
+        result[:, number] = away <= min(period, LONGEST_GAP_S) / 2 * (1 + 1e-9)
+    return result
+
+
+def _boxes(config: BoxesOptions, rows: TrackRows) -> Array:
+    """Don't-care boxes; a point where the file does not state a size."""
+    heading, length, width = (
+        np.zeros(len(rows)) if values is None else np.nan_to_num(values)
+        for values in (rows.heading, rows.length, rows.width)
+    )
+    sizes = np.maximum(length, 0.0), np.maximum(width, 0.0)
+    return placed_boxes(rows.time, rows.px, rows.py, heading, *sizes, config.reference)
