@@ -39,7 +39,7 @@ class FiledRun(HiddenRun):
         def histories(run: int) -> tuple[TruthHistory, TrackHistory]:
             number = self._piece.runs.start + run
             rows = rows_of_run(every, self._piece.scene, number)
-            problem = why_other_scans(rows, every, self._hidden.digests[run].hex()[:16])
+            problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
             if problem is not None:
                 where = f"scene {self._piece.scene}, run {number}"
                 raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")

@@ -44,12 +44,11 @@ def rows_of_run(rows: TrackRows, scene: int, run: int) -> TrackRows:
     return rows if chosen.all() else rows.rows(np.flatnonzero(chosen))
 
 
-def why_other_scans(own: TrackRows, every: TrackRows, fingerprint: str) -> str | None:
+def why_other_scans(own: TrackRows, fingerprint: str) -> str | None:
     """Why the tracks of a run were not made of its scans; None where nothing speaks against it.
 
     Args:
         own: the rows of the run.
-        every: those of the file.
         fingerprint: of the run's measurements.
     """
     stated = sorted({*(own.fingerprint or ())} - {fingerprint})
