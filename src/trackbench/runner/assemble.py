@@ -193,7 +193,7 @@ def _time_offset(blocks: Sequence[TrafficScores]) -> MetricValue | None:
 
 
 def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:
-    read, there, silent = np.sum([block.filed for block in blocks], axis=0).tolist()
+    read, there, silent = np.sum([block.filed for block in blocks if block.filed is not None], axis=0).tolist()
     # Scenes of one file without runs share its rows.
     outside = (len(rows) if rows.run is None else read) - there
     return FiledRows(rows=len(rows), outside=max(outside, 0), silent_runs=silent)
