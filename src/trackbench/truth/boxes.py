@@ -10,8 +10,8 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Mask, Truth
-from trackbench.truth.config.boxes import BoxesOptions
 from trackbench.truth.config.logs import find
+from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.filed import read_rows
 from trackbench.truth.formats.tables import Table
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid

@@ -13,8 +13,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.truth import boxes, recorded, scripted, simulated, traffic
 from trackbench.truth.base import Draw, LoadedTruth
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
-from trackbench.truth.config.boxes import BoxesOptions
-from trackbench.truth.config.traffic import TrafficOptions
+from trackbench.truth.config.traffic import BoxesOptions, TrafficOptions
 
 #: A recording is the same in every draw.
 _ANY_DRAW = Draw(0, "", 1)

@@ -1,4 +1,4 @@
-"""The options of recorded traffic."""
+"""The options of recorded traffic, and of recorded boxes in the same formats."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackbench.base.config import LIST, MAPPING, PROBLEM, WORD, Config, NonNega
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
-from trackbench.truth.config.recording import FixedObserver
+from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
 
 
@@ -156,3 +156,17 @@ class TrafficOptions(TruthSource, OptionsBeside):
             yield Problem(("divide",), "only used with a fixed observer; each vehicle of observer makes a scene")
         elif self.divide is not None and self.drove_together:
             yield Problem(("divide",), "the vehicles drove at the same time; only used with simultaneous: false")
+
+
+class BoxesOptions(ReferenceTruth, OptionsBeside):
+    """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
+
+    format: Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)] = Field(
+        description="The format of the file (`trackbench list truth` shows them), or one of your own as "
+        "`module:Class`. Its options stand beside it."
+    )
+    path: str = Field(
+        min_length=1,
+        description="The file. A relative path starts in the scenario's folder, or in the working directory; "
+        "environment variables such as $TRACKBENCH_DATA are filled in.",
+    )
