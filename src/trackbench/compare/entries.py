@@ -161,7 +161,8 @@ class Entry:
         scene = self._column(rows, "scene")
         if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
-        return clustered(interval, scene.astype(np.intp))
+        cut = (self.result.summary.truth.model_extra or {}).get("stretches", 0) > 0
+        return clustered(interval, scene.astype(np.intp), in_time=cut)
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:

@@ -57,7 +57,12 @@ class Evaluation:
 
 
 def evaluate(
-    sums: MetricSums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, noise: RecordedNoise = EXACT
+    sums: MetricSums,
+    scene: Indices,
+    metrics: Sequence[Metric] = BUILT_IN,
+    noise: RecordedNoise = EXACT,
+    *,
+    in_time: bool = False,
 ) -> Evaluation:
     """The metrics of estimates or of tracks from the sums of all runs.
 
@@ -66,6 +71,7 @@ def evaluate(
         scene: ``(runs,)`` number of the scene of each run.
         metrics: those to compute.
         noise: of the truth, where it is recorded.
+        in_time: whether the scenes are stretches of time that follow each other.
     """
     evaluation = Evaluation(dict(sums))
     sensors: list[str] = []
@@ -88,7 +94,7 @@ def evaluate(
                 evaluation.own[path] = interval
             if interval is not None:
                 if not by_part:
-                    interval = clustered(interval, scene)
+                    interval = clustered(interval, scene, in_time=in_time)
                     value = interval.as_value(metric.unit)
                 if noise != EXACT and (axes := metric.reference_axes(path, own_sums)):
                     sigma = noise.position_m if metric.unit == "m" else noise.velocity_mps

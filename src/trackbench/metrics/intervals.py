@@ -95,6 +95,8 @@ class Interval(NamedTuple):
     """Whether few runs decide the value, so that its interval is stretched by their skewness."""
     fewest: float = 2
     """Runs from which on the interval is calibrated."""
+    in_time: bool = False
+    """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
 
     @property
     def corrected(self) -> Array:
@@ -138,7 +140,7 @@ class Interval(NamedTuple):
     @property
     def error(self) -> float | None:
         """The standard error; None with too few runs or scenes."""
-        return None if self.parts.too_few else float(_standard_errors(self.corrected[None])[0])
+        return None if self.parts.too_few else float(_standard_errors(self.corrected[None], self.in_time)[0])
 
     @property
     def ci95(self) -> tuple[float, float] | None:
@@ -228,7 +230,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
     return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
-def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
+def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: bool = False) -> Interval:
     """The interval from what each scene adds: runs of one scene share its traffic, and are not independent.
 
     The standard error is the cluster-robust one (Liang and Zeger 1986, "Longitudinal data analysis using generalized
@@ -237,13 +239,16 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
     Args:
         interval: from runs.
         scene: ``(runs,)`` the number of the scene of each.
+        in_time: whether the scenes are stretches of time that follow each other.
     """
     scenes, index = np.unique(scene, return_inverse=True)
     if len(scenes) == 1:
         return interval
     weight = np.ones(len(index)) if interval.weight is None else interval.weight
     influence = np.bincount(index, interval.influence) * len(scenes) / len(index)
-    return interval._replace(influence=influence, weight=np.bincount(index, weight).astype(float), scenes=True)
+    return interval._replace(
+        influence=influence, weight=np.bincount(index, weight).astype(float), scenes=True, in_time=in_time
+    )
 
 
 class VarianceShares(NamedTuple):
@@ -330,7 +335,8 @@ def all_paired(
         margins = np.array([margin(intervals[first], intervals[other]) for other in others])
         freedom, errors, parts = influences.shape[1] - 1, None, intervals[first].parts
         if not parts.too_few:
-            errors = parts.stretch.difference * _standard_errors(influences[first] - influences[others])
+            apart = influences[first] - influences[others]
+            errors = parts.stretch.difference * _standard_errors(apart, intervals[first].in_time)
         varies = ~(constant[first] & constant[others])
         unseen = np.array([_unseen(intervals[first], intervals[other]) for other in others])
         contrasts += _tested(intervals[first].value, values[others], errors, freedom, margins, varies, unseen)
@@ -395,6 +401,19 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return corrected.tolist()
 
 
-def _standard_errors(influences: Array) -> Array:
-    """``(k,)`` of influences ``(k, runs)``."""
-    return np.asarray(np.std(influences, axis=1, ddof=1) / np.sqrt(influences.shape[1]))
+def _standard_errors(influences: Array, in_time: bool) -> Array:
+    """``(k,)`` of influences ``(k, parts)``.
+
+    Of parts that follow each other in time it is that of a first-order autoregressive process: the autocorrelation of
+    neighbours is allowed for where it is positive, up to one half, without its bias of one over the number of parts
+    (Marriott and Pope 1954, "Bias in the estimation of autocorrelations").
+    """
+    parts = influences.shape[1]
+    errors = np.std(influences, axis=1, ddof=1) / np.sqrt(parts)
+    if in_time:
+        offset = influences - influences.mean(axis=1, keepdims=True)
+        square = (offset**2).sum(axis=1)
+        alike = (offset[:, 1:] * offset[:, :-1]).sum(axis=1) / np.where(square > 0, square, 1.0) + 1 / parts
+        alike = np.clip(alike, 0.0, 0.5)
+        errors *= np.sqrt((1 + alike) / (1 - alike))
+    return np.asarray(errors)

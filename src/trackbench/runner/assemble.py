@@ -114,12 +114,12 @@ def assemble(
             overrides=list(loaded.overrides),
         ),
         seed=work.seed,
-        runs=work.runs * len(work.scenes),
+        runs=len(work.scene_of_run),
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         # Without built-in trackers, what computed the scores.
         engine=work.engine if every_engine is None else every_engine.engine,
         command=command,
-        fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
+        fingerprints=[text for block in blocks for digest in block.digests for text in _fingerprints(work, digest)],
         truth=_truth(loaded, truths, work, scores),
         sensors=_sensors(work, blocks),
         reference=reference,
@@ -234,6 +234,13 @@ def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummar
     )
 
 
+def _fingerprints(work: Work, digest: bytes) -> list[str]:
+    """Of the measurements of a run, or of each stretch of it, in which a tracker knows those before."""
+    if not work.stretches:
+        return [digest.hex()[:16]]
+    return [hashlib.sha256(digest + b"%d of %d" % (n, work.stretches)).hexdigest()[:16] for n in range(work.stretches)]
+
+
 def _summary_of_metric(metric: Metric) -> MetricSummary:
     return MetricSummary(
         name=metric.name,
@@ -306,7 +313,7 @@ def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
     recorded = truths[work.recorded_scene]
     truth, scenes = recorded.truth, []
-    if len(truths) > 1:
+    if len(truths) > 1 or work.stretches:
         names = scores.ranked if work.cutoff is None else scores.evaluations
         errors: dict[str, Array] = {}
         for name in names:
@@ -314,16 +321,20 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
                 np.bincount(work.scene_of_run, sums) for sums in _headline_sums(work, scores.evaluations[name])
             )
             errors[name] = np.sqrt(total / np.where(count > 0, count, np.nan))
-        scenes = [
-            SceneSummary(
-                name=source.scene_name or f"scene {number + 1}",
-                objects=list(item.truth.ids),
-                duration_s=float(item.truth.time[-1]),
-                audit=item.truth.audit,
-                error={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
-            )
-            for number, (item, source) in enumerate(zip(truths, loaded.config.truth.scenes(), strict=True))
-        ]
+        cuts = max(work.stretches, 1)
+        for number, (item, source) in enumerate(zip(truths, loaded.config.truth.scenes(), strict=True)):
+            for place in range(cuts):
+                scene = number * cuts + place
+                name = source.scene_name or f"scene {number + 1}"
+                scenes.append(
+                    SceneSummary(
+                        name=f"{source.scene_name or 'stretch'} {place + 1}" if work.stretches else name,
+                        objects=list(item.truth.ids),
+                        duration_s=float(item.truth.time[-1]) / cuts,
+                        audit=item.truth.audit,
+                        error={name: float(each[scene]) for name, each in errors.items() if np.isfinite(each[scene])},
+                    )
+                )
     entries = {
         "objects": list(truth.ids),
         "known": truth.known,
@@ -333,6 +344,7 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
         "scenes": scenes,
+        **({"stretches": work.stretches} if work.stretches else {}),
         "motion": [scene_fingerprint(item.truth, item.measurements) for item in truths],
     }
     return TruthSummary.model_validate({**truth.source, **entries})

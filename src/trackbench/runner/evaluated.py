@@ -71,7 +71,9 @@ def _evaluation_of_tracks(work: Work, blocks: Sequence[TrafficScores]) -> Evalua
     if work.has_truth and not run_sums(evaluation.sums[TRACKS.name], "matched_share")[1].any():
         evaluation.values = no_metrics(NOTHING_DUE, work.metrics)
     else:
-        evaluation = evaluate(evaluation.sums, work.scene_of_run, metrics, work.recorded_noise)
+        evaluation = evaluate(
+            evaluation.sums, work.scene_of_run, metrics, work.recorded_noise, in_time=work.stretches > 0
+        )
         if not work.has_truth:
             evaluation.values |= no_metrics("there is no truth", metrics_of_truth(work))
         elif work.scenes[0].unlabelled:

@@ -16,6 +16,7 @@ from trackbench.driving.steppers import Batched, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.traffic import (
     Associations,
+    RunScores,
     TrackedRun,
     TrackHistory,
     TrackScope,
@@ -24,6 +25,7 @@ from trackbench.metrics.traffic import (
     score_run,
 )
 from trackbench.metrics.traffic.assignment import NO_DETECTION
+from trackbench.metrics.traffic.stretches import in_stretches
 from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
 from trackbench.runner.second_drives import SecondDrives
@@ -35,6 +37,7 @@ from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.view import unscored
 from trackbench.trackers.answers import NO_TRACK, tracks_of_run
 from trackbench.trackers.config import FilterConfig
+from trackbench.truth.recorded.stretches import stretch_of
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
 UNTIMED = 0.1
@@ -161,7 +164,8 @@ class HiddenRun(TrackerRun[Tracks]):
         histories = self._histories()
         summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
-        scope = TrackScope(self.name, len(runs), options)
+        ends, counted = self._stretches()
+        scope = TrackScope(self.name, len(counted) if ends else len(runs), options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
         for run in range(len(runs)):
             truth, history = histories(run)
@@ -172,11 +176,13 @@ class HiddenRun(TrackerRun[Tracks]):
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
                     outside = unscored(self._truth, self._due.steps, x, y, margin=options.cutoff / 2)
-                scores = score_run(truth, history, options, own, outside)
+                scores = score_run(truth, history, options, own, outside, ends)
             else:
-                scores = without_truth(score_without_truth(self._judged_scans(run)))
+                scores = self._scored_without_truth(run, ends)
             tracked = TrackedRun(truth, history, own, scores, outside)
-            sums = {name: item.update(sums[name], tracked) for name, item in summing.items()}
+            parts = in_stretches(tracked, ends)
+            for part in [parts[number] for number in counted] if ends else [tracked]:
+                sums = {name: item.update(sums[name], part) for name, item in summing.items()}
             number = self._work.number(self._piece.scene, runs.start + run)
             outcome.sums.add(number, scores, recorded=run == self._kept)
             outcome.reused_ids[run] = reused(history.ids)
@@ -185,6 +191,20 @@ class HiddenRun(TrackerRun[Tracks]):
                 outcome.predicted = self._predicted[run]
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
+
+    def _stretches(self) -> tuple[list[int], list[int]]:
+        """The instants before which the stretches of a log end, and the numbers of those that count."""
+        if not self._work.stretches:
+            return [], []
+        number = stretch_of(self._time, self._work.stretches)
+        ends = np.searchsorted(number, np.arange(self._work.stretches), side="right").tolist()
+        return ends, [stretch for scene, stretch in self._work.counted_stretches if scene == self._piece.scene]
+
+    def _scored_without_truth(self, run: int, ends: Sequence[int]) -> RunScores:
+        judged = self._judged_scans(run)
+        taken = np.searchsorted([instant for instant, _, _ in self._taken], ends).tolist()
+        until = tuple(score_without_truth(judged[:number]) for number in taken)
+        return without_truth(score_without_truth(judged))._replace(until=until)
 
     def _truth_of(self, run: int) -> TruthHistory:
         """The truth at the instants, in a run counted from the first of the block."""

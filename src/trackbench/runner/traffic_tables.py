@@ -184,7 +184,7 @@ def _events_record(name: str, blocks: Sequence[TrafficSums], work: Work) -> Reco
     """All events of the recorded run, and those of the others: of more than ``MOST_EVENTS`` the dearest."""
     recorded = work.number(work.recorded_scene, work.recorded_run)
     rows = dearest([event for block in blocks for event in block.events], recorded)
-    ids = [work.scenes[scene].truth.ids for scene in work.scene_of_run]
+    ids = [work.scenes[scene // max(work.stretches, 1)].truth.ids for scene in work.scene_of_run]
 
     def number(field: str) -> Array:
         return np.array([getattr(event, field) for _, event in rows], dtype=float)

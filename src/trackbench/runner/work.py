@@ -123,6 +123,10 @@ class Work:
     """The block through which plug-ins are driven a second time."""
     filed: Mapping[str, TrackRows] = field(default_factory=dict)
     """By tracker whose tracks were made elsewhere, their rows."""
+    stretches: int = 0
+    """Into how many stretches of time the scores of each scene, a log of one run, are cut; 0: into none."""
+    counted_stretches: Sequence[tuple[int, int]] = ()
+    """The scene and the number of each stretch that counts."""
 
     def driven(self, name: str) -> FilterConfig | PluginConfig:
         """The entry of a tracker that takes scans."""
@@ -180,8 +184,8 @@ class Work:
         return pieces
 
     def number(self, scene: int, run: int) -> int:
-        """Of a run among those of all scenes."""
-        return scene * self.runs + run
+        """Of a run among those of all scenes; of a log that is cut, that of its first stretch."""
+        return scene * max(self.runs, self.stretches) + run
 
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
@@ -239,7 +243,9 @@ class Work:
 
     @property
     def scene_of_run(self) -> Indices:
-        """``(scenes * runs,)`` number of the scene of each run."""
+        """``(scenes * runs,)`` number of the scene of each run; each stretch of a log that is cut is one of each."""
+        if self.stretches:
+            return np.arange(len(self.counted_stretches))
         return np.repeat(np.arange(len(self.scenes)), self.runs)
 
 
@@ -288,6 +294,8 @@ def work_of(
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,
+        stretches=getattr(scenario.truth, "stretches", None) or 0,
+        counted_stretches=getattr(scenario.truth, "counted_stretches", ()),
     )
     return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
 

@@ -74,6 +74,9 @@ def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem
         yield Problem(("truth", "reference", key), only)
     if known and truth.stretches is not None:
         yield Problem(("truth", "stretches"), f"{only}: errors have intervals over stretches without it")
+    if truth.stretches is not None and scenario.monte_carlo.runs > 1:
+        message = "only used with monte_carlo: {runs: 1}: several runs of a log have intervals over its noise; remove"
+        yield Problem(("truth", "stretches"), message)
     if known and truth.without_truth:
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
         yield Problem(("truth", "path"), message)

@@ -53,7 +53,7 @@ class RecordingTruth(RecordingOptions):
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
         recording = recorded.load(self.scenes()[0], sensors or {}, folder)
-        notes = tuple(f"{self.log_name}: {note}" if self.log_name else note for note in recording.notes)
+        notes = tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in recording.notes)
         return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
 
     @property

@@ -28,6 +28,11 @@ class TruthHistory(NamedTuple):
     at_tracks: Array | None = None
     """``(4, T, N, K)`` the objects at the time stamps of the tracks, where those of an instant have several."""
 
+    def within(self, span: slice) -> TruthHistory:
+        """At some of the instants."""
+        at_tracks = None if self.at_tracks is None else self.at_tracks[:, span]
+        return TruthHistory(self.time[span], self.state[:, span], self.status[span], at_tracks)
+
     def at(self, instant: Indices, item: Indices, column: Indices) -> Array:
         """``(4, P)`` the objects as tracks are to have them."""
         if self.at_tracks is not None:
@@ -47,6 +52,11 @@ class TrackHistory(NamedTuple):
     existence: Array | None = None
     """``(T, K)``."""
 
+    def within(self, span: slice) -> TrackHistory:
+        """At some of the instants."""
+        existence = None if self.existence is None else self.existence[span]
+        return TrackHistory(self.ids[span], self.mean[:, span], self.covariance[:, :, span], existence)
+
 
 class Associations(NamedTuple):
     """Which detection each track took in each of S scans, and what caused it."""
@@ -61,6 +71,12 @@ class Associations(NamedTuple):
     """``(S, N)`` which objects caused a detection in the scan."""
     merged: Indices | None = None
     """``(S, K)`` the second object of a detection that two objects caused, else negative."""
+
+    def within(self, span: slice) -> Associations:
+        """In the scans at some of the instants, from ``span.start`` up to ``span.stop``."""
+        own = slice(*np.searchsorted(self.instant, [span.start, span.stop]))
+        merged = None if self.merged is None else self.merged[own]
+        return Associations(self.instant[own] - span.start, self.ids[own], self.origin[own], self.detected[own], merged)
 
 
 #: Passes that settle what is plain before the rest is solved group by group.
@@ -160,6 +176,10 @@ class NearPairs(NamedTuple):
     distance: Array
     """m."""
 
+    def until(self, end: int) -> NearPairs:
+        """Those before an instant."""
+        return self.where(np.arange(len(self.instant)) < np.searchsorted(self.instant, end))
+
     def where(self, mask: Mask) -> NearPairs:
         """Some of them."""
         return NearPairs(
@@ -214,6 +234,12 @@ class Counted(NamedTuple):
     """Those of them that are matched."""
     excused: NearPairs
     """Optional objects with the tracks that therefore do not count."""
+
+    def until(self, end: int) -> Counted:
+        """What counts before an instant."""
+        there = (part[:end] for part in (self.due, self.present, self.track))
+        pairs = (part.until(end) for part in (self.pairs, self.matched, self.excused))
+        return Counted(self.cutoff, self.reach, *there, self.ids, *pairs)
 
     @property
     def object_counts(self) -> Indices:

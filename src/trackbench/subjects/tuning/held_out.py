@@ -15,6 +15,7 @@ from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, holm, paired
 from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.recorded_checks import same_every_run
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
@@ -69,7 +70,7 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     """
     config = loaded.config
     several = "seeds" in type(config.truth).model_fields
-    logs = same_every_run(config) and len(config.truth.scenes()) > 1
+    logs = same_every_run(config) and number_of_parts(config) > 1
     if not several and (split.train_scenes is not None or split.test_scenes is not None):
         problem = f"{config.name} has one scene; tuning on others is for truths with seeds"
         if logs:
@@ -98,10 +99,17 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     )
 
 
+def number_of_parts(config: ScenarioConfig) -> int:
+    """Of scenes, or of the stretches of logs."""
+    truth = config.truth
+    stretches = truth.counted_stretches if isinstance(truth, RecordingTruth) else []
+    return len(stretches) or len(truth.scenes())
+
+
 def _halved_logs(loaded: Scenario) -> Halves:
     """Every second log or stretch is held out; of one log nothing yet, see :func:`halved_in_time`."""
     truth = loaded.config.truth
-    if not isinstance(truth, RecordingTruth) or len(truth.scenes()) == 1:
+    if not isinstance(truth, RecordingTruth) or number_of_parts(loaded.config) == 1:
         return Halves(loaded, loaded, "")
     train, test = (
         replace(loaded, config=loaded.config.model_copy(update={"truth": truth.every_second(first)}))
@@ -182,7 +190,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         evaluator: on these.
         tuned: the values that were found.
     """
-    scenes = {bench.name: len(bench.truths) for bench in evaluator.benches}
+    scenes = {bench.name: number_of_parts(bench.scenario.config) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
     sides: list[list[Sums]] = []
     for word, outcomes in (("start", evaluator.start), ("tuned", evaluator([tuned])[0])):

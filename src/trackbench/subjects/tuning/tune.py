@@ -21,7 +21,7 @@ from trackbench.runner.engines import log_left_to_numpy
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome
-from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out
+from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out, number_of_parts
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective, source_of
 from trackbench.subjects.tuning.parameters import Parameter
@@ -254,7 +254,7 @@ def tune_tracker(
         responses=tuple(responses),
         held_out=held_out,
         apart=apart,
-        train_scenes=tuple(len(bench.truths) for bench in train),
+        train_scenes=tuple(number_of_parts(bench.scenario.config) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
         engine=None if used is None else used.engine,
     )

@@ -87,14 +87,12 @@ class RecordingOptions(ReferenceTruth):
         None,
         ge=2,
         le=MAX_SCENES,
-        description="With hidden identities: into how many stretches of time each log is cut. Each is a scene in which "
-        "trackers start anew, so that one log gives intervals and can be held out in part.",
+        description="With hidden identities: into how many stretches of time the scores of each log are cut, so that "
+        "one log gives intervals and can be held out in part. Trackers go through the whole log once.",
     )
     _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
     _every: slice = PrivateAttr(slice(None))
-    _stretch: int | None = PrivateAttr(None)
-    _whole: list[Any] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="before")
     @classmethod
@@ -114,24 +112,7 @@ class RecordingOptions(ReferenceTruth):
 
     @property
     def scene_name(self) -> str:
-        if self._stretch is None:
-            return self._log_name
-        return f"{self._log_name or 'stretch'} {self._stretch + 1}"
-
-    @property
-    def log_name(self) -> str:
-        """What tells the log from the others; empty where there is one."""
         return self._log_name
-
-    @property
-    def whole(self) -> list[Any]:
-        """The content of the log, once it was read for one of its stretches; shared by all of them."""
-        return self._whole
-
-    @property
-    def stretch(self) -> int | None:
-        """Which stretch of time of its log this scene is, from 0; None where logs are not cut."""
-        return self._stretch
 
     @property
     def hidden(self) -> bool:
@@ -142,7 +123,7 @@ class RecordingOptions(ReferenceTruth):
         return self._with(_hidden=True)
 
     def every_second(self, first: int) -> Self:
-        """Every second scene, from the one of that number on."""
+        """Every second log, or stretch of one, from the one of that number on."""
         return self._with(_every=slice(first, None, 2))
 
     @property
@@ -153,14 +134,14 @@ class RecordingOptions(ReferenceTruth):
     def scenes(self) -> Sequence[Self]:
         paths = [path for path in self._paths().values() if isinstance(path, list)]
         logs = [self._log(number, name) for number, name in enumerate(log_names(paths[0]))] if paths else [self]
-        if self.stretches is not None and self._stretch is None:
-            shared: list[list[Any]] = [[] for _ in logs]
-            logs = [
-                log._with(_stretch=number, _whole=whole)
-                for log, whole in zip(logs, shared, strict=True)
-                for number in range(self.stretches)
-            ]
-        return tuple(scene._with(_every=slice(None)) for scene in logs[self._every])
+        left = logs[self._every] if self.stretches is None else logs
+        return tuple(log._with(_every=slice(None)) for log in left)
+
+    @property
+    def counted_stretches(self) -> list[tuple[int, int]]:
+        """Number of the log, and that of the stretch in it, of each that counts; none where logs are not cut."""
+        every = [(log, number) for log in range(self.number_of_logs) for number in range(self.stretches or 0)]
+        return every[self._every]
 
     def unlabelled(self, sensor: str) -> bool:
         """Whether nothing says of which object the recorded detections of a sensor are."""

@@ -22,7 +22,7 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.reference import judged
 from trackbench.truth.recorded.scans import detections, scan_notes
-from trackbench.truth.recorded.stretches import stretch
+from trackbench.truth.recorded.stretches import require_long_enough
 
 __all__ = ["Drive", "Recording", "load", "read"]
 
@@ -48,13 +48,10 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    if config.stretch is None or config.stretches is None:
-        return _load(config, kinds, folder)
-    if not config.whole:
-        config.whole.append(_load(config, kinds, folder))
-    truth, measurements, lines = config.whole[0]
-    cut = stretch(truth, measurements, config.stretch, config.stretches)
-    return Recording(*cut, lines if config.stretch == 0 else ())
+    recording = _load(config, kinds, folder)
+    if config.stretches is not None:
+        require_long_enough(recording.truth, recording.measurements, config.stretches)
+    return recording
 
 
 def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
