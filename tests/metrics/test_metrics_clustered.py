@@ -127,6 +127,23 @@ def test_intervals_from_scenes_cover_where_those_from_runs_do_not() -> None:
     assert 930 <= inside[1] <= 970
 
 
+def test_intervals_of_stretches_whose_neighbours_are_alike_cover_too() -> None:
+    random, parts = np.random.default_rng(6), np.arange(12)
+    inside = np.zeros(3)
+    for _ in range(1000):
+        noise = random.normal(size=(2, 13))
+        one, other = noise[:, 1:] + 0.6 * noise[:, :-1]
+        plain, mean, against = (
+            clustered(ratio(values, np.ones(12)), parts, in_time=in_time)
+            for values, in_time in ((one, False), (one, True), (other, True))
+        )
+        low, high = paired(mean, against).ci95
+        inside += [plain.ci95[0] <= 0 <= plain.ci95[1], mean.ci95[0] <= 0 <= mean.ci95[1], low <= 0 <= high]
+    assert inside[0] < 890
+    assert 900 <= inside[1] <= 980
+    assert 900 <= inside[2] <= 990
+
+
 @pytest.mark.parametrize(
     ("path", "runs", "reason"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,20 @@ import yaml
 from click.testing import CliRunner
 from tests.support.recorded_log import write_table
 
+import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, RecordedDetections, RecordedMeasurements, Truth
 from trackbench.cli.commands import cli
+from trackbench.metrics.traffic import TRACK_METRICS, TRACKS
+from trackbench.runner.block import run_block
+from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.work import Scene, work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.view import unscored, within_polygon
+from trackbench.subjects.tuning.held_out import number_of_parts
+from trackbench.truth.sources import RecordingTruth
 
 HEAD = ["t", "who", "type", "conf", "x", "y", "vx", "vy", "yaw", "l", "w"]
 COLUMNS = {
@@ -231,16 +238,44 @@ def test_scans_without_a_row_are_empty_ones(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.truth.time[found.steps], TIMES, atol=1e-9)
 
 
-def test_stretches_are_the_log_in_parts(tmp_path: Path) -> None:
-    whole = truth_in(write(tmp_path))
-    loaded = load_scenario(write(tmp_path, truth={"stretches": 2}))
-    parts = truths_of(loaded)
-    assert [scene.scene_name for scene in loaded.config.truth.scenes()] == ["stretch 1", "stretch 2"]
-    assert [part.truth.time[0] for part in parts] == [0, 0]
-    assert sum(len(part.truth.time) for part in parts) == len(whole.time)
-    measured = [part.measurements["radar"] for part in parts if part.measurements is not None]
-    assert [len(own.steps) for own in measured] == [50, 51]
-    np.testing.assert_array_equal(np.concatenate([part.truth.px for part in parts]), whole.px)
+#: The sensor misses the near object for a while, at the border of two stretches.
+GAP = [row for row in detections() if not 4 < row[0] < 6]
+
+
+def test_a_log_in_stretches_is_driven_and_scored_as_one(tmp_path: Path) -> None:
+    whole = tb.run(write(tmp_path, radar=GAP))
+    tracks = whole.to_pandas("tracks")
+    tracks.drop(columns="tracker").to_csv(tmp_path / "tracks.csv", index=False)
+    trackers = {"gnn": GNN, "theirs": {"use": "tracks", "path": "tracks.csv"}}
+    cut = tb.run(write(tmp_path, radar=GAP, truth={"stretches": 2}, trackers=trackers))
+    values = {path: value.value for path, value in whole["gnn"].metrics.items() if path in TRACK_METRICS}
+    assert values["gospa_missed"] > 0
+    for tracker in ("gnn", "theirs"):
+        found = {path: cut[tracker].metrics[path].value for path in values}
+        # Only a tracker says which detection it took.
+        found |= {path: values[path] for path, value in found.items() if value is None and path.startswith("associ")}
+        assert found == pytest.approx(values, abs=1e-5), tracker
+    assert [scene.name for scene in cut.summary.truth.scenes] == ["stretch 1", "stretch 2"]
+    assert len({*cut.summary.fingerprints}) == cut.summary.runs == 2
+    runs = cut.to_pandas("runs").query("tracker == 'gnn'")
+    assert runs.gospa_total.sum() / runs.gospa_count.sum() == pytest.approx(values["gospa"] ** 2)
+
+
+def test_every_second_stretch_has_the_scores_that_it_has_among_all(tmp_path: Path) -> None:
+    loaded = load_scenario(write(tmp_path, radar=GAP, truth={"stretches": 2}))
+
+    def sums(source: Any) -> Array:
+        own = replace(loaded, config=loaded.config.model_copy(update={"truth": source}))
+        work = work_of(own, truths_of(own))
+        outcome = run_block(work, work.pieces()[0]).outcomes["gnn"]
+        assert isinstance(outcome, TrafficScores)
+        return np.asarray(outcome.metrics[TRACKS.name])
+
+    truth = loaded.config.truth
+    assert isinstance(truth, RecordingTruth)
+    held_out = truth.every_second(1)
+    assert number_of_parts(loaded.config.model_copy(update={"truth": held_out})) == 1
+    np.testing.assert_array_equal(sums(held_out), sums(truth)[1:])
 
 
 def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> None:
@@ -286,6 +321,14 @@ def test_a_pattern_names_logs_in_the_order_of_their_names(tmp_path: Path) -> Non
         ),
         ({"truth": {"stretches": 40}}, "40 stretches of 10 s are shorter than 4 s each; at most 2"),
         ({"truth": {"stretches": 1}}, "truth.stretches: "),
+        (
+            {
+                "truth": {"stretches": 2},
+                "sensors": {"radar": RADAR, "lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.2}},
+                "monte_carlo": {"runs": 2},
+            },
+            "truth.stretches: only used with monte_carlo: {runs: 1}",
+        ),
         ({"sensing": {"identities": "known"}, "reference": {"range_m": 5}}, "truth.reference.range_m: only used with"),
         ({"sensing": {"identities": "known"}, "truth": {"stretches": 2}}, "truth.stretches: only used with"),
         (

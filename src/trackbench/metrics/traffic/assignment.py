@@ -237,9 +237,14 @@ class Counted(NamedTuple):
 
     def until(self, end: int) -> Counted:
         """What counts before an instant."""
-        there = (part[:end] for part in (self.due, self.present, self.track))
-        pairs = (part.until(end) for part in (self.pairs, self.matched, self.excused))
-        return Counted(self.cutoff, self.reach, *there, self.ids, *pairs)
+        return self._replace(
+            due=self.due[:end],
+            present=self.present[:end],
+            track=self.track[:end],
+            pairs=self.pairs.until(end),
+            matched=self.matched.until(end),
+            excused=self.excused.until(end),
+        )
 
     @property
     def object_counts(self) -> Indices:

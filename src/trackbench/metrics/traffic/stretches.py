@@ -4,50 +4,56 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from trackbench.base.types import Array
 from trackbench.metrics.traffic.run import RunScores, TrackedRun
 from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.traffic.track_quality import RunSums
 
-#: Metrics that are a mean over runs, of which each has one value.
-MEANS = {path for path, metric in (TRACK_METRICS | DETECTION_METRICS).items() if metric.combine == "mean"}
+METRICS = TRACK_METRICS | DETECTION_METRICS
 
 
 def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
     """The stretches that end before these instants; their sums add up to those of the run.
 
     What a stretch adds is by how much the sums of the run up to its end are more than those up to its start. So a
-    switch between two stretches counts once, and a track that goes on is the same track. Of a metric that has one value
-    in a run, the value up to an instant weighs as much as the time up to it.
+    switch between two stretches counts once, and a track that goes on is the same track. What a later stretch takes
+    back, such as that an object is never tracked, none adds. Of a metric that has one value in a run, the value up to
+    an instant weighs as much as the time up to it.
 
     Args:
         run: with the values ``until`` each of the ends.
         ends: instants, the last of them the number of instants.
     """
-    parts, start, before = [], 0, RunSums()
-    for end, values in zip(ends, run.scores.until, strict=True):
-        now = {path: _weighted(path, sums, end / ends[-1]) for path, sums in values.items()}
-        zero = 0.0, 0.0
-        added: RunSums = {}
-        for path in {**before, **now}:
-            (total, count), (earlier, fewer) = now.get(path, zero), before.get(path, zero)
-            added[path] = total - earlier, count - fewer
-        span = slice(start, end)
+    if not ends:
+        return []
+    added = {path: _added(path, run.scores.until, np.array(ends) / ends[-1]) for path in run.scores.values}
+    parts, starts = [], [0, *ends[:-1]]
+    for number, span in enumerate(map(slice, starts, ends)):
+        values = {path: (float(sums[0, number]), float(sums[1, number])) for path, sums in added.items()}
         parts.append(
             TrackedRun(
                 run.truth.within(span),
                 run.tracks.within(span),
                 run.associations and run.associations.within(span),
-                _scores(run.scores, span, added),
+                _scores(run.scores, span, values),
                 None if run.unscored is None else run.unscored[span],
             )
         )
-        start, before = end, now
     return parts
 
 
-def _weighted(path: str, sums: tuple[float, float], share: float) -> tuple[float, float]:
-    return (sums[0] * share, sums[1] * share) if path in MEANS else sums
+def _added(path: str, until: Sequence[RunSums], share: Array) -> Array:
+    """``(2, stretches)`` what each adds to the total and the count; ``share`` of the time that is up to its end."""
+    sums = np.array([values.get(path, (0.0, 0.0)) for values in until]).T
+    metric = METRICS[path]
+    if metric.combine == "mean":
+        sums *= share
+    elif metric.at_least == 0:
+        sums[0] = np.minimum.accumulate(sums[0, ::-1])[::-1]
+    return np.diff(sums, prepend=0.0)
 
 
 def _scores(scores: RunScores, span: slice, values: RunSums) -> RunScores:

@@ -17,7 +17,7 @@ SHORTEST = 4.0
 def stretch_of(time: Array, count: int) -> Indices:
     """``(T,)`` number of the stretch of each instant, s: ``count`` of equal time between the first and the last."""
     length = float(np.ptp(time)) / count
-    return np.minimum(((time - time.min()) / length).astype(np.intp), count - 1)
+    return np.asarray(np.minimum(((time - time.min()) / length).astype(np.intp), count - 1))
 
 
 def require_long_enough(truth: Truth, recorded: Mapping[str, Recorded], count: int) -> None:
