@@ -1,7 +1,8 @@
 """Where a metric is shown to have changed, and what changed with it.
 
-The results of a tracker are in stretches. Each result is held against the first of its stretch, and a new stretch
-begins where one is shown to differ, or cannot be compared. All these differences are corrected together (Holm).
+The results of a tracker are in stretches. Each result is held against the first of its stretch with the same noise,
+else against all those before it in the stretch together. A new stretch begins where one is shown to differ, or cannot
+be compared. All these differences are corrected together (Holm).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from trackbench.compare.comparison import PairDifference
 from trackbench.compare.differences import Match, differences
 from trackbench.metrics import Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
-from trackbench.subjects.history.found import PastResult
+from trackbench.subjects.history.found import PastResult, PooledResults
 
 #: What a tracker's result is compared with, and how; or why not.
 How = Comparability | str
@@ -24,7 +25,7 @@ How = Comparability | str
 
 @dataclass(frozen=True)
 class ShownChange:
-    """A metric of a tracker that is shown to differ from the first of its stretch, by more than the margin."""
+    """A metric of a tracker that is shown to differ from its stretch, by more than the margin."""
 
     since: int
     """Place of the first of the stretch."""
@@ -103,21 +104,26 @@ class Ways:
 def _matches(
     entries: Sequence[PastResult], tracker: str, starts: set[tuple[str, int]], ways: Ways, found: MarkedStretches
 ) -> Iterator[tuple[int, Match]]:
-    """Each result of a tracker with the first of its stretch and the place of that one; a result that begins a new
-    stretch is the last of the one before too."""
-    begin: int | None = None
+    """Each result of a tracker with what it is held against, and the place of the first of its stretch; a result that
+    begins a new stretch is the last of the one before too."""
+    members: list[int] = []
     for place, entry in enumerate(entries):
         if tracker not in entry.trackers or entry.failure(tracker):
             continue
-        if begin is not None:
-            how = ways(begin, place)
+        if members:
+            begin = members[0]
+            same = next((number for number in members if entries[number].fingerprints & entry.fingerprints), begin)
+            how = ways(same, place)
             if isinstance(how, str):
                 found.breaks[tracker, place] = begin, how
-                begin = place
+                members = [place]
                 continue
-            yield begin, Match(entry.result.name, entry, entries[begin], place, how, ((tracker, tracker),))
-        if begin is None or (tracker, place) in starts:
-            begin = place
+            pooled = how.shared is None and len(members) > 1
+            against = PooledResults.of([entries[number] for number in members]) if pooled else entries[same]
+            yield begin, Match(entry.result.name, entry, against, place, how, ((tracker, tracker),))
+        if (tracker, place) in starts:
+            members = []
+        members.append(place)
 
 
 def causes(entries: Sequence[PastResult], tracker: str, since: int, place: int) -> list[str]:

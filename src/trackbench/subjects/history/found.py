@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from trackbench.base.errors import InputError, counted, nearest
@@ -39,11 +41,51 @@ class PastResult(Entry):
         summary = self.result.summary
         return compared_metrics(summary.score.metrics, built_in=summary.identities == "known")
 
+    @cached_property
+    def fingerprints(self) -> frozenset[str]:
+        """Of the measurements of its runs."""
+        return frozenset(self.result.summary.fingerprints)
+
     @property
     def time(self) -> datetime:
         """When it was made; before all others where it does not say."""
         made = self.result.summary.provenance
         return datetime.min.replace(tzinfo=UTC) if made is None else made.time
+
+
+@dataclass(frozen=True)
+class PooledResults(Entry):
+    """Results with noise of their own as one sample of all their runs; its label and summary are those of the first."""
+
+    members: tuple[PastResult, ...] = ()
+
+    @classmethod
+    def of(cls, results: Sequence[PastResult]) -> PooledResults:
+        """Those of some results of which no run has the measurements of one before."""
+        members: list[PastResult] = []
+        seen: set[str] = set()
+        for result in results:
+            if seen.isdisjoint(result.fingerprints):
+                members.append(result)
+                seen |= result.fingerprints
+        return cls(members[0].label, members[0].result, tuple(members))
+
+    def interval(
+        self, tracker: str, metric: Metric, runs: NDArray[Any] | None = None, *, over_stretches: bool = False
+    ) -> Interval | None:
+        """Of all runs; scenes are the same in each result, and do not become more."""
+        found = [member.interval(tracker, metric, runs, over_stretches=over_stretches) for member in self.members]
+        every = [interval for interval in found if interval is not None]
+        if not every:
+            return None
+        first, sizes = every[0], {len(interval.influence) for interval in every}
+        if first.scenes and len(sizes) == 1:
+            return first._replace(
+                value=float(np.mean([interval.value for interval in every])),
+                influence=np.mean([interval.influence for interval in every], axis=0),
+            )
+        each = np.concatenate([interval.value + interval.influence for interval in every])
+        return first._replace(value=float(each.mean()), influence=each - each.mean(), weight=None)
 
 
 class FoundResults(NamedTuple):
