@@ -3,10 +3,11 @@
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.built_in.basic import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.scorer import Scorer, score_waiting
 from trackbench.metrics.sums import BlockScores, Scores
+from trackbench.metrics.variance_shares import variance_shares
 
 __all__ = [
     "BUILT_IN",

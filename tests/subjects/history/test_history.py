@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.support.past_results import SCENE, past, scene
 
@@ -77,6 +78,17 @@ def test_other_measurements_are_compared_unpaired(tmp_path: Path) -> None:
     history = tb.history(keep([past(i, {"raw": 0.5, "kf": e}) for i, e in enumerate(errors)], tmp_path))
     (change,) = history.changes
     assert (change.result, change.tracker, change.paired_runs) == (3, "kf", None)
+
+
+def test_all_results_with_noise_of_their_own_are_one_sample(tmp_path: Path) -> None:
+    results = [past(i, {"raw": 5.0, "kf": 4.0 if i < 3 else 6.0}, seed=min(i, 2)) for i in (0, 1, 1, 3)]
+    (change,) = tb.history(keep(results, tmp_path / "all"), trackers=["kf"]).changes
+    (alone,) = tb.history(keep(results[2:], tmp_path / "two"), trackers=["kf"]).changes
+    errors = [result["kf"].position_rmse.value for result in results]
+    # The third has the noise of the second, and adds nothing.
+    assert (change.result, change.since, alone.reference) == (4, 1, errors[2])
+    assert change.reference == pytest.approx(np.mean(errors[:2]))
+    assert np.ptp(change.ci95) < np.ptp(alone.ci95)
 
 
 def test_without_a_change_few_histories_have_a_mark(tmp_path: Path) -> None:
