@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackbench.metrics import clustered, ratio, root, scaled, variance_shares
+from trackbench.metrics import clustered, ratio, root, scaled
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
 from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.runner.assemble import scene_share
 
 
 def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -98,21 +99,20 @@ def test_the_shares_of_scene_and_noise_are_those_that_were_put_in(share: float) 
     sizes = random.integers(2, 10, 3000)
     scene = np.repeat(np.arange(3000), sizes)
     values = np.sqrt(share) * random.normal(size=3000)[scene] + np.sqrt(1 - share) * random.normal(size=len(scene))
-    found = variance_shares(ratio(values, np.ones(len(scene))), scene)
-    assert found.scene == pytest.approx(share, abs=0.02)
-    assert found.scene + found.noise == pytest.approx(1.0)
+    found = scene_share(ratio(values, np.ones(len(scene))), scene)
+    assert found == pytest.approx(share, abs=0.02)
 
 
 def test_shares_by_hand() -> None:
     # Two scenes of two runs: mean squares 16 between and 1 within, so the scenes' variance is (16 - 1) / 2.
-    found = variance_shares(ratio(np.array([1.0, 1.0 + np.sqrt(2), 5.0, 5.0 + np.sqrt(2)]), np.ones(4)), [0, 0, 1, 1])
-    assert found.scene == pytest.approx(7.5 / 8.5)
+    found = scene_share(ratio(np.array([1.0, 1.0 + np.sqrt(2), 5.0, 5.0 + np.sqrt(2)]), np.ones(4)), [0, 0, 1, 1])
+    assert found == pytest.approx(7.5 / 8.5)
 
 
 @pytest.mark.parametrize("scene", [[0, 0, 0], [0, 1, 2]])
 def test_scene_and_noise_cannot_be_told_apart_from_one_scene_or_one_run_each(scene: list[int]) -> None:
-    assert variance_shares(ratio(np.array([1.0, 2.0, 4.0]), np.ones(3)), scene) is None
-    assert variance_shares(ratio(np.ones(4), np.ones(4)), [0, 0, 1, 1]) is None
+    assert scene_share(ratio(np.array([1.0, 2.0, 4.0]), np.ones(3)), scene) is None
+    assert scene_share(ratio(np.ones(4), np.ones(4)), [0, 0, 1, 1]) is None
 
 
 def test_intervals_from_scenes_cover_where_those_from_runs_do_not() -> None:

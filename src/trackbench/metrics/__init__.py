@@ -7,7 +7,6 @@ from trackbench.metrics.intervals import Interval, clustered, ratio, root, scale
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.scorer import Scorer, score_waiting
 from trackbench.metrics.sums import BlockScores, Scores
-from trackbench.metrics.variance_shares import variance_shares
 
 __all__ = [
     "BUILT_IN",
@@ -34,5 +33,4 @@ __all__ = [
     "root",
     "scaled",
     "score_waiting",
-    "variance_shares",
 ]

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.base.types import Array, Truth
+from trackbench.base.types import Array, Indices, Truth
 from trackbench.engine.equations import EngineUsed, joined
-from trackbench.metrics import Evaluation, Metric, health, no_metrics, ratio, variance_shares
+from trackbench.metrics import Evaluation, Interval, Metric, health, no_metrics, ratio
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import MOST_PAIRED, Family, differences
 from trackbench.metrics.evaluate import log_broken
@@ -174,7 +174,10 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
             **entry, metrics=values, health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE))
         )
     evaluation = scores.evaluations[name]
-    entry |= {"metrics": evaluation.values, "scene_share": _scene_share(work, evaluation)}
+    share = None
+    if work.headline in evaluation.intervals:
+        share = scene_share(ratio(*_headline_sums(work, evaluation)), work.scene_of_run)
+    entry |= {"metrics": evaluation.values, "scene_share": share}
     if work.cutoff is not None:
         if name in work.filed:
             entry["time_offset"] = _time_offset(scores.tracks[name])
@@ -213,13 +216,21 @@ def _description(scenario: ScenarioConfig) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _scene_share(work: Work, evaluation: Evaluation) -> float | None:
-    """Share of the variance of one run's squared error that is between scenes."""
-    total, count = _headline_sums(work, evaluation)
-    if work.headline not in evaluation.intervals:
+def scene_share(value: Interval, scene: Indices) -> float | None:
+    """Share of the variance of one run's value, not clustered, that is between scenes and not noise within them.
+
+    Source: Searle, Casella and McCulloch (1992), "Variance components", section 3.6: the ANOVA estimator for unequal
+    numbers of runs, negative components set to zero. None where the two cannot be told apart.
+    """
+    scenes, index, counts = np.unique(scene, return_inverse=True, return_counts=True)
+    runs = len(index)
+    if not 1 < len(scenes) < runs:
         return None
-    shares = variance_shares(ratio(total, count), work.scene_of_run)
-    return None if shares is None else shares.scene
+    means = np.bincount(index, value.influence) / counts
+    within = float(((value.influence - means[index]) ** 2).sum() / (runs - len(scenes)))
+    between = float((counts * (means - value.influence.mean()) ** 2).sum() / (len(scenes) - 1))
+    of_scene = max(0.0, (between - within) / ((runs - (counts**2).sum() / runs) / (len(scenes) - 1)))
+    return of_scene / (of_scene + within) if of_scene + within > 0 else None
 
 
 def _reference(stated_acceleration: float | None, work: Work) -> ReferenceSummary:

@@ -116,25 +116,25 @@ def score_run(
     unscored: Mask | None = None,
     ends: Sequence[int] = (),
 ) -> RunScores:
-    """Every metric of ``TRACK_METRICS`` that the run can tell.
-
-    Args:
-        truth: objects.
-        tracks: tracks.
-        options: what is asked of a track.
-        associations: which detection each track took.
-        unscored: ``(T, K)`` tracks where nothing counts.
-        ends: instants up to which, without them, the values are wanted too.
+    """Every metric of ``TRACK_METRICS`` that the run can tell, also of what is before some instants, its ``ends``;
+    ``unscored``: ``(T, K)`` tracks where nothing counts.
     """
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff, unscored)
     of_gospa, counted = count_by_gospa(near), count_by_clear(near)
     track_of = track_of_each(counted.matched, counted.due.shape)
     changes, duration = switches(track_of), durations(truth.time)
-    whole = _Matched(truth, tracks, of_gospa, counted, associations, duration)
+    steps = len(truth.time)
+
+    def until(end: int) -> tuple[RunSums, bool]:
+        span = slice(0, end)
+        pairs = of_gospa.until(end), counted.until(end)
+        taken = associations and associations.within(span)
+        return _values(options, truth.within(span), tracks.within(span), *pairs, taken, duration)
+
     switch = options.switch(float(duration.mean()))
     bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
-    values, exact = whole.values(options)
+    values, exact = until(steps)
     return RunScores(
         values=values,
         gospa=gospa(of_gospa),
@@ -143,84 +143,68 @@ def score_run(
         events=events(truth, tracks, counted, of_gospa, track_of, changes, switch),
         strips=strips(track_of, counted.due, changes),
         tgospa_exact=exact,
-        until=tuple(values if end == len(truth.time) else whole.until(end).values(options)[0] for end in ends),
+        until=tuple(values if end == steps else until(end)[0] for end in ends),
     )
 
 
-class _Matched(NamedTuple):
-    """A run, or its beginning, with what is matched."""
-
-    truth: TruthHistory
-    tracks: TrackHistory
-    of_gospa: Counted
-    counted: Counted
-    associations: Associations | None
-    duration: Array
-    """``(T,)`` s, of the whole run too: the mean is the time between instants."""
-
-    def until(self, end: int) -> _Matched:
-        """What is before an instant; all that is matched there depends on nothing later."""
-        span = slice(0, end)
-        return _Matched(
-            self.truth.within(span),
-            self.tracks.within(span),
-            self.of_gospa.until(end),
-            self.counted.until(end),
-            self.associations and self.associations.within(span),
-            self.duration,
-        )
-
-    def values(self, options: TrafficScoreOptions) -> tuple[RunSums, bool]:
-        """The values, and whether those of T-GOSPA are exact."""
-        truth, tracks, of_gospa, counted, associations, every = self
-        matched, duration, spacing = counted.matched, every[: len(truth.time)], float(every.mean())
-        track_of = track_of_each(matched, counted.due.shape)
-        changes = switches(track_of)
-        parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
-        steps, squared_gospa = float(len(truth.time)), float(parts.total.sum())
-        costs = [options.switch(spacing, factor) for factor in SWITCH_FACTORS]
-        half, trajectory, twice = tgospa_by_cost(of_gospa, costs)
-        window = max(1, round(options.window / spacing)) if spacing else 1
-        squared_ospa2 = ospa2(of_gospa, window)
-        objects, present = counted.object_counts, counted.track_counts
-        of_switches = trajectory.total - squared_gospa
-        due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
-        false = float(counted.present.sum()) - true
-        object_minutes = float((duration @ counted.due).sum()) / 60
-        alike = similarity(counted.pairs.distance, counted.cutoff)
-        higher_order = hota(counted.pairs, alike, objects, present)
-        any_there = float(objects.sum() + present.sum() > 0)
-        identified, unidentified, wrong = identity(counted.pairs.where(alike >= LEAST_SIMILARITY), objects, present)
-        values: RunSums = {
-            "tgospa": (trajectory.total, steps),
-            "tgospa_half": (half.total, steps),
-            "tgospa_twice": (twice.total, steps),
-            "gospa": (squared_gospa, steps),
-            "gospa_localisation": (float(parts.localisation.sum()), steps),
-            "gospa_missed": (float(parts.missed.sum()), steps),
-            "gospa_false": (float(parts.false.sum()), steps),
-            "gospa_switch": (0.0 if of_switches < ROUNDING * squared_gospa else of_switches, steps),
-            "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
-            "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
-            "hota": (float(higher_order.hota.mean()), any_there),
-            "deta": (float(higher_order.detection.mean()), any_there),
-            "assa": (float(higher_order.association.mean()), any_there),
-            "idf1": (2.0 * identified, 2.0 * identified + unidentified + wrong),
-            "mota": (true - false - switched, due),
-            "motp": (float(matched.distance.sum()), true),
-            "matched_share": (true, due),
-            "id_switches": (switched, object_minutes),
-            "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
-            "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
-            "confirm_latency": confirmation(track_of, counted.due, duration),
-            "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
-            "lost_time_share": lost(track_of, counted.due),
-            "track_purity": purity(counted),
-            **siap(truth, tracks, of_gospa),
-            **matched_errors(truth, tracks, matched),
-            **({} if associations is None else association_counts(counted, associations)),
-        }
-        return {path: sums for path, sums in values.items() if any(sums)}, trajectory.exact
+def _values(
+    options: TrafficScoreOptions,
+    truth: TruthHistory,
+    tracks: TrackHistory,
+    of_gospa: Counted,
+    counted: Counted,
+    associations: Associations | None,
+    every: Array,
+) -> tuple[RunSums, bool]:
+    """Of a run, or its beginning, and whether those of T-GOSPA are exact; ``every``: durations in the whole run."""
+    matched, duration, spacing = counted.matched, every[: len(truth.time)], float(every.mean())
+    track_of = track_of_each(matched, counted.due.shape)
+    changes = switches(track_of)
+    parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
+    steps, squared_gospa = float(len(truth.time)), float(parts.total.sum())
+    costs = [options.switch(spacing, factor) for factor in SWITCH_FACTORS]
+    half, trajectory, twice = tgospa_by_cost(of_gospa, costs)
+    window = max(1, round(options.window / spacing)) if spacing else 1
+    squared_ospa2 = ospa2(of_gospa, window)
+    objects, present = counted.object_counts, counted.track_counts
+    of_switches = trajectory.total - squared_gospa
+    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
+    false = float(counted.present.sum()) - true
+    object_minutes = float((duration @ counted.due).sum()) / 60
+    alike = similarity(counted.pairs.distance, counted.cutoff)
+    higher_order = hota(counted.pairs, alike, objects, present)
+    any_there = float(objects.sum() + present.sum() > 0)
+    identified, unidentified, wrong = identity(counted.pairs.where(alike >= LEAST_SIMILARITY), objects, present)
+    values: RunSums = {
+        "tgospa": (trajectory.total, steps),
+        "tgospa_half": (half.total, steps),
+        "tgospa_twice": (twice.total, steps),
+        "gospa": (squared_gospa, steps),
+        "gospa_localisation": (float(parts.localisation.sum()), steps),
+        "gospa_missed": (float(parts.missed.sum()), steps),
+        "gospa_false": (float(parts.false.sum()), steps),
+        "gospa_switch": (0.0 if of_switches < ROUNDING * squared_gospa else of_switches, steps),
+        "ospa": (float(ospa(parts, of_gospa.due.sum(axis=1), of_gospa.present.sum(axis=1)).sum()), steps),
+        "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
+        "hota": (float(higher_order.hota.mean()), any_there),
+        "deta": (float(higher_order.detection.mean()), any_there),
+        "assa": (float(higher_order.association.mean()), any_there),
+        "idf1": (2.0 * identified, 2.0 * identified + unidentified + wrong),
+        "mota": (true - false - switched, due),
+        "motp": (float(matched.distance.sum()), true),
+        "matched_share": (true, due),
+        "id_switches": (switched, object_minutes),
+        "fragmentations": (float(resumptions(track_of, counted.due).sum()), object_minutes),
+        "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
+        "confirm_latency": confirmation(track_of, counted.due, duration),
+        "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
+        "lost_time_share": lost(track_of, counted.due),
+        "track_purity": purity(counted),
+        **siap(truth, tracks, of_gospa),
+        **matched_errors(truth, tracks, matched),
+        **({} if associations is None else association_counts(counted, associations)),
+    }
+    return {path: sums for path, sums in values.items() if any(sums)}, trajectory.exact
 
 
 def count_by_clear(near: Nearby) -> Counted:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic.run import RunScores, TrackedRun
+from trackbench.metrics.traffic.run import TrackedRun
 from trackbench.metrics.traffic.set_distances import GospaParts
 from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.traffic.track_quality import RunSums
@@ -32,16 +32,19 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
     added = {path: _added(path, run.scores.until, np.array(ends) / ends[-1]) for path in run.scores.values}
     parts, starts = [], [0, *ends[:-1]]
     for number, span in enumerate(map(slice, starts, ends)):
-        values = {path: (float(sums[0, number]), float(sums[1, number])) for path, sums in added.items()}
-        parts.append(
-            TrackedRun(
-                run.truth.within(span),
-                run.tracks.within(span),
-                run.associations and run.associations.within(span),
-                _scores(run.scores, span, values),
-                None if run.unscored is None else run.unscored[span],
-            )
+        scores = run.scores._replace(
+            values={path: (float(sums[0, number]), float(sums[1, number])) for path, sums in added.items()},
+            gospa=GospaParts(*(part[span] for part in run.scores.gospa)),
+            events=tuple(
+                event._replace(instant=event.instant - span.start)
+                for event in run.scores.events
+                if span.start <= event.instant < span.stop
+            ),
+            strips=run.scores.strips[span],
         )
+        taken, outside = run.associations and run.associations.within(span), run.unscored
+        outside = None if outside is None else outside[span]
+        parts.append(TrackedRun(run.truth.within(span), run.tracks.within(span), taken, scores, outside))
     return parts
 
 
@@ -54,13 +57,3 @@ def _added(path: str, until: Sequence[RunSums], share: Array) -> Array:
     elif metric.at_least == 0:
         sums[0] = np.minimum.accumulate(sums[0, ::-1])[::-1]
     return np.diff(sums, prepend=0.0)
-
-
-def _scores(scores: RunScores, span: slice, values: RunSums) -> RunScores:
-    events = tuple(
-        event._replace(instant=event.instant - span.start)
-        for event in scores.events
-        if span.start <= event.instant < span.stop
-    )
-    gospa = GospaParts(*(part[span] for part in scores.gospa))
-    return scores._replace(values=values, gospa=gospa, events=events, strips=scores.strips[span], until=())

@@ -63,29 +63,21 @@ class PooledResults(Entry):
     def of(cls, results: Sequence[PastResult]) -> PooledResults:
         """Those of some results of which no run has the measurements of one before."""
         members: list[PastResult] = []
-        seen: set[str] = set()
         for result in results:
-            if seen.isdisjoint(result.fingerprints):
+            if all(result.fingerprints.isdisjoint(other.fingerprints) for other in members):
                 members.append(result)
-                seen |= result.fingerprints
         return cls(members[0].label, members[0].result, tuple(members))
 
-    def interval(
-        self, tracker: str, metric: Metric, runs: NDArray[Any] | None = None, *, over_stretches: bool = False
-    ) -> Interval | None:
+    def interval(self, tracker: str, metric: Metric, *given: Any, **options: Any) -> Interval | None:
         """Of all runs; scenes are the same in each result, and do not become more."""
-        found = [member.interval(tracker, metric, runs, over_stretches=over_stretches) for member in self.members]
+        found = [member.interval(tracker, metric, *given, **options) for member in self.members]
         every = [interval for interval in found if interval is not None]
         if not every:
             return None
-        first, sizes = every[0], {len(interval.influence) for interval in every}
-        if first.scenes and len(sizes) == 1:
-            return first._replace(
-                value=float(np.mean([interval.value for interval in every])),
-                influence=np.mean([interval.influence for interval in every], axis=0),
-            )
-        each = np.concatenate([interval.value + interval.influence for interval in every])
-        return first._replace(value=float(each.mean()), influence=each - each.mean(), weight=None)
+        each = [interval.value + interval.influence for interval in every]
+        alike = every[0].scenes and len({*map(len, each)}) == 1
+        pooled = np.mean(each, axis=0) if alike else np.concatenate(each)
+        return every[0]._replace(value=float(pooled.mean()), influence=pooled - pooled.mean(), weight=None)
 
 
 class FoundResults(NamedTuple):
