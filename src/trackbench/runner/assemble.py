@@ -322,8 +322,7 @@ def scene_fingerprint(truth: Truth, measurements: Mapping[str, Recorded] | None 
 
 
 def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: Evaluated) -> TruthSummary:
-    recorded = truths[work.recorded_scene]
-    truth, scenes = recorded.truth, []
+    truth, scenes = truths[work.recorded_scene].truth, list[SceneSummary]()
     if len(truths) > 1 or work.stretches:
         names = scores.ranked if work.cutoff is None else scores.evaluations
         errors: dict[str, Array] = {}
@@ -333,13 +332,13 @@ def _truth(loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, scores: 
             )
             errors[name] = np.sqrt(total / np.where(count > 0, count, np.nan))
         cuts = max(work.stretches, 1)
-        for number, (item, source) in enumerate(zip(truths, loaded.config.truth.scenes(), strict=True)):
+        for item, source in zip(truths, loaded.config.truth.scenes(), strict=True):
             for place in range(cuts):
-                scene = number * cuts + place
-                name = source.scene_name or f"scene {number + 1}"
+                scene, name = len(scenes), source.scene_name
+                name = f"{name or 'stretch'} {place + 1}" if work.stretches else name
                 scenes.append(
                     SceneSummary(
-                        name=f"{source.scene_name or 'stretch'} {place + 1}" if work.stretches else name,
+                        name=name or f"scene {scene + 1}",
                         objects=list(item.truth.ids),
                         duration_s=float(item.truth.time[-1]) / cuts,
                         audit=item.truth.audit,

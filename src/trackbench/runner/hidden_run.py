@@ -180,8 +180,8 @@ class HiddenRun(TrackerRun[Tracks]):
             else:
                 scores = self._scored_without_truth(run, ends)
             tracked = TrackedRun(truth, history, own, scores, outside)
-            parts = in_stretches(tracked, ends)
-            for part in [parts[number] for number in counted] if ends else [tracked]:
+            parts = in_stretches(tracked, ends) if ends else [tracked]
+            for part in [parts[number] for number in counted] if ends else parts:
                 sums = {name: item.update(sums[name], part) for name, item in summing.items()}
             number = self._work.number(self._piece.scene, runs.start + run)
             outcome.sums.add(number, scores, recorded=run == self._kept)
@@ -203,7 +203,7 @@ class HiddenRun(TrackerRun[Tracks]):
     def _scored_without_truth(self, run: int, ends: Sequence[int]) -> RunScores:
         judged = self._judged_scans(run)
         taken = np.searchsorted([instant for instant, _, _ in self._taken], ends).tolist()
-        until = tuple(score_without_truth(judged[:number]) for number in taken)
+        until = tuple(score_without_truth(judged[:number]) if number else {} for number in taken)
         return without_truth(score_without_truth(judged))._replace(until=until)
 
     def _truth_of(self, run: int) -> TruthHistory:

@@ -176,10 +176,6 @@ class NearPairs(NamedTuple):
     distance: Array
     """m."""
 
-    def until(self, end: int) -> NearPairs:
-        """Those before an instant."""
-        return self.where(np.arange(len(self.instant)) < np.searchsorted(self.instant, end))
-
     def where(self, mask: Mask) -> NearPairs:
         """Some of them."""
         return NearPairs(
@@ -241,9 +237,9 @@ class Counted(NamedTuple):
             due=self.due[:end],
             present=self.present[:end],
             track=self.track[:end],
-            pairs=self.pairs.until(end),
-            matched=self.matched.until(end),
-            excused=self.excused.until(end),
+            pairs=self.pairs.where(self.pairs.instant < end),
+            matched=self.matched.where(self.matched.instant < end),
+            excused=self.excused.where(self.excused.instant < end),
         )
 
     @property

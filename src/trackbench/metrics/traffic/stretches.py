@@ -27,8 +27,6 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
         run: with the values ``until`` each of the ends.
         ends: instants, the last of them the number of instants.
     """
-    if not ends:
-        return []
     added = {path: _added(path, run.scores.until, np.array(ends) / ends[-1]) for path in run.scores.values}
     parts, starts = [], [0, *ends[:-1]]
     for number, span in enumerate(map(slice, starts, ends)):

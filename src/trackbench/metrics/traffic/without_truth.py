@@ -39,8 +39,6 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
 
     Tracks that the log begins or ends with count as long as they are seen.
     """
-    if not scans:
-        return {}
     minutes = (scans[-1].time - scans[0].time) / 60
     lengths = _lengths((scan.time, scan.ids.tolist()) for scan in scans)
     sums = {

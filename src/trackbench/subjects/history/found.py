@@ -70,9 +70,8 @@ class PooledResults(Entry):
 
     def interval(self, tracker: str, metric: Metric, *given: Any, **options: Any) -> Interval | None:
         """Of all runs; scenes are the same in each result, and do not become more."""
-        found = [member.interval(tracker, metric, *given, **options) for member in self.members]
-        every = [interval for interval in found if interval is not None]
-        if not every:
+        found = (member.interval(tracker, metric, *given, **options) for member in self.members)
+        if not (every := [interval for interval in found if interval is not None]):
             return None
         each = [interval.value + interval.influence for interval in every]
         alike = every[0].scenes and len({*map(len, each)}) == 1

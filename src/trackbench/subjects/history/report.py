@@ -214,10 +214,10 @@ def _changes(history: History) -> Table:
 
 def _explanation(history: History) -> str:
     ways = {item.paired_runs is None for item in history.changes}
-    paired = ["the first one with the same noise, run by run"] if False in ways else []
-    others = ["all since then together, unpaired"] if True in ways else []
+    against = {False: "the first one with the same noise, run by run", True: "all since then together, unpaired"}
+    how = ", or ".join(text for unpaired, text in against.items() if unpaired in ways)
     return (
-        f"After the change before, each result is held against {', or '.join([*paired, *others])}. Shown: by more "
+        f"After the change before, each result is held against {how}. Shown: by more "
         "than the margin that does not matter, at a level of 5 %, corrected for "
         f"{counted(history.looks, 'difference')} (Holm). What else changed is all that the results state; "
         "it need not be the cause."

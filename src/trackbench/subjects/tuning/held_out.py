@@ -101,9 +101,7 @@ def halved(loaded: Scenario, split: Split) -> Halves:
 
 def number_of_parts(config: ScenarioConfig) -> int:
     """Of scenes, or of the stretches of logs."""
-    truth = config.truth
-    stretches = truth.counted_stretches if isinstance(truth, RecordingTruth) else []
-    return len(stretches) or len(truth.scenes())
+    return len(getattr(config.truth, "counted_stretches", ())) or len(config.truth.scenes())
 
 
 def _halved_logs(loaded: Scenario) -> Halves:
