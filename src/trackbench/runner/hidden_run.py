@@ -25,7 +25,7 @@ from trackbench.metrics.traffic import (
     score_run,
 )
 from trackbench.metrics.traffic.assignment import NO_DETECTION
-from trackbench.metrics.traffic.stretches import in_stretches
+from trackbench.metrics.traffic.run import in_stretches
 from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
 from trackbench.runner.second_drives import SecondDrives

@@ -15,7 +15,7 @@ from trackbench.metrics.traffic import (
     TruthHistory,
     score_run,
 )
-from trackbench.metrics.traffic.stretches import in_stretches
+from trackbench.metrics.traffic.run import in_stretches
 
 NAN = np.nan
 #: Metrics that are a sum over instants, each by itself.
