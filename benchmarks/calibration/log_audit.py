@@ -12,7 +12,7 @@ from tests.support.recorded_log import OBJECTS, WALKERS, Errors, write_log
 
 from trackbench.scenario import load_scenario
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log
-from trackbench.subjects.log_audit.blocks import blocks_of
+from trackbench.metrics.blocks import blocks_of
 
 from .claim import Claim, rate
 

@@ -186,15 +186,25 @@ def made_elsewhere(result: Result) -> list[str]:
             sentences.append(
                 f"{tracker.name}: no track in {counted(tracker.filed.silent_runs, 'run')}: all missed there"
             )
-        offset = tracker.time_offset
-        if offset is None or offset.value is None:
-            sentences.append(f"{tracker.name}: time offset n/a: nothing that it is on moves")
-            continue
-        ends = "" if offset.ci95 is None else f" (95 %: {1e3 * offset.ci95[0]:+.1f} to {1e3 * offset.ci95[1]:+.1f})"
-        shown = offset.ci95 is not None and offset.ci95[0] * offset.ci95[1] > 0
-        remedy = f"; --time-offset or time_offset_s adds it, {offset.value:.3g} s" if shown else ""
-        sentences.append(f"{tracker.name}: time stamps fit best with {1e3 * offset.value:+.1f} ms{ends} added{remedy}")
+        sentences += _time_offset(tracker)
     return sentences
+
+
+def _time_offset(tracker: TrackerResult) -> list[str]:
+    """What the errors along the paths say of the clock."""
+    offset, name = tracker.time_offset, tracker.name
+    if offset is None or tracker.along_path_m is None or tracker.offset_alone_s is None:
+        return [f"{name}: time offset n/a: nothing that it is on moves"]
+    if offset.ci95 is not None and offset.value is not None:
+        low, high = (1e3 * end for end in offset.ci95)
+        found = f"{1e3 * offset.value:+.1f} ms (95 %: {low:+.1f} to {high:+.1f})"
+        if not tracker.offset_shown:
+            return [f"{name}: no time offset that matters is shown: {found}"]
+        remedy = f"--time-offset or time_offset_s adds it, {offset.value:.3g} s"
+        return [f"{name}: time stamps fit best with {found} added, beside a shift along the path; {remedy}"]
+    alone = f"{tracker.along_path_m:+.2g} m along the path"
+    causes = f"{1e3 * tracker.offset_alone_s:+.0f} ms added would make up for it, or another point of the body"
+    return [f"{name}: time offset n/a: {offset.reason}; the mean error is {alone}: {causes}"]
 
 
 def contradicted_starts(result: Result) -> list[str]:

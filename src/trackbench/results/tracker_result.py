@@ -144,7 +144,14 @@ class TrackerResult(ResultModel):
     paired: bool = True
     """False of tracks made elsewhere that do not say of which scans: they are compared with no tracker."""
     time_offset: MetricValue | None = None
-    """Of tracks made elsewhere, what has to be added to their time stamps for the least position error, s."""
+    """Of tracks made elsewhere, what has to be added to their time stamps for the least error along the path, beside a
+    shift along it, s."""
+    along_path_m: float | None = None
+    """The mean error along the path, m."""
+    offset_alone_s: float | None = None
+    """The time offset that would explain it without a shift, s."""
+    offset_shown: bool = False
+    """Whether the interval of the offset excludes 0, and the offset is a part of the error that matters."""
     filed: FiledRows | None = None
     """Of tracks made elsewhere."""
     first_velocity: FirstVelocity | None = None

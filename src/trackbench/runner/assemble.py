@@ -21,7 +21,7 @@ from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import Sensor
-from trackbench.results import FiledRows, Health, MetricValue, Result, Summary, Tables, TrackerResult, difference_table
+from trackbench.results import FiledRows, Health, Result, Summary, Tables, TrackerResult, difference_table
 from trackbench.results.scenario_summary import (
     ComponentNoise,
     MountSummary,
@@ -37,7 +37,7 @@ from trackbench.runner.describe import describe
 from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
-from trackbench.runner.filed_tracks import offset_of
+from trackbench.runner.filed_run import offset_of
 from trackbench.runner.first_velocity import contradiction
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import labelled_tables
@@ -180,19 +180,14 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
     entry |= {"metrics": evaluation.values, "scene_share": share}
     if work.cutoff is not None:
         if name in work.filed:
-            entry["time_offset"] = _time_offset(scores.tracks[name])
+            pairs = [block.offset for block in scores.tracks[name] if block.offset is not None]
+            offset = offset_of(np.concatenate(pairs, axis=1))
+            entry |= {"time_offset": offset.time, "along_path_m": offset.shift_m}
+            entry |= {"offset_alone_s": offset.alone_s, "offset_shown": offset.shown}
             entry["filed"] = _rows_taken(work.filed[name], scores.tracks[name])
         reused = int(sum(block.reused_ids.sum() for block in scores.tracks[name]))
         return TrackerResult(**entry, health=Health(reused_ids=reused))
     return TrackerResult(**entry, health=health(scores.scores[name]), breakdown=breakdown(evaluation.scores.classes))
-
-
-def _time_offset(blocks: Sequence[TrafficScores]) -> MetricValue | None:
-    sums = [block.offset for block in blocks if block.offset is not None]
-    if not sums:
-        return None
-    offset = offset_of(np.concatenate(sums, axis=1))
-    return MetricValue(unit="s", reason="nothing moves") if offset is None else offset.as_value("s")
 
 
 def _rows_taken(rows: TrackRows, blocks: Sequence[TrafficScores]) -> FiledRows:

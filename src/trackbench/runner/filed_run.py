@@ -1,17 +1,169 @@
-"""Tracks that another program wrote, scored beside the trackers that take the scans of a block of runs."""
+"""Tracks that another program wrote, scored beside the trackers that take scans, and the offset of their clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Truth
+from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of, correlation_time
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.assignment import count_by_gospa, nearby
-from trackbench.runner.filed_tracks import at_instants, inside, offset_sums, rows_of_run, truth_at, why_other_scans
+from trackbench.results import MetricValue
+from trackbench.runner.filed_tracks import at_instants, inside, rows_of_run, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, TrafficScores
 from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.track_rows import TrackRows
+
+#: Offsets that are tried first, to this on both sides, s.
+FARTHEST_S = 2.0
+#: Rows of a run that are looked at.
+MOST_ROWS = 4000
+#: A slower object has no direction of motion, m/s.
+SLOW_MPS = 0.5
+STEPS = 30
+#: With a longer interval, from end to end, nothing is known, s.
+USELESS_S = 0.5
+#: A shorter offset is not spoken of, s, nor one that moves a track by a smaller share of its error.
+LEAST_S, LEAST_SHARE = 1e-3, 0.1
+
+NOTHING_MOVES = "nothing that it is on moves"
+
+
+class TrackOffset(NamedTuple):
+    """What the position errors along the paths say."""
+
+    time: MetricValue
+    """To be added to the time stamps, s, beside the shift."""
+    shift_m: float | None
+    """The mean error along the path, m."""
+    alone_s: float | None
+    """The offset that would explain it alone."""
+    shown: bool
+    """Whether the offset is worth a word."""
+
+
+def offset_pairs(rows: TrackRows, truth: Truth, run: int, shift: float, cutoff: float) -> Array:
+    """``(4, P)`` of the rows near an object: time, number of the object, y and its speed.
+
+    y, m, is the error along the path with time stamps moved by some t, plus t times the speed. To first order it is the
+    shift along the path plus the offset times the speed. Which t is found by search, then by Gauss-Newton.
+
+    Args:
+        rows: of the run, in the order of time.
+        truth: of the scene.
+        run: whose motion it is.
+        shift: added to the rows' times, s.
+        cutoff: distance at which a row is on no object, m.
+    """
+    stamp = rows.time + shift
+    chosen = np.flatnonzero((stamp >= truth.time[0]) & (stamp <= truth.time[-1]))
+    chosen = chosen[:: -(-len(chosen) // MOST_ROWS) or 1]
+    if not len(chosen) or not truth.ids:
+        return np.zeros((4, 0))
+    stamp, place = stamp[chosen], np.stack([rows.px[chosen], rows.py[chosen]])
+    near = _Nearest(truth, run, stamp, place)
+    fast = float(np.percentile(np.hypot(truth.vx, truth.vy)[truth.alive], 95))
+    tried = np.linspace(-FARTHEST_S, FARTHEST_S, 2 * int(np.clip(FARTHEST_S * 2 * fast / cutoff, 1, 100)) + 1)
+    costs = [np.minimum(near.at(each)[1], cutoff**2).mean() for each in tried.tolist()]
+    best = int(np.argmin(costs))
+    moved = float(tried[best]) if costs[best] < 0.5 * costs[len(tried) // 2] else 0.0
+    pairs = np.zeros((4, 0))
+    for _ in range(STEPS):
+        number, square, error, velocity = near.at(moved)
+        speed = np.hypot(*velocity)
+        on = (square < cutoff**2) & (speed > SLOW_MPS)
+        if not on.any():
+            return np.zeros((4, 0))
+        along = (error * velocity).sum(axis=0)[on] / speed[on]
+        pairs = np.stack([stamp[on], number[on], along + moved * speed[on], speed[on]])
+        step = float((along @ speed[on]) / (speed[on] @ speed[on]))
+        moved = float(np.clip(moved + step, -FARTHEST_S, FARTHEST_S))
+        if abs(step) < 1e-5:
+            break
+    return pairs
+
+
+class _Nearest:
+    """The nearest object of each row, with the time stamps moved."""
+
+    def __init__(self, truth: Truth, run: int, stamp: Array, place: Array) -> None:
+        self._truth, self._stamp, self._place = truth, stamp, place
+        motion = np.stack([truth.px, truth.py, truth.vx, truth.vy])
+        self._motion = motion[..., min(run, motion.shape[-1] - 1)]
+
+    def at(self, moved: float) -> tuple[Array, Array, Array, Array]:
+        """``(rows,)`` number of the object and squared distance, ``(2, rows)`` error and velocity of the object."""
+        when = self._stamp + moved
+        states = np.empty((4, len(self._truth.ids), len(when)))
+        step = np.clip(np.searchsorted(self._truth.time, when), 0, len(self._truth.time) - 1)
+        for item in range(states.shape[1]):
+            for row in range(4):
+                states[row, item] = np.interp(when, self._truth.time, self._motion[row, :, item])
+        away = self._place[:, None] - states[:2]
+        there = self._truth.alive[step].T & (when >= self._truth.time[0]) & (when <= self._truth.time[-1])
+        square = np.where(there, (away**2).sum(axis=0), np.inf)
+        number = np.argmin(square, axis=0)
+        columns = np.arange(len(when))
+        return number, square[number, columns], away[:, number, columns], states[2:, number, columns]
+
+
+def offset_of(pairs: Array) -> TrackOffset:
+    """The offset and the shift along the path by least squares, with the interval of the offset.
+
+    With ``OBJECTS`` objects or more the shift is the same for all, and the interval is the wider of that over blocks of
+    time and that over whole objects. With fewer each object has its own, and the speed has to change. Over
+    ``FEWEST`` runs or more the interval is over runs instead.
+
+    Args:
+        pairs: ``(5, P)`` run, and the rows of `offset_pairs`.
+    """
+    run, time, number, y, speed = pairs
+    if not len(y):
+        return TrackOffset(MetricValue(unit="s", reason=NOTHING_MOVES), None, None, shown=False)
+    shift, alone = float(y.mean()), float((y @ speed) / (speed @ speed))
+    owner = np.unique(number, return_inverse=True)[1]
+    runs = np.unique(run, return_inverse=True)[1]
+    of_all = owner.max() + 1 >= OBJECTS or runs.max() + 1 >= FEWEST
+    group = np.zeros_like(owner) if of_all else owner
+    centred = [each - (np.bincount(group, each) / np.bincount(group))[group] for each in (speed, y)]
+
+    def unknown(reason: str) -> TrackOffset:
+        return TrackOffset(MetricValue(unit="s", reason=reason), shift, alone, shown=False)
+
+    if centred[0] @ centred[0] <= 1e-6 * len(y):
+        return unknown("speeds are too alike to tell it from a shift along the path")
+    value = float(centred[0] @ centred[1] / (centred[0] @ centred[0]))
+    residual = centred[1] - value * centred[0]
+    # Runs one after the other.
+    length = float(np.ptp(time)) + 1.0
+    following = time + length * (LONGER + 1) * runs
+    order = np.argsort(following, kind="stable")
+    if runs.max() + 1 >= FEWEST:
+        blocks = Blocks((runs,))
+    else:
+        correlated = correlation_time(following[order], owner[order], residual[order])
+        if (runs.max() + 1) * length < FEWEST * LONGER / 2 * correlated:
+            return unknown(f"no interval: errors stay alike for {correlated:.2g} s, of {length - 1:.3g} s")
+        back = np.argsort(order)
+        cuts = blocks_of(following[order], owner[order], residual[order][None]).cuts
+        blocks = Blocks(tuple(cut[back] for cut in cuts))
+    terms = np.stack([np.ones(len(y)), centred[0], centred[1], centred[0] ** 2, centred[0] * centred[1]])
+    (interval,) = blocks.intervals(terms, _slope)
+    low, high = interval.bounds()
+    if not high - low < USELESS_S:
+        return unknown("speeds are too alike to tell it from a shift along the path")
+    error = float(np.sqrt(np.mean((y - shift) ** 2)))
+    moves = abs(value) * float(np.sqrt(np.mean(speed**2)))
+    shown = low * high > 0 and abs(value) >= LEAST_S and moves >= LEAST_SHARE * error
+    return TrackOffset(MetricValue(value=value, unit="s", ci95=(low, high)), shift, alone, shown=shown)
+
+
+def _slope(sums: Array) -> Array:
+    count, x, y, xx, xy = sums
+    return np.asarray((xy - x * y / count) / (xx - x * x / count))[None]
 
 
 class FiledRun(HiddenRun):
@@ -47,8 +199,9 @@ class FiledRun(HiddenRun):
             self._counts += len(rows), there.sum(), not there.any()
             history, stamp = at_instants(rows, self._time, shift)
             truth = truth_at(self._truth, number, self._truth_of(run), stamp)
-            near = nearby(truth, history, self._work.cutoff or 0.0)
-            self._offsets.append(offset_sums(truth, history, count_by_gospa(near).matched))
+            pairs = offset_pairs(rows, self._truth, number, shift, self._work.cutoff or 0.0)
+            of_run = np.full((1, pairs.shape[1]), self._work.number(self._piece.scene, number))
+            self._offsets.append(np.concatenate([of_run, pairs]))
             return truth, history
 
         return histories

@@ -10,9 +10,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, shortened
 from trackbench.base.types import Array, Indices, Mask, Truth
-from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
-from trackbench.metrics.traffic.assignment import NearPairs
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.truth.track_rows import SAME_STAMP_S, TrackRows
 
@@ -21,8 +19,6 @@ LONGEST_PERIOD_S = 0.5
 _NONE = np.zeros(0, dtype=np.intp)
 #: Instants times tracks whose covariances take half a gigabyte.
 MOST_CELLS = 4_000_000
-#: Blocks of time by which the interval of an offset is made, s, so that they are nearly independent.
-BLOCK_S = 2.0
 #: Objects times tracks times instants whose truth is kept where the tracks of an instant have several time stamps.
 LARGEST = 20_000_000
 
@@ -215,22 +211,3 @@ def _states(truth: Truth, run: int, time: Array, nominal: Array) -> Array:
         state[:2] += state[2:] * (time - inside)
         result[:, :, item] = state
     return result
-
-
-def offset_sums(truth: TruthHistory, history: TrackHistory, matched: NearPairs) -> Array:
-    """``(2, blocks)`` the sums of position error times true velocity, and of the squared velocity, by blocks of time.
-
-    Their ratio is the time, s, that is to be added to the time stamps so that the squared position error is least.
-    """
-    true = truth.at(matched.instant, matched.object, matched.column)
-    error = history.mean[:2, matched.instant, matched.column] - true[:2]
-    block = ((truth.time - truth.time[0]) // BLOCK_S).astype(np.intp)
-    number = block[matched.instant]
-    products = (error * true[2:]).sum(axis=0), (true[2:] ** 2).sum(axis=0)
-    return np.stack([np.bincount(number, each, minlength=int(block[-1]) + 1) for each in products])
-
-
-def offset_of(sums: Array) -> Interval | None:
-    """The time to be added to the time stamps, s, from the sums of all runs; None where nothing moves."""
-    total, square = sums[:, sums[1] > 0]
-    return ratio(total, square) if len(total) else None

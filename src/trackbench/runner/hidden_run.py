@@ -64,7 +64,7 @@ class TrafficScores:
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
     offset: Array | None = None
-    """``(2, blocks)`` sums of a time offset, of tracks made elsewhere: see :func:`offset_sums`."""
+    """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
     filed: Indices | None = None
     """Of tracks made elsewhere, the numbers of rows, of those within the time of the truth, and of runs without any."""
 

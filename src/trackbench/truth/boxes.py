@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find
 from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.filed import read_rows
-from trackbench.truth.formats.tables import Table
+from trackbench.truth.formats.tables import TableFormat
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import LONGEST_GAP_S, ignored_rows, judged, moved_to_centre, placed_boxes
 from trackbench.truth.recorded.rows import read
@@ -79,7 +79,7 @@ def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
     result = np.zeros(len(rows), dtype=bool) if rows.dont_care is None else rows.dont_care
     ignore = config.reference.ignore
     if ignore:
-        if not isinstance(config.format, Table):
+        if not isinstance(config.format, TableFormat):
             message = (
                 "is of columns with names, which this format does not have; it says itself what is a don't-care box"
             )

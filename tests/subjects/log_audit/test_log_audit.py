@@ -14,10 +14,10 @@ from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.errors import InputError
+from trackbench.metrics.blocks import Blocks
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.subjects.log_audit.api import ReportableAudit, audit
-from trackbench.subjects.log_audit.blocks import Blocks
 from trackbench.truth.recorded.robust import clipped_sigma
 
 #: What is wrong with a radar, and its names in an audit.

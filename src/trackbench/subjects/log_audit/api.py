@@ -19,10 +19,10 @@ from trackbench.base.errors import counted
 from trackbench.base.types import Progress, no_progress
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
+from trackbench.metrics.blocks import BlockInterval
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log, corrected
-from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import SensorAudit
 from trackbench.subjects.log_audit.noise import Band
 from trackbench.subjects.log_audit.report import log_audit_document, log_audit_summary

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.subjects.log_audit.blocks import BlockInterval
+from trackbench.metrics.blocks import BlockInterval
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
 from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit

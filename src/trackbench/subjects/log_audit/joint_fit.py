@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
-from trackbench.subjects.log_audit.blocks import BlockInterval, Blocks, blocks_of
+from trackbench.metrics.blocks import BlockInterval, Blocks, blocks_of
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.robust import residual_scale
 

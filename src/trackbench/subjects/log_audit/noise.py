@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.distributions import normal_density, normal_quantile, normal_within
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.subjects.log_audit.blocks import BlockInterval, blocks_of
+from trackbench.metrics.blocks import BlockInterval, blocks_of
 from trackbench.subjects.log_audit.joint_fit import JointFit
 from trackbench.subjects.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.cycles import Cycles

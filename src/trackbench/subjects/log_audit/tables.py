@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.document import Cell, Column, Table
+from trackbench.metrics.blocks import BlockInterval
 from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit
-from trackbench.subjects.log_audit.blocks import BlockInterval
 from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, shown, spelt
 from trackbench.subjects.log_audit.noise import ResidualNoise
 from trackbench.subjects.log_audit.unlabelled import GATE_M

@@ -9,9 +9,9 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
+from trackbench.metrics.blocks import BlockInterval, blocks_of
 from trackbench.models.sensors import Sensor
 from trackbench.sensing.detections import stated_detection
-from trackbench.subjects.log_audit.blocks import BlockInterval, blocks_of
 from trackbench.subjects.log_audit.noise import Band
 from trackbench.subjects.log_audit.reference import reference_noise
 from trackbench.subjects.log_audit.sensor_log import SensorLog

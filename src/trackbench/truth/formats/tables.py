@@ -86,7 +86,7 @@ def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) ->
     )
 
 
-class Table(RowsFormat):
+class TableFormat(RowsFormat):
     """What CSV and Parquet have in common."""
 
     form: ClassVar[Literal["csv", "parquet"]]
@@ -113,14 +113,14 @@ class Table(RowsFormat):
         return table_rows(read(file, self.form, found.columns.values()), found, factors)
 
 
-class Csv(Table):
+class Csv(TableFormat):
     """CSV of your own, a line of column names first: time, id, x, y; heading, speed, length, width, class."""
 
     endings: ClassVar[tuple[str, ...]] = (".csv",)
     form: ClassVar[Literal["csv", "parquet"]] = "csv"
 
 
-class Parquet(Table):
+class Parquet(TableFormat):
     """Parquet of your own, with columns time, id, x, y; heading, speed, length, width, class."""
 
     endings: ClassVar[tuple[str, ...]] = (".parquet",)

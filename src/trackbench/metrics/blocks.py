@@ -87,7 +87,7 @@ def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
         residual: ``(m, rows)``.
     """
     span = max(float(time[-1] - time[0]), 1e-9)
-    correlated = max(_correlation_time(time, owner, row) for row in residual)
+    correlated = max(correlation_time(time, owner, row) for row in residual)
     count = int(np.clip(span / max(LONGER * correlated, 1e-9), FEWEST, MOST))
     count = max(2, min(count, len(time) // 3))
     # Blocks with the same number of rows, so that none is empty where the log has gaps.
@@ -100,7 +100,7 @@ def blocks_of(time: Array, owner: Indices, residual: Array) -> Blocks:
     return Blocks((by_time, objects) if several else (by_time,))
 
 
-def _correlation_time(time: Array, owner: Indices, residual: Array) -> float:
+def correlation_time(time: Array, owner: Indices, residual: Array) -> float:
     """For how long the residuals of one object stay alike, s: until their autocorrelation is below its noise."""
     products: dict[int, list[float]] = {}
     spacing = []
