@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from tests.support.recorded_log import OBJECTS, WALKERS, Errors, write_log
 
+from trackbench.metrics.blocks import blocks_of
 from trackbench.scenario import load_scenario
 from trackbench.subjects.log_audit.audit import LogAudit, audit_log
-from trackbench.metrics.blocks import blocks_of
 
 from .claim import Claim, rate
 
