@@ -301,15 +301,17 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     shown = Difference(**fields, p_value=0.01, better="ekf", verdict="ekf better")
     not_shown = Difference(**fields, p_value=0.06, better=None, verdict="undecided")
     stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
+    untested = Difference(**{**fields, "ci95": None}, p_value=1, better=None, verdict="undecided")
     not_counted = Difference(**fields, p_value=0.01, better=None, verdict="larger", without_charged=-0.1)
     withheld = "smaller, but not without what is charged for missing estimates"
     for difference, passed, said in (
         (shown, True, ""),
         (not_shown, False, " (difference -0.1 m, undecided, p = 0.06)"),
+        (untested, False, " (difference -0.1 m, too few runs or scenes to test)"),
         (not_counted, False, f" (difference -0.1 m, {withheld}, p = 0.01)"),
     ):
         (judged,) = expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
-        assert judged.undecided is (difference is not_shown)
+        assert judged.undecided is (difference in (not_shown, untested))
         assert (judged.passed, judged.text) == (passed, f"ekf position_rmse better than raw{said}")
 
 

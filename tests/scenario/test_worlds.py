@@ -79,6 +79,13 @@ def test_recorded_traffic_is_in_the_recorded_world_as_it_is() -> None:
     assert all(effects(scenario).values())
 
 
+def test_a_world_that_changes_nothing_more_than_one_before_is_left_out() -> None:
+    scenarios, notes = in_worlds(tb.load("recorded/i80"), ["ideal", "typical", "recorded"])
+    assert [scenario.config.world for scenario in scenarios] == ["ideal", "typical"]
+    assert notes == ["i80 in the world recorded: left out, the same as in typical"]
+    assert len(tb.worlds(tb.load("highway"), WORLDS)) == len(WORLDS)
+
+
 def test_the_recorded_world_has_as_many_scenes_as_are_asked_for() -> None:
     for scenes, expected in ((3, 3), (20, 10)):
         truth = tb.load("highway", set={"world": "recorded"}, scenes=scenes).config.truth

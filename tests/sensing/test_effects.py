@@ -1,6 +1,8 @@
 """Effects of sensors: geometry by hand, statistics by closed forms, and bits that stay where there is none."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +10,15 @@ from scipy import stats
 from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.types import Observer
+from trackbench.document.markdown import to_markdown
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_ratio
 from trackbench.models.sensors.effects import EFFECTS, gauss_markov
+from trackbench.report.result import result_document
+from trackbench.results.scenario_summary import SensorSummary
+from trackbench.results.sensor_words import effects, effects_with_options
+from trackbench.scenario import load_scenario
+from trackbench.scenario.check import check
 from trackbench.sensing.detections import false_alarms, sense_hidden
 from trackbench.sensing.scans import affected, ideal_sensors, sense
 
@@ -292,3 +300,28 @@ def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
 
 def test_every_effect_is_among_these():
     assert {effect["type"] for effect in EVERY} == set(EFFECTS.names())
+
+
+def test_the_page_of_effects_has_the_typical_figures(run_tiny):
+    result = run_tiny(*(f"sensors.{name}.effects=typical" for name in ("radar", "lidar")))
+    page = (Path(__file__).parents[2] / "docs" / "sensor-effects.md").read_text(encoding="utf-8")
+    report = to_markdown(result_document(result))
+    written = list(effects_with_options(result.summary.sensors))
+    rows = re.findall(r"(?m)^\| (radar|lidar) \| (.*) \|$", page)
+    for text, sensor in zip(written, ("radar", "lidar"), strict=True):
+        assert text in report
+        assert text == f"Effects of {sensor}: {'; '.join(row for kind, row in rows if kind == sensor)}."
+    earlier = result.summary.sensors["radar"].model_dump() | {"effects": ["bias"]}
+    assert effects(SensorSummary.model_validate(earlier)) == "bias"
+
+
+@pytest.mark.parametrize(
+    ("identities", "effect", "said"), [("known", 1, True), ("hidden", 1, False), ("known", 0, False)]
+)
+def test_a_check_says_which_effects_do_nothing(tiny, identities, effect, said):
+    ghosts = ["{type: bias, sigmas: {range_m: 1}}", "{type: ghosts, wall_m: 6, probability: 0.4}"][effect]
+    filters = "{ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}}"
+    hidden = ["sensing={identities: hidden}", f"trackers={filters}", "score={}"] if identities == "hidden" else []
+    notes = check(load_scenario(tiny, [f"sensors.radar.effects=[{ghosts}]", *hidden]))
+    expected = "sensors.radar.effects: ghosts does nothing: known identities have no false alarms"
+    assert (expected in notes) is said

@@ -46,9 +46,11 @@ def _recording(truth: TruthSummary) -> Iterator[str]:
     if truth.source != "recorded-traffic":
         return
     raw, used, noise = options["as_recorded"], options["as_used"], options["recorded_noise"]
+    if options["format"] == "i80":
+        yield "The traffic is NGSIM I-80, which comes with trackbench."
     yield (
         f"As recorded, at {options['rate_hz']:g} Hz, vehicles accelerate by up to "
-        f"{_two_digits(raw['acceleration_max_mps2'])} m/s² ({raw['vehicle']}; 99 %: "
+        f"{_two_digits(raw['acceleration_max_mps2'])} m/s² (vehicle {raw['vehicle']}; 99 %: "
         f"{_two_digits(raw['acceleration_p99_mps2'])}) with a jerk of up to {_two_digits(raw['jerk_max_mps3'])} "
         f"m/s³; speed and displacement differ by {_two_digits(raw['displacement_rms_mps'])} m/s (RMS), "
         f"at most {_two_digits(raw['displacement_max_mps'])}; {counted(raw['jumps'], 'position jump')}."

@@ -66,7 +66,7 @@ from trackbench.report.sentences import (
     verdict,
     verdict_on_tracks,
 )
-from trackbench.results import Result, TrackerResult
+from trackbench.results import Result, TrackerResult, sensor_words
 
 
 def result_document(result: Result, colours: Mapping[str, str] | None = None) -> Document:
@@ -381,6 +381,7 @@ def _truth_and_sensors(result: Result) -> Iterator[Block]:
     if shares_of_jumps := after_jumps(result.scored):
         yield Paragraph(shares_of_jumps)
     yield tables.sensors(result)
+    yield from map(Paragraph, sensor_words.effects_with_options(result.summary.sensors))
 
 
 def _reproduction(result: Result) -> Iterator[Block]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, JsonValue
 
 from trackbench.base.errors import counted
 from trackbench.results.metric_value import ResultModel, by_value
@@ -12,6 +12,10 @@ from trackbench.results.truth_audit import TruthAudit
 
 #: None where a truth was not audited; such a ``Truth`` has an empty mapping.
 Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
+#: Earlier results have the type of an effect alone.
+EffectOptions = Annotated[
+    dict[str, JsonValue], BeforeValidator(lambda value: {"type": value} if isinstance(value, str) else value)
+]
 
 
 class ScenarioSummary(ResultModel):
@@ -109,8 +113,8 @@ class SensorSummary(ResultModel):
     """Share of the scans with an object in view that gave a measurement of it."""
     latency_s: tuple[float, float] = (0.0, 0.0)
     """The least and the most time from a measurement to its arrival."""
-    effects: tuple[str, ...] = ()
-    """How it differs from an ideal sensor, in the order in which they act."""
+    effects: tuple[EffectOptions, ...] = ()
+    """How it differs from an ideal sensor, in the order in which they act: the type and the options of each."""
 
 
 class ReferenceSummary(ResultModel):

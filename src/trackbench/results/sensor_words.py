@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
+from trackbench.base.config.key_units import in_words
 from trackbench.results.scenario_summary import SensorSummary
 
 
@@ -27,4 +30,20 @@ def latency(sensor: SensorSummary) -> str:
 
 def effects(sensor: SensorSummary) -> str:
     """How it differs from an ideal one, such as "reflection, correlated errors"."""
-    return ", ".join(name.replace("_", " ") for name in sensor.effects) or "none"
+    return ", ".join(str(effect["type"]).replace("_", " ") for effect in sensor.effects) or "none"
+
+
+def effects_with_options(sensors: Mapping[str, SensorSummary]) -> Iterator[str]:
+    """Of each that is not ideal, such as "Effects of lidar: faces (share 0.2); bias (azimuth 0.1 deg)."."""
+    for name, sensor in sensors.items():
+        if sensor.effects:
+            each = (f"{str(of['type']).replace('_', ' ')} ({', '.join(_options(of))})" for of in sensor.effects)
+            yield f"Effects of {name}: {'; '.join(each)}."
+
+
+def _options(of: Mapping[str, object]) -> Iterator[str]:
+    for key, value in of.items():
+        if isinstance(value, Mapping):
+            yield from _options(value)
+        elif key != "type" and value is not None:
+            yield in_words(key, value)

@@ -277,7 +277,7 @@ def _sensors(work: Work, blocks: Sequence[Block]) -> dict[str, SensorSummary]:
             preset=config.preset,
             detection_rate=float(detected / seen) if seen > 0 and sensor.detections is None else None,
             latency_s=config.latency,
-            effects=tuple(effect.type for effect in config.effects),
+            effects=tuple(effect.model_dump(mode="json", fallback=str) for effect in config.effects),
         )
     return summaries
 

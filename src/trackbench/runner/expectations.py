@@ -70,7 +70,9 @@ def _not_better(tracker: str, difference: Difference | None) -> str:
     word = difference.verdict
     if difference.turned:
         word = f"{size(value)}, but not without what is charged for missing estimates"
-    return f" (difference {value:+.3g} {difference.unit}, {word}, p = {difference.p_value:.2g})"
+    untested = difference.ci95 is None and difference.p_value == 1
+    tested = "too few runs or scenes to test" if untested else f"{word}, p = {difference.p_value:.2g}"
+    return f" (difference {value:+.3g} {difference.unit}, {tested})"
 
 
 def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:

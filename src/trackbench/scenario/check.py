@@ -22,7 +22,8 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Returns:
-        What a recording implies and what is left out of it, and which trackers are not kept apart here, a line each.
+        What a recording implies and what is left out of it, which effects do nothing, and which trackers are not kept
+        apart here, a line each.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -37,20 +38,32 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
         require_rates(loaded)
 
     _all(loaded, [check_truth, *_trackers(loaded, isolation, started=False)])
-    return [*notes, *_columns(loaded), *_not_apart(loaded, isolation)]
+    return [*notes, *_notes(loaded, isolation)]
 
 
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> list[str]:
     """Start each plug-in once, for a run.
 
     Returns:
-        Which of them are not kept apart here, a line each.
+        Which effects do nothing, and which trackers are not kept apart here, a line each.
 
     Raises:
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
     _all(loaded, list(_trackers(loaded, isolation, started=True)))
-    return [*_columns(loaded), *_not_apart(loaded, isolation)]
+    return _notes(loaded, isolation)
+
+
+def _notes(loaded: Scenario, isolation: Isolation) -> list[str]:
+    return [*_columns(loaded), *_idle_effects(loaded), *_not_apart(loaded, isolation)]
+
+
+def _idle_effects(loaded: Scenario) -> Iterator[str]:
+    """Effects that are false alarms alone, where no measurement is a false alarm."""
+    for name, sensor in loaded.config.sensors.items():
+        for effect in sensor.effects:
+            if loaded.config.sensing.identities == "known" and not (effect.has("before") or effect.has("after")):
+                yield f"sensors.{name}.effects: {effect.type} does nothing: known identities have no false alarms"
 
 
 def _not_apart(loaded: Scenario, isolation: Isolation) -> list[str]:

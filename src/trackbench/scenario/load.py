@@ -163,7 +163,8 @@ def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
 
 
 def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenario], list[str]]:
-    """The scenario in each of some worlds, and of which of them it is not, a sentence each.
+    """The scenario in each of some worlds, and of which of them it is not, a sentence each: those in which it cannot
+    be, and those that are the same as one before.
 
     Args:
         loaded: the scenario; one that is in a world already stays as it is.
@@ -184,14 +185,21 @@ def in_worlds(loaded: Scenario, worlds: Sequence[str] = ()) -> tuple[list[Scenar
     chosen = [*worlds] or loaded.config.worlds
     if not chosen or own is not None:
         return [loaded], []
-    scenarios, notes = [], []
+    scenarios: list[Scenario] = []
+    notes = []
     for world in chosen:
         try:
             scenario = scenario_of(loaded.text, loaded.path, [*loaded.overrides, f"world={world}"])
+            scenario = select_trackers(scenario, loaded.selected) if loaded.selected else scenario
         except NoSuchWorld as error:
             notes.append(f"{loaded.config.name} in the world {world}: {error.message}")
+            continue
+        unnamed = scenario.config.model_copy(update={"world": None})
+        same = next((item for item in scenarios if item.config.model_copy(update={"world": None}) == unnamed), None)
+        if same is None:
+            scenarios.append(scenario)
         else:
-            scenarios.append(select_trackers(scenario, loaded.selected) if loaded.selected else scenario)
+            notes.append(f"{loaded.config.name} in the world {world}: left out, the same as in {same.config.world}")
     return scenarios, notes
 
 

@@ -69,7 +69,8 @@ def require_rates(loaded: Scenario) -> None:
     for name, sensor in loaded.config.sensors.items():
         if most is not None and sensor.rate_hz is not None and sensor.rate_hz > most * (1 + 1e-6):
             more = f"{sensor.rate_hz:g} Hz is more than the truth has, which is recorded at {most:g} Hz"
-            raise InputError(f"{more}; use {most:g}", key=f"sensors.{name}.rate_hz")
+            units = "" if most >= 1 else "check the unit of its times, such as units: {time: ms}; or "
+            raise InputError(f"{more}; {units}use {most:g}", key=f"sensors.{name}.rate_hz")
 
 
 def _hides(loaded: Scenario) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from trackbench.base.config import PROBLEM, WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma
 from trackbench.base.config.key_units import in_words
@@ -14,7 +14,7 @@ from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Motion
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assume import AssumedEffects, AssumedSensors
+from trackbench.trackers.assume import AssumedEffects, AssumedSensors, by_sensor
 from trackbench.trackers.foreign import Command, Library
 from trackbench.trackers.initial import InitialConfig
 
@@ -166,7 +166,7 @@ class FilterConfig(OptionsBeside):
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
     )
-    assume: dict[str, AssumedEffects] = Field(
+    assume: Annotated[dict[str, AssumedEffects], BeforeValidator(by_sensor)] = Field(
         default_factory=dict,
         description="For a sensor's name, effects of the sensor that the tracker knows of: "
         "{front_radar: {signal_to_noise: {half_range_m: 140, stated_at_m: 60}}}.",

@@ -220,6 +220,8 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[Po
         return truth, []
     end = int(result[0]) + 1
     if end < 2:
+        if not collided.any():
+            raise InputError("the observer jumps at the start: check the units of positions and speeds", key="truth")
         raise InputError("the observer collides at the start; choose another truth.seed", key="truth.seed")
     distance = np.hypot(*(displacement[:, end - 1, 0, 0] - np.array([carrier.vx[end - 1], carrier.vy[end - 1]])))
     far = float(distance * (truth.time[end] - truth.time[end - 1]))

@@ -116,7 +116,8 @@ def layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[
     for key in required:
         if key not in columns:
             others = [name for name in header if name not in columns.values()]
-            raise InputError(f"there is no column {key!r}, nor a usual name of it; {nearest(key, others or header)}")
+            none = f"there is no column {key!r}, nor a usual name of it ({', '.join(NAMES[key])})"
+            raise InputError(f"{none}; {nearest(key, others or header)}")
     return ColumnLayout(columns, units)
 
 

@@ -169,13 +169,13 @@ def refuse_impossible(
     Raises:
         InputError: with the figure, and how to override.
     """
-    remedy = "audit: repair takes the recording as it is"
+    remedy = "audit: repair takes the recording as it is, but cuts tracks where they jump"
     smoother = "smooth longer" if smooths else SMOOTHER
     if used.impossible:
         raise InputError(
             f"{used.vehicle} accelerates by {used.acceleration_max_mps2:.3g} m/s^2 at {used.time_s:.2f} s "
             f"({used.impossible} of {counted(len(tracks), 'vehicle')} by more than {POSSIBLE_MPS2:g}), which no "
-            f"vehicle does: {smoother}; {remedy}",
+            f"vehicle does: check the units; {smoother}; {remedy}",
             key="truth.smoothing" if smooths else "truth.audit",
         )
     jerky = jerkiest(tracks, dt, start)

@@ -41,7 +41,7 @@ def advise(key: str, value: Any, model: type[BaseModel], root: type[BaseModel]) 
     """Advice on the unknown ``key`` of ``model``, in a file whose whole is described by ``root``."""
     keys = list(keyed_fields(model))
     if key in keys:
-        return Advice("unknown key here: it belongs into the mapping that names the plug-in", None)
+        return Advice("unknown key here: it belongs into the mapping of the model or class whose option it is", None)
     if {"use", "options"} <= set(keys):
         return _option(key, value, keys)
     return _advise(key, value, keys, model, root)

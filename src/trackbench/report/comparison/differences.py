@@ -90,10 +90,13 @@ def _explanation(items: Sequence[PairDifference], number: int) -> str:
         ways.append("unpaired (Welch's test)")
     together = "" if number == len(items) else " by all metrics together"
     corrected = f", corrected for their number{together} (Holm)" if number > 1 else ""
+    few = all(item.ci95 is None and item.p_value == 1 for item in items)
+    untested = " There are too few runs or scenes to test any." if few else ""
     return (
         "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
         f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
+        f"{untested}"
     )
 
 

@@ -256,10 +256,9 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
 def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     truth = own_source(loaded)
     if not isinstance(truth, RecordingTruth):
-        message = (
-            "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}; "
-            "`trackbench check` says what recorded traffic implies"
-        )
+        message = "an audit holds recorded measurements against a recorded truth: truth: {source: recording, ...}"
+        if loaded.config.truth.source == "recorded-traffic":
+            message += "; `trackbench check` says what recorded traffic implies"
         raise loaded.locate(InputError(message, key="truth.source"))
     kinds = {name: sensor.type for name, sensor in loaded.config.sensors.items()}
     try:
