@@ -47,7 +47,7 @@ from trackbench.report.figures.tracks import existence_calibration, gospa_over_t
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined, margin_words, percent
 from trackbench.report.pairs import standing
-from trackbench.report.scenes import basis_of_intervals, scenes, values_of_few_scenes, without_interval
+from trackbench.report.scenes import ONE_RUN, basis_of_intervals, scenes, values_of_few_scenes, without_interval
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
     SWITCH_COSTS,
@@ -212,6 +212,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
         basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
+        basis = basis if summary.truth.scenes else f"{ONE_RUN[0].upper()}{ONE_RUN[1:]}."
     basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
     random = drawing_random(result)
     basis += f" {random}." if random else ""

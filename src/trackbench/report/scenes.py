@@ -11,6 +11,8 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, pe
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
 
+ONE_RUN = "no intervals: one run of one scene does not say what is chance"
+
 
 def runs_in_words(result: Result) -> str:
     """ "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
@@ -53,6 +55,8 @@ def _independent_parts(result: Result) -> str:
 def values_of_few_scenes(result: Result) -> list[str]:
     """What stands in the place of intervals where there are too few scenes for one; empty where there are enough."""
     every = result.summary.truth.scenes
+    if result.summary.identities == "hidden" and result.summary.runs == 1 and not every:
+        return [ONE_RUN]
     if not 0 < len(every) < FEWEST_SCENES or len(result.tables.if_there("stretches")):
         return []
     places = decimals([value for scene in every for value in scene.error.values()], 3)

@@ -17,6 +17,7 @@ from trackbench.truth.formats.tables import TableFormat
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import LONGEST_GAP_S, ignored_rows, judged, moved_to_centre, placed_boxes
 from trackbench.truth.recorded.rows import read
+from trackbench.truth.recorded.stretches import require_long_enough
 from trackbench.truth.track_rows import SAME_STAMP_S, TrackRows
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible, tracks_of
 
@@ -71,6 +72,8 @@ def load(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
     truth = judged(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
     beside = _beside(drive, truth) & ~truth.alive
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
+    if config.stretches is not None:
+        require_long_enough(truth, {}, config.stretches)
     return truth, (f"truth: {', '.join(rows.notes)}",) if rows.notes else ()
 
 

@@ -154,3 +154,19 @@ def test_rows_outside_the_time_of_the_truth_are_named(tmp_path: Path, cli: Calla
     done = cli("score", "tracks.csv", "--truth", "truth.csv", "--no-recording")
     # Up to a quarter of a second after the last box they may be of its instant.
     assert "tracks: 294 of 900 rows outside the time of the truth" in " ".join(done.out.split())
+
+
+@pytest.mark.parametrize(("seconds", "stretches"), [(12, 0), (30, 7), (60, 10)])
+def test_long_files_have_intervals_and_short_ones_say_why_not(
+    seconds: int, stretches: int, tmp_path: Path, cli: Callable[..., Any]
+) -> None:
+    truth, random = boxes(np.arange(10 * seconds + 1) / 10), np.random.default_rng(5)
+    truth.to_csv(tmp_path / "truth.csv", index=False)
+    for name, sigma in (("good", 0.1), ("bad", 1.0)):
+        moved = truth[["x", "y"]] + random.normal(0, sigma, (len(truth), 2))
+        truth.assign(x=moved.x, y=moved.y).to_csv(tmp_path / f"{name}.csv", index=False)
+    done = cli("score", "good.csv", "bad.csv", "--truth", "truth.csv", "--no-recording")
+    metric = tb.Result.load(tmp_path / "results" / "truth")["good"].gospa
+    assert (metric.ci95 is not None) == (stretches > 0)
+    assert (f"{stretches} stretches of one log" in done.out) == (stretches > 0)
+    assert ("no intervals: one run" in done.out) == (stretches == 0)

@@ -13,13 +13,17 @@ import yaml
 from pydantic_core import PydanticCustomError
 
 from trackbench.base.errors import InputError, nearest
+from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.truth.config.filed import format_of
 from trackbench.truth.filed import read_rows
 from trackbench.truth.layouts import QUANTITIES, header, layout
+from trackbench.truth.recorded.stretches import SHORTEST, stretch_of
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
+#: Into how many stretches the scores of boxes are cut, for intervals.
+MOST_STRETCHES = 10
 #: The formats whose files have names of columns.
 TABLES = ("csv", "parquet")
 
@@ -67,6 +71,9 @@ def scoring_scenario(
     form = TRAFFIC_FORMATS[boxes["format"]]
     rows = read_rows(form.model_validate({k: v for k, v in boxes.items() if k in form.model_fields}), truth)
     name = re.sub("[^a-z0-9_-]+", "_", truth.stem.lower())[:64].strip("_") or "boxes"
+    stretches = min(MOST_STRETCHES, int(np.ptp(rows.time) / SHORTEST))
+    enough = stretches >= FEWEST_SCENES and len(np.unique(stretch_of(rows.time, stretches))) == stretches
+    cut = {"stretches": stretches} if enough else {}
     offset = {"time_offset_s": time_offset_s} if time_offset_s else {}
     content = {
         "name": name,
@@ -74,6 +81,7 @@ def scoring_scenario(
         "truth": {
             "source": "recorded-boxes",
             **boxes,
+            **cut,
             "observer": {"x": float(np.round(rows.px.mean())), "y": float(np.round(rows.py.mean()))},
         },
         "sensing": {"identities": "hidden"},
