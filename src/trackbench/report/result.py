@@ -211,12 +211,11 @@ def _ranking(result: Result, others: Table | None) -> Section:
     references = any(tracker.is_reference for tracker in trackers)
     basis = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
     if values_of_few_scenes(result):
-        basis = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”."
-        basis = basis if summary.truth.scenes else f"{ONE_RUN[0].upper()}{ONE_RUN[1:]}."
+        few = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”"
+        basis = f"{few if summary.truth.scenes else ONE_RUN}."
     basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
-    random = drawing_random(result)
-    basis += f" {random}." if random else ""
-    basis += "".join(f" {sentence}." for sentence in [*contradicted_starts(result), *made_elsewhere(result)])
+    more = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
+    basis += "".join(f" {sentence}." for sentence in more if sentence)
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":

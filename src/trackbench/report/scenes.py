@@ -11,7 +11,7 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, pe
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
 
-ONE_RUN = "no intervals: one run of one scene does not say what is chance"
+ONE_RUN = "No intervals: one run of one scene does not say what is chance"
 
 
 def runs_in_words(result: Result) -> str:
