@@ -214,8 +214,8 @@ def _ranking(result: Result, others: Table | None) -> Section:
         few = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”"
         basis = f"{few if summary.truth.scenes else ONE_RUN}."
     basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
-    more = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
-    basis += "".join(f" {sentence}." for sentence in more if sentence)
+    said = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
+    basis += "".join(f" {sentence}." for sentence in said if sentence)
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":
