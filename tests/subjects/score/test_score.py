@@ -110,6 +110,15 @@ def test_a_command_without_a_scenario(files: Path, cli: Callable[..., Any]) -> N
     assert json.loads(again.out)["ranking"] == ["old", "new"]
 
 
+def test_files_that_call_a_column_differently(files: Path, cli: Callable[..., Any]) -> None:
+    old = pd.read_csv(files / "old.csv").rename(columns={"pos_x": "fx"})
+    old.to_csv(files / "other.csv", index=False)
+    maps = ["--map", "x=fx", "--map", "x=pos_x"]
+    done = cli("score", "other.csv", "--truth", "boxes.csv", *maps, "--json", "--no-recording")
+    (tracker,) = json.loads(done.out)["trackers"]
+    assert tracker["metrics"]["gospa"]["value"] == pytest.approx(np.sqrt(3 * 0.09), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("gate", "status", "failed"),
     [("gospa:0.6", 1, ["new"]), ("gospa:4", 0, []), ("gospa:2%", 1, ["new"]), ("hota:0.1", 0, []), ("mota:60%", 0, [])],
@@ -162,6 +171,7 @@ def test_gates_stand_in_the_json(files: Path, cli: Callable[..., Any]) -> None:
         (["old.csv", "--map", "xx=pos_x"], "no column is called 'xx'; did you mean 'x'?"),
         (["old.csv", "--map", "x=posx"], "no file has a column 'posx'; did you mean 'pos_x'?"),
         (["old.csv", "--map", "time=timestamp_ns:min"], "'min' is no unit of time"),
+        (["two.csv", "--map", "x=px", "--map", "x=pos_x"], "x is both 'px' and 'pos_x', and this file has the two"),
         (["two.csv"], "x may be 'pos_x' or 'px': say which"),
         (["old.csv", "--gate", "gospa:2%"], "2 % of what?"),
         (["old.csv", "--gate", "gopsa:2"], "no metric 'gopsa'; did you mean 'gospa'?"),

@@ -36,7 +36,7 @@ def score(
         InputError: a file cannot be read, or it is not known what its columns are.
     """
     files = [tracks] if isinstance(tracks, Path | str) else tracks
-    options = FileOptions(columns or {}, format, rate_hz)
+    options = FileOptions(list((columns or {}).items()), format, rate_hz)
     folder = Path() if out is None else Path(out)
     loaded = scoring_scenario([Path(file) for file in files], Path(truth), options, folder, time_offset_s=time_offset_s)
     if out is not None:

@@ -84,7 +84,7 @@ def score_command(
     for text in columns:
         if "=" not in text:
             raise InputError(f"write KEY=COLUMN, such as x=pos_x, not {text!r}", key="--map")
-    stated = dict(text.split("=", 1) for text in columns)
+    stated = [(key, column) for key, _, column in (text.partition("=") for text in columns)]
     if junit is not None:
         results.require_file(junit, "--junit")
     options = FileOptions(stated, form, rate)

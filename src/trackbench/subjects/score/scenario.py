@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,8 +31,8 @@ TABLES = ("csv", "parquet")
 class FileOptions(NamedTuple):
     """What is said of all files, where their names do not tell it."""
 
-    columns: Mapping[str, str]
-    """The column of some keys, perhaps with a unit after a colon: ``timestamp:ns``."""
+    columns: Sequence[tuple[str, str]]
+    """Keys with their columns, perhaps with a unit: ``timestamp:ns``; files may call one differently."""
     format: str | None = None
     """Of files whose ending does not tell it."""
     rate_hz: float | None = None
@@ -136,7 +136,12 @@ def _entry(file: Path, options: FileOptions, folder: Path) -> dict[str, Any]:
             raise InputError(f"{form} counts frames: give their number per second, --rate", file=file)
         return {**entry, **({"rate_hz": options.rate_hz} if rate and options.rate_hz else {})}
     names = header(file, form)
-    own = {key: text for key, text in options.columns.items() if _column(text, names) in names}
+    own: dict[str, str] = {}
+    for key, text in options.columns:
+        if _column(text, names) in names and own.setdefault(key, text) != text:
+            raise InputError(
+                f"{key} is both {own[key]!r} and {text!r}, and this file has the two", file=file, key="--map"
+            )
     try:
         known = layout(names, own)
     except InputError as error:
@@ -150,7 +155,7 @@ def _column(text: str, names: Sequence[str]) -> str:
     return text if text in names else text.rpartition(":")[0] or text
 
 
-def _require_known(columns: Mapping[str, str], files: Sequence[Path], options: FileOptions) -> None:
+def _require_known(columns: Sequence[tuple[str, str]], files: Sequence[Path], options: FileOptions) -> None:
     """Make sure that each column that is named is in one of the files.
 
     Raises:
@@ -158,7 +163,7 @@ def _require_known(columns: Mapping[str, str], files: Sequence[Path], options: F
     """
     tables = [(file, form) for file in files if (form := _format(file, options)) in TABLES]
     names = list(dict.fromkeys(name for file, form in tables for name in header(file, form)))
-    for key, text in columns.items():
+    for key, text in columns:
         if key not in QUANTITIES:
             raise InputError(f"no column is called {key!r}; {nearest(key, QUANTITIES)}", key="--map")
         if _column(text, names) not in names:
