@@ -135,6 +135,9 @@ def _plain(value: Any) -> Any:
     """A class as the text that names it; numbers and arrays of NumPy have ``tolist()``."""
     if isinstance(value, type | FunctionType):
         return at_hand.reference_to(value)
+    if not hasattr(value, "tolist"):
+        name = type(value).__name__
+        raise TypeError(f"an instance of {name}; for a tracker give the class, and its arguments under options")
     return value.tolist()
 
 

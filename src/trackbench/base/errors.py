@@ -65,7 +65,7 @@ class InputErrors(InputError):
 
 def nearest(name: str, choices: Iterable[str]) -> str:
     """A sentence that names the nearest valid choice, or lists the choices when none is near."""
-    names = sorted(choices)
+    names = sorted(set(choices))
     close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"

@@ -270,7 +270,7 @@ def _line(text: str) -> str:
 
 def _text(content: bytes | bytearray) -> str:
     """The first bytes of what is no frame, as text."""
-    return repr(content[:SHOWN].decode(errors="replace"))
+    return repr(bytes(content[:SHOWN])).removeprefix("b")
 
 
 def _said(value: Any) -> str:

@@ -105,7 +105,7 @@ def framed(message: Mapping[str, Any]) -> bytes:
     Raises:
         TypeError, ValueError, OverflowError: it has a value that MessagePack does not know.
     """
-    content: bytes = msgpack.packb(message, default=_extended, unicode_errors=ANY_TEXT)
+    content: bytes = msgpack.packb(message, default=_array_frame, unicode_errors=ANY_TEXT)
     return LENGTH.pack(len(content)) + content
 
 
@@ -140,7 +140,7 @@ def receive(source: Source) -> dict[str, Any]:
     return message
 
 
-def _extended(value: Any) -> Any:
+def _array_frame(value: Any) -> Any:
     if not isinstance(value, np.ndarray | np.generic):
         raise TypeError(f"{str(value)[:40]} ({type(value).__name__}) is no value of MessagePack")
     kind = value.dtype.char if value.dtype.char in _TYPES else "d"

@@ -8,7 +8,7 @@ from functools import partial
 
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.driving.faults import TrackFault
-from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.truth import own_source, require_rates
 from trackbench.trackers.config import PluginConfig
@@ -123,7 +123,9 @@ def _try(loaded: Scenario, name: str, tracker: PluginConfig, isolation: Isolatio
         try:
             trial.start(config.sensing.identities == "hidden", config.sensors)
         except TrackFault as fault:
-            raise InputError(f"cannot start {str(tracker.use)!r}: {fault}", key=use) from fault
+            # Of a program, its result says so, and the others go on.
+            if not is_program(tracker):
+                raise InputError(f"cannot start {str(tracker.use)!r}: {fault}", key=use) from fault
         except InputError as error:
             raise InputError(error.message, key=error.key or use) from error
 

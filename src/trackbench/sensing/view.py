@@ -77,7 +77,7 @@ def occluded(truth: Truth, steps: Indices, origin: Array) -> Mask:
         ``(instants, objects, runs or 1)``.
     """
     objects, runs = truth.px.shape[1:]
-    size = max(1, CHUNK // (len(POINTS) * objects * runs))
+    size = max(1, CHUNK // (len(POINTS) * max(1, objects * runs)))
     result = np.empty((len(steps), objects, runs), dtype=bool)
     for first in range(0, len(steps), size):
         part = slice(first, first + size)

@@ -44,7 +44,13 @@ def episode(env: Any, seed: int | None, actions: Any = None) -> tuple[list[Any],
 
 @pytest.mark.parametrize(
     ("name", "tracker"),
-    [("highway-v0", "gnn"), ("highway-v0", "detections"), ("merge-v0", "truth"), ("racetrack-v0", "gnn")],
+    [
+        ("highway-v0", "gnn"),
+        ("highway-v0", "detections"),
+        ("merge-v0", "truth"),
+        ("racetrack-v0", "gnn"),
+        ("parking-v0", "gnn"),
+    ],
 )
 def test_gymnasium_finds_nothing_to_complain_of(name: str, tracker: str) -> None:
     config = {"simulation_frequency": 10, "policy_frequency": 5}

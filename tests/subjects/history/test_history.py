@@ -118,6 +118,7 @@ def test_a_tracker_that_is_gone_fails_the_gate(tmp_path: Path) -> None:
 def test_a_single_result_has_nothing_to_be_held_against(tmp_path: Path) -> None:
     history = tb.history(keep([past(0, {"raw": 0.2, "kf": 0.1})], tmp_path), limits={"position_rmse": 5})
     assert {gate.text for gate in history.gates} == {"there is no result before it"}
+    assert "0 of 2 limits kept, 2 undecided" in str(history)
     assert history.passed
     assert "0 changes shown" in str(history)
 

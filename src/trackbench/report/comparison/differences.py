@@ -206,8 +206,14 @@ def _gates(comparison: Comparison) -> Iterator[Block]:
                 for item in missed
             )
         )
-    kept, total = len(comparison.gates) - len(missed), counted(len(comparison.gates), "limit")
-    yield Status(f"{kept} of {total} kept", "good" if comparison.passed else "bad")
+    yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
+
+
+def kept_limits(outcomes: Sequence[str], passed: bool) -> Status:
+    """How many limits are kept, and how many are undecided."""
+    kept, undecided = (outcomes.count(outcome) for outcome in ("passed", "undecided"))
+    words = f"{kept} of {counted(len(outcomes), 'limit')} kept{f', {undecided} undecided' if undecided else ''}"
+    return Status(words, "good" if passed else "bad")
 
 
 def _percent(value: float | None) -> str:

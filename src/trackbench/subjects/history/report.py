@@ -24,13 +24,13 @@ from trackbench.document import (
     LegendEntry,
     Paragraph,
     Section,
-    Status,
     Table,
     Tone,
     TrackerStyle,
 )
 from trackbench.document.drawing import INK, fit_value_axis
 from trackbench.document.palette import tracker_colours, tracker_figure, tracker_styles
+from trackbench.report.comparison.differences import kept_limits
 from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
 from trackbench.report.tables import unit_of
@@ -82,9 +82,7 @@ def _lead(history: History) -> str:
 
 def _blocks(history: History, colours: Mapping[str, str]) -> Iterator[Block]:
     if history.gates:
-        missed = sum(gate.outcome in ("failed", "error") for gate in history.gates)
-        words = f"{missed} of {counted(len(history.gates), 'limit')} failed" if missed else "All limits kept"
-        yield Status(words, "bad" if missed else "good")
+        yield kept_limits([gate.outcome for gate in history.gates], history.passed)
     for metric in history.metrics:
         yield Section(f"{metric}{unit_of(_unit(history, metric))}", tuple(_of_metric(history, metric, colours)))
     if history.changes:

@@ -105,7 +105,7 @@ def tune_trackers(
     ]
     tunings = []
     for task in tasks:
-        with listener.progress(task.tracker, "trials") as advance:
+        with listener.progress(task.tracker, "evaluations") as advance:
             tunings.append(tune_tracker(task, benches, executor, plan.isolation, plan.engine, advance))
     return tunings
 
@@ -231,7 +231,8 @@ def tune(
         seed: of the search.
         workers: number of processes.
         engine: what computes, as for :func:`run`.
-        progress: called with the number of trials done and of all of a tracker.
+        progress: called with the number of evaluations done and of all of a tracker: the trials, then a pass over each
+            option.
 
     Raises:
         InputError: something is wrong in a scenario, a range or the storage, or Optuna is not installed.
@@ -246,7 +247,7 @@ def tune(
     plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
-        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
+        tunings = tune_trackers(loaded, names, plan, chosen, Counter(progress, "evaluations"))
     return TunedTrackers(tunings, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
 
 
