@@ -30,7 +30,7 @@ SENSORS = {
         "radar": {
             **RADAR,
             "effects": [
-                {"type": "reflection"},
+                {"type": "reflection", "along_m": 0.4},
                 {"type": "bias", "sigmas": {"azimuth_deg": 0.5}},
                 {"type": "correlated_errors", "share": 0.8, "time_s": 1},
             ],

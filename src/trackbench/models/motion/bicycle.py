@@ -71,9 +71,9 @@ class KinematicBicycle(turning.SpeedAndYaw):
         return linalg.matrix([[half * c, -half * v * s], [half * s, half * v * c], [dt, 0], [0, turn], [0, dt]])
 
     def from_kinematics(self, motion: Kinematics) -> Array:
-        moving = np.abs(motion.speed) > 0.0
-        sine = self.rear_axle_m * motion.yaw_rate / np.where(moving, motion.speed, 1.0)
-        slip = np.arcsin(np.clip(np.where(moving, sine, 0.0), -1.0, 1.0))
+        most = np.abs(motion.speed)
+        across = np.clip(self.rear_axle_m * motion.yaw_rate, -most, most)
+        slip = np.arcsin(across / np.where(most > 0.0, motion.speed, 1.0))
         return linalg.vector([motion.px, motion.py, motion.speed, motion.course, slip])
 
     def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
