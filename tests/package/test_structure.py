@@ -15,7 +15,7 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 80_950
+MOST_LINES = 81_000
 MOST_FILES = 488
 
 

@@ -222,7 +222,7 @@ def test_what_lies_outside_the_truth_is_left_out_and_counted(file: Path) -> None
     write(other, rows, ["t_ms", "who", "fore", "left"])
     loaded = load(file, readings={"roof": {"path": other.name, "x": "fore", "y": "left"}})
     assert loaded.truth.source["left_out"] == {"roof": {"outside_truth": 3}}
-    assert loaded.notes == ("roof: of 4 rows, 3 outside the time of the truth (left out)",)
+    assert loaded.notes[1:] == ("roof: of 4 rows, 3 outside the time of the truth (left out)",)
     found = loaded.measurements["roof"].measurement
     assert found[np.isfinite(found)].tolist() == [1000, 2000]
 
@@ -233,8 +233,8 @@ def test_rows_out_of_order_are_sorted_and_doubles_left_out(file: Path) -> None:
     write(file, [ROWS[2], ROWS[0], ROWS[1], ROWS[1], ROWS[4], ROWS[3]])
     mixed = load(file)
     np.testing.assert_allclose(mixed.truth.time, plain.truth.time)
-    assert plain.notes == ()
-    assert mixed.notes[0] == ("truth: of 6 rows, 1 of an object and a time that came before (left out)")
+    assert plain.notes == ("no observer is stated: the sensors stand at x = 0, y = 0 with yaw 0",)
+    assert mixed.notes[1] == ("truth: of 6 rows, 1 of an object and a time that came before (left out)")
     of = {name: i for i, name in enumerate(mixed.truth.ids)}
     for i, name in enumerate(plain.truth.ids):
         np.testing.assert_allclose(mixed.truth.px[:, of[name]], plain.truth.px[:, i])

@@ -221,7 +221,7 @@ def test_a_blank_object_is_left_out_where_identities_are_known(tmp_path: Path) -
     radar = [*detections(), [5.0, "", 50, 0.5, 3]]
     file = write(tmp_path, radar=radar, sensing={"identities": "known"}, trackers={"raw": {"use": "raw"}}, reference={})
     (read,) = truths_of(load_scenario(file))
-    assert read.notes == ("radar: of 102 rows, 1 of no object (left out)",)
+    assert read.notes[1:] == ("radar: of 102 rows, 1 of no object (left out)",)
     assert read.measurements is not None
     measurements = read.measurements["radar"]
     assert isinstance(measurements, RecordedMeasurements)
@@ -364,6 +364,14 @@ def test_times_of_another_epoch_are_said(tmp_path: Path) -> None:
     late = [[row[0] + 5000, *row[1:]] for row in detections()]
     with pytest.raises(InputError, match=r"no measurement of radar \(from 5000 to 5010 s\) lies within the time of"):
         truth_in(write(tmp_path, radar=late))
+
+
+def test_a_log_most_of_which_is_outside_the_truth_is_refused(tmp_path: Path) -> None:
+    slow = [[row[0] * 3, *row[1:]] for row in detections()]
+    with pytest.raises(
+        InputError, match=r"only \d+ of \d+ measurements of radar \(from 0 to 30 s\) lie within the time"
+    ):
+        truth_in(write(tmp_path, radar=slow))
 
 
 def test_what_worlds_cannot_do_is_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -93,3 +94,16 @@ def test_a_log_that_is_somewhere_else_is_one_line(log: tuple[Path, Any]) -> None
     away.write_text(log[0].read_text().replace("azimuth: azimuth", "azimuth: azimuth\n      units: {range: km}"))
     with pytest.raises(InputError, match=r"no detection is within 5 m of a box: check times, frames and units"):
         tb.audit(away)
+
+
+def test_of_azimuths_that_count_the_other_way_no_noise_is_judged(log: tuple[Path, Any]) -> None:
+    folder = log[0].parent
+    with (folder / "00_radar.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    with (folder / "00_turned.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, rows[0].keys())
+        table.writeheader()
+        table.writerows({**row, "azimuth": -float(row["azimuth"])} for row in rows)
+    turned = folder / "turned.yaml"
+    turned.write_text(log[0].read_text().replace("_radar.csv", "_turned.csv"))
+    assert [finding.kind for finding in tb.audit(turned).findings] == ["sign", "elsewhere"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.metrics.blocks import BlockInterval
+from trackbench.sensing.detections import stated_detection
 from trackbench.subjects.log_audit.joint_fit import ErrorEstimate, JointFit, converged
 from trackbench.subjects.log_audit.noise import Detections, ResidualNoise, clock_drift
 from trackbench.subjects.log_audit.sensor_log import SensorLog, WrongUnit
@@ -28,6 +29,9 @@ DRIFT_S = 0.005
 OUTLIERS = 0.005
 
 
+#: Boxes are elsewhere if they have fewer than this share of the stated detections, and more than it of those that miss
+#: are detections near no box.
+ELSEWHERE = 0.5
 #: Probability with which a log without errors gives no finding of an error, a noise or a shape.
 FAMILY = 0.95
 
@@ -242,6 +246,11 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
     sensor, detections, fit = item.log.name, item.detections, item.fit
     for wrong in item.units:
         yield unit_finding(item.log, wrong)
+    elsewhere = _elsewhere(item)
+    if elsewhere is not None:
+        # What fits those few by chance says nothing of noise and time.
+        yield elsewhere
+        return
     if detections.silent_from_s is not None:
         yield LogFinding(
             kind="silence",
@@ -290,6 +299,29 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
         yield error_finding(sensor, fit.estimates[name], changes[name])
     if not drifts:
         yield from _noises(item, level)
+
+
+def _elsewhere(item: SensorAudit) -> LogFinding | None:
+    """That most detections are of objects whose boxes are elsewhere: they are near none."""
+    of, share, sensor = item.unlabelled, item.detections.share, item.log.name
+    if of is None or not item.detections.chances:
+        return None
+    stated, _ = stated_detection(item.log.config)
+    missing = (stated - share.value) * item.detections.chances / of.scans
+    more = of.others.bounds()[0] - of.stated_others
+    if not (share.bounds()[1] < ELSEWHERE * stated and more > ELSEWHERE * missing):
+        return None
+    return LogFinding(
+        kind="elsewhere",
+        sensor=sensor,
+        title=f"{sensor}: most of its detections are not where the boxes are",
+        evidence=f"{100 * share.value:.0f} % of the boxes in its field of view are detected, {100 * stated:.0f} % "
+        f"stated; {of.others.value:.3g} detections a scan are near no box, {of.stated_others:.3g} stated.",
+        fix="Check units and signs of azimuth and of the observer's yaw, the mount and the clocks, and audit again: "
+        "until then noise and errors cannot be judged.",
+        value=share.value,
+        ci95=share.bounds(),
+    )
 
 
 def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:

@@ -154,6 +154,11 @@ class RecordingOptions(ReferenceTruth):
             setattr(result, key, value)
         return result
 
+    @property
+    def carrier(self) -> ObserverColumns | None:
+        """The columns of what carries the sensors; None: a fixed point."""
+        return self.ego if self.columns is None else self.columns.observer
+
     def _paths(self) -> dict[KeyPath, str | list[str]]:
         """All that are given, by key; that of the truth comes first."""
         observer = None if self.columns is None else self.columns.observer

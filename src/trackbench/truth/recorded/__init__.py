@@ -51,6 +51,14 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     recording = _load(config, kinds, folder)
     if config.stretches is not None:
         require_long_enough(recording.truth, recording.measurements, config.stretches)
+    if (
+        recording.measurements
+        and config.format != "udacity"
+        and config.carrier is None
+        and "observer" not in config.model_fields_set
+    ):
+        note = "no observer is stated: the sensors stand at x = 0, y = 0 with yaw 0"
+        return recording._replace(notes=(note, *recording.notes))
     return recording
 
 

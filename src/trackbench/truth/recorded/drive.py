@@ -192,7 +192,7 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     """All times of the truth's rows and of the scans, each once and in order, as far as the observer is known.
 
     Raises:
-        InputError: the observer is known at none of them.
+        InputError: the observer is known at fewer than half of them.
     """
     own = [m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()]
     times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
@@ -203,14 +203,13 @@ def within(times: Array, observer: Motion, what: str, key: str) -> Array:
     """Those of the times, of ``what``, at which the observer is known.
 
     Raises:
-        InputError: it is known at none of them.
+        InputError: it is known at fewer than half of them.
     """
     first, last = float(observer.time[0]), float(observer.time[-1])
     inside = times[(times >= first) & (times <= last)]
-    if not len(inside):
-        span = f"from {times[0]:g} to {times[-1]:g} s"
-        message = f"it is known from {first:g} to {last:g} s, and the {what} {span}: check the units of time"
-        raise InputError(message, key=key)
+    if 2 * len(inside) < len(times):
+        own, span, apart = _spans(times, first, last)
+        raise InputError(f"it is known {span}, and the {what} {own}{apart}: check the units of time", key=key)
     return np.asarray(inside)
 
 
@@ -287,28 +286,40 @@ def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str
 
 
 def require_measurements(drive: Drive, clipped: Drive) -> None:
-    """Make sure that every sensor has a measurement within the time of the truth.
+    """Make sure that half of the measurements of every sensor are within the time of the truth.
 
     Raises:
-        InputError: one has none.
+        InputError: fewer are, or none within that of its object.
     """
+    if drive.observer is not None:
+        grid(drive, {})
     spans = [drive.span(number) for number in range(len(drive.motions))]
-    first, last = min(first for first, _ in spans), max(last for _, last in spans)
+    ends = min(first for first, _ in spans), max(last for _, last in spans)
     for name, log in drive.logs.items():
-        if len(clipped.logs[name].time) + len(clipped.logs[name].alarm_time):
-            continue
-        if drive.observer is not None and all(first > last for first, last in spans):
-            grid(drive, {})
-        raise _none_within(name, np.concatenate([log.time, log.alarm_time]), "its object's truth", first, last)
+        kept = len(clipped.logs[name].time) + len(clipped.logs[name].alarm_time)
+        time = np.concatenate([log.time, log.alarm_time])
+        _require_within(name, time, "its object's truth" if not kept else "the truth", *ends, none=not kept)
     for name, of in drive.detections.items():
-        if not len(drive.framed(of.time)):
-            raise _none_within(name, of.time, "the truth", float(drive.frames[0]), float(drive.frames[-1]))
+        _require_within(name, of.time[of.scan], "the truth", float(drive.frames[0]), float(drive.frames[-1]))
 
 
-def _none_within(name: str, time: Array, whose: str, first: float, last: float) -> InputError:
-    own, span = f"from {time.min():g} to {time.max():g} s", f"from {first:g} to {last:g} s"
-    message = f"no measurement of {name} ({own}) lies within the time of {whose} ({span}): check the units of time"
-    return InputError(message, key=f"truth.readings.{name}")
+def _require_within(name: str, time: Array, whose: str, first: float, last: float, *, none: bool = False) -> None:
+    inside = 0 if none else int(((time >= first) & (time <= last)).sum())
+    if inside and 2 * inside >= len(time):
+        return
+    own, span, apart = _spans(time, first, last)
+    what = f"only {inside} of {len(time)} measurements" if inside else "no measurement"
+    lie = "lie" if inside else "lies"
+    message = f"{what} of {name} ({own}) {lie} within the time of {whose} ({span}){apart}: check the units of time"
+    raise InputError(message, key=f"truth.readings.{name}")
+
+
+def _spans(time: Array, first: float, last: float) -> tuple[str, str, str]:
+    """In words: the span of some times, another, and how far apart they are, s."""
+    begin, end = float(time.min()), float(time.max())
+    own, other = (f"from {round(a, 2):.12g} to {round(b, 2):.12g} s" for a, b in ((begin, end), (first, last)))
+    apart = max(begin - last, first - end)
+    return own, other, f", {round(apart, 2):.12g} s apart" if apart > 0 else ""
 
 
 def fixed(observer: FixedObserver, steps: int) -> Observer:
