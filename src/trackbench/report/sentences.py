@@ -150,9 +150,11 @@ def _value(tracker: TrackerResult, path: str) -> float | None:
 def censored(result: Result) -> str:
     """What errors of matched tracks leave out."""
     reach = (result.summary.score.cutoff_m or 0.0) / 2
+    speed = (result.summary.truth.model_extra or {}).get("recorded_noise", {}).get("velocity_mps", 0.0)
+    blurred = f" The boxes' own velocities have noise of {speed:.2g} m/s, which makes NEES larger."
     return (
         f"Errors and NEES are of tracks within {reach:g} m of their object (half of score.cutoff_m): where it is "
-        "larger the object is lost and the track false, so a smaller cutoff makes them smaller."
+        f"larger the object is lost and the track false, so a smaller cutoff makes them smaller.{blurred * bool(speed)}"
     )
 
 
