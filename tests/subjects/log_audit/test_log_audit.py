@@ -174,16 +174,23 @@ def test_truth_in_other_units_than_stated(tmp_path: Path, form: str) -> None:
     ("change", "kinds"),
     [
         (lambda row, t: float(t) + 0.1 * (float(t) > 15), ["clock_drift"]),
-        (lambda row, t: float(t) * 1000, ["outside"]),
+        (lambda row, t: float(t) + 100 * (float(t) > 20), ["outside"]),
         (lambda row, t: round(float(t) * 1.0005, 6), ["clock_drift"]),
     ],
-    ids=["set", "milliseconds", "drifts"],
+    ids=["set", "goes on later", "drifts"],
 )
 def test_clocks(tmp_path: Path, change: Any, kinds: list[str]) -> None:
     file = write_log(tmp_path)
     edit(tmp_path / "radar.csv", "t", change)
     found = [finding.kind for finding in audit(file).findings]
     assert [kind for kind in found if kind != "time_offset"] == kinds
+
+
+def test_milliseconds_for_seconds_are_refused(tmp_path: Path) -> None:
+    file = write_log(tmp_path)
+    edit(tmp_path / "radar.csv", "t", lambda row, t: float(t) * 1000)
+    with pytest.raises(InputError, match=r"only 3 of \d+ measurements of radar .* lie within the time of the truth"):
+        audit(file)
 
 
 def test_rows_in_any_order(tmp_path: Path) -> None:
