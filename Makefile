@@ -21,9 +21,9 @@ test: $(VENV)/.installed-dev
 	$(MAKE) -j2 lint types contracts docs
 	$(BIN)/pytest -n auto -m "not docs_pages and not slow"
 
-# The slow tests, and the commands of the documentation's pages as they are printed; FIFTH=0 to 4 takes a fifth of them.
+# The slow tests, and the commands of the documentation's pages as they are printed; PART=0 to 11 takes one of twelve parts.
 test-long: $(VENV)/.installed-dev
-	$(BIN)/pytest -n auto -m "docs_pages or slow" $(if $(FIFTH),--fifth $(FIFTH))
+	$(BIN)/pytest -n auto -m "docs_pages or slow" $(if $(PART),--part $(PART))
 
 # The outputs that README and docs/ print, made anew; read the difference before it is committed.
 printed: $(VENV)/.installed-dev

@@ -21,7 +21,7 @@ from tests.support.browser import CHROMIUM
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 from tests.support.places import DOCS
-from tests.support.slow_tests import fifth, listed
+from tests.support.slow_tests import PARTS, listed, part
 from tests.support.udacity import data_folder
 
 from trackbench.base.errors import InputError
@@ -65,7 +65,7 @@ Run = Callable[..., Result]
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The part of the slow tier that a run takes."""
-    parser.addoption("--fifth", type=int, choices=range(5), help="of the slow tests and the pages, only this fifth")
+    parser.addoption("--part", type=int, choices=range(PARTS), help="of the slow tests and the pages, only this part")
 
 
 def pytest_configure() -> None:
@@ -76,18 +76,18 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that are slow by their cost, and leave out the fifths of the slow tier that were not asked for."""
+    """Mark the tests that are slow by their cost, and leave out the parts of the slow tier that were not asked for."""
     costly = listed()
     for item in items:
         if item.nodeid in costly:
             item.add_marker("slow")
-    chosen = config.getoption("--fifth")
+    chosen = config.getoption("--part")
     if chosen is None:
         return
     left_out = [
         item
         for item in items
-        if (item.get_closest_marker("slow") or item.get_closest_marker("docs_pages")) and fifth(item.nodeid) != chosen
+        if (item.get_closest_marker("slow") or item.get_closest_marker("docs_pages")) and part(item.nodeid) != chosen
     ]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in set(left_out)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 
 from tests.support.places import ROOT
-from tests.support.slow_tests import LARGEST_NUMBER, costliest, fifth, listed
+from tests.support.slow_tests import LARGEST_NUMBER, PARTS, costliest, listed, part
 
 
 def functions(file: str) -> set[str]:
@@ -24,10 +24,10 @@ def test_no_more_than_a_tenth() -> None:
     assert 0 < len(listed()) <= LARGEST_NUMBER
 
 
-def test_every_fifth_has_its_share() -> None:
-    sizes = [sum(fifth(node_id) == part for node_id in listed()) for part in range(5)]
+def test_every_part_has_its_share() -> None:
+    sizes = [sum(part(node_id) == number for node_id in listed()) for number in range(PARTS)]
     assert sum(sizes) == len(listed())
-    assert min(sizes) > 0.6 * len(listed()) / 5
+    assert min(sizes) > 0.6 * len(listed()) / PARTS
 
 
 def test_the_costlier_half_of_a_file() -> None:
