@@ -108,15 +108,17 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
 
 
 def _ends(metrics: Sequence[MetricValue], places: int) -> list[str]:
-    """Half of each interval, or its ends to the first digit of the longest of their shorter halves."""
+    """Half of each interval, or its ends: to the first digit of the longest of their shorter halves, or of the end."""
     known = [(metric.value, metric.ci95) for metric in metrics]
     shorter = [min(value - ends[0], ends[1] - value) for value, ends in known if value is not None and ends]
-    fewer = min(places, decimals([max(shorter, default=None)], 1))
-    halves = [(metric, reach(metric.value, metric.ci95, places)) for metric in metrics]
-    return [
-        half if half[:1] in ("±", "") else reach(metric.value, metric.ci95, fewer).replace(" to ", "-")
-        for metric, half in halves
-    ]
+    least = decimals([max(shorter, default=None)], 1)
+    written = []
+    for value, ends in known:
+        half = reach(value, ends, places)
+        if ends and half[:1] not in ("±", ""):
+            half = reach(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")
+        written.append(half)
+    return written
 
 
 def _notes_on_tracks(result: Result) -> list[str]:
