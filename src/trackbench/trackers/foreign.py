@@ -102,7 +102,8 @@ def _not_there(what: str, path: Path, fits: Callable[[Path], bool]) -> str:
     place = path.parent
     choices = [file.name for file in place.iterdir() if fits(file)] if place.is_dir() else []
     hint = nearest(path.name, choices) if choices else f"no {what} is there"
-    if any((place / path.stem.removeprefix("lib")).with_suffix(source).is_file() for source in (".c", ".cpp")):
+    sources = [(place / path.stem.removeprefix("lib")).with_suffix(ending) for ending in (".c", ".cpp")]
+    if not hint.startswith("did you mean") and any(source.is_file() for source in sources):
         hint = f"make {path.name} builds it"
     return f"there is no {what} {path.name!r} in {place}: {hint}"
 
