@@ -161,8 +161,7 @@ class Entry:
         scene = self._column(rows, "scene")
         if not np.array_equal(scene, np.round(np.clip(np.nan_to_num(scene), 0, expected))):
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
-        cut = (self.result.summary.truth.model_extra or {}).get("stretches", 0) > 0
-        return clustered(interval, scene.astype(np.intp), in_time=cut)
+        return clustered(interval, scene.astype(np.intp), in_time=self.result.summary.truth.log_stretches > 0)
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:

@@ -18,16 +18,11 @@ def runs_in_words(result: Result) -> str:
     """ "100 runs", "10 scenes of 20 runs", or "10 stretches of one log"."""
     summary = result.summary
     scenes = len(summary.truth.scenes)
-    if cuts := stretches_of_each_log(result):
+    if cuts := summary.truth.log_stretches:
         return f"{scenes} stretches of {'one log' if scenes == cuts else counted(scenes // cuts, 'log')}"
     if not scenes:
         return counted(summary.runs, "run")
     return f"{scenes} scenes of {counted(summary.runs // scenes, 'run')}"
-
-
-def stretches_of_each_log(result: Result) -> int:
-    """Into how many the scores of each log are cut; 0: into none."""
-    return int((result.summary.truth.model_extra or {}).get("stretches", 0))
 
 
 def basis_of_intervals(result: Result) -> str:
@@ -41,7 +36,7 @@ def _independent_parts(result: Result) -> str:
     summary = result.summary
     if summary.truth.scenes and len(result.tables.if_there("stretches")):
         return f"over stretches of the time of {len(summary.truth.scenes)} logs"
-    if stretches_of_each_log(result):
+    if summary.truth.log_stretches:
         return f"over {runs_in_words(result)}, through which trackers go once"
     if summary.truth.scenes:
         return f"over {len(summary.truth.scenes)} scenes"

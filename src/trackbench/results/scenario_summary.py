@@ -73,6 +73,11 @@ class TruthSummary(ResultModel):
     """Fingerprint of what moved in each scene, also of a single one: one that begins another is of the same scene."""
 
     @property
+    def log_stretches(self) -> int:
+        """Into how many stretches of time the scores of each log are cut; 0: into none."""
+        return int((self.model_extra or {}).get("stretches", 0))
+
+    @property
     def vehicles(self) -> str:
         """How many there are, or that nobody knows."""
         return counted(len(self.objects), "vehicle") if self.known else "no truth"

@@ -34,6 +34,7 @@ from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.config.recording import ReferenceTruth
 from trackbench.truth.filed import read_tracks
 from trackbench.truth.track_rows import TrackRows
 
@@ -294,8 +295,8 @@ def work_of(
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,
-        stretches=getattr(scenario.truth, "stretches", None) or 0,
-        counted_stretches=getattr(scenario.truth, "counted_stretches", ()),
+        stretches=(scenario.truth.stretches or 0) if isinstance(scenario.truth, ReferenceTruth) else 0,
+        counted_stretches=scenario.truth.counted_stretches,
     )
     return replace(work, engine=chosen(engine, work.steps), driven_twice=_drawn_block(work), filed=_filed(work))
 

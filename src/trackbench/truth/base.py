@@ -109,6 +109,11 @@ class TruthSource(Config, ABC):
         return None
 
     @property
+    def counted_stretches(self) -> list[tuple[int, int]]:
+        """Number of the log, and that of the stretch in it, of each that counts; none where logs are not cut."""
+        return []
+
+    @property
     def quick(self) -> bool:
         """Whether ``load`` takes so little time that it is not worth another process."""
         return False

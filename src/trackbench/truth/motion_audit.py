@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.errors import InputError, counted
-from trackbench.base.types import Mask, RecordedNoise
+from trackbench.base.types import Array, Mask, RecordedNoise
 from trackbench.base.units import wrap_angle
 from trackbench.truth.frames import Frames
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
@@ -69,7 +69,7 @@ def figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) 
         velocity = np.hypot(np.diff(track.vx), np.diff(track.vy))
         accelerations.append((np.abs(np.diff(speed)) if raw else velocity) / dt)
         jerks.append(float(np.abs(np.diff(speed, 2)).max(initial=0.0)) / dt**2)
-        errors.append(np.hypot(*steps) - (speed[1:] + speed[:-1]) / 2)
+        errors.append(_displacement_error(x, y, speed, dt))
         jumps += int((np.hypot(*np.diff(steps, axis=1)) > 2 * IMPOSSIBLE_MPS2 * dt).sum())
     peaks = np.array([values.max() for values in accelerations])
     worst = int(np.argmax(peaks))
@@ -85,6 +85,11 @@ def figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) 
         displacement_max_mps=float(np.abs(error).max()),
         jumps=jumps,
     )
+
+
+def _displacement_error(x: Array, y: Array, speed: Array, dt: float) -> Array:
+    """``(steps - 1,)`` of the displacement over each step from the mean speed, m/s."""
+    return np.asarray(np.hypot(np.diff(x) / dt, np.diff(y) / dt) - (speed[1:] + speed[:-1]) / 2)
 
 
 class JerkyMotion(NamedTuple):
@@ -121,8 +126,7 @@ def _speed_error(track: GridTrack, dt: float) -> float:
     """Root mean square of the speed that the file states minus that of the displacement; 0 where it states none."""
     if track.track.speed is None:
         return 0.0
-    displacement = np.hypot(np.diff(track.x), np.diff(track.y)) / dt
-    return float(np.sqrt(np.mean((np.abs(track.raw_speed[1:] + track.raw_speed[:-1]) / 2 - displacement) ** 2)))
+    return float(np.sqrt(np.mean(_displacement_error(track.x, track.y, np.abs(track.raw_speed), dt) ** 2)))
 
 
 def recorded_noise(tracks: Sequence[GridTrack]) -> RecordedNoise:

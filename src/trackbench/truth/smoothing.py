@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Indices
 from trackbench.truth.config.traffic import Smoothing
+from trackbench.truth.track_rows import longest_gap
 from trackbench.truth.tracks import TrafficTrack
 
-#: A track with a longer time between two rows, s and steps, is another track from then on.
-LONGEST_GAP_S, LONGEST_GAP_STEPS = 0.5, 3
 #: Slower than this a displacement has no direction that could be a heading, m/s.
 SLOW_MPS = 0.5
 
@@ -60,7 +59,7 @@ def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing 
     """
     result = []
     for track in tracks:
-        for part in _without_gaps(track, _longest_gap(dt)):
+        for part in _without_gaps(track, dt):
             # Rows are on the grid but for rounding of their times.
             first, last = int(np.ceil(part.time[0] / dt - 0.05)), int(np.floor(part.time[-1] / dt + 0.05))
             if last > first:
@@ -70,16 +69,16 @@ def grid_tracks(tracks: Sequence[TrafficTrack], dt: float, smoothing: Smoothing 
 
 def gaps(tracks: Sequence[TrafficTrack], dt: float) -> int:
     """How often a track ends, and another begins after a gap."""
-    return sum(int((np.diff(track.time) > _longest_gap(dt)).sum()) for track in tracks)
+    return sum(len(_after_gaps(track, dt)) for track in tracks)
 
 
-def _longest_gap(dt: float) -> float:
-    return max(LONGEST_GAP_S, LONGEST_GAP_STEPS * dt)
+def _after_gaps(track: TrafficTrack, dt: float) -> Indices:
+    """The rows with which it begins again."""
+    return np.flatnonzero(np.diff(track.time) > longest_gap(dt)) + 1
 
 
-def _without_gaps(track: TrafficTrack, longest: float) -> Iterator[TrafficTrack]:
-    gaps = np.flatnonzero(np.diff(track.time) > longest) + 1
-    edges = [0, *gaps.tolist(), len(track.time)]
+def _without_gaps(track: TrafficTrack, dt: float) -> Iterator[TrafficTrack]:
+    edges = [0, *_after_gaps(track, dt).tolist(), len(track.time)]
     for number, (start, end) in enumerate(pairwise(edges), 1):
         arrays = {
             key: values[start:end]

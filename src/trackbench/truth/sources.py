@@ -5,13 +5,13 @@ The simulator takes a second to import, so nothing here imports it before it is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from trackbench.base.types import Progress, no_progress
 from trackbench.truth import boxes, recorded, scripted, simulated, traffic
-from trackbench.truth.base import Draw, LoadedTruth
+from trackbench.truth.base import Draw, LoadedTruth, TruthSource
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
 from trackbench.truth.config.traffic import BoxesOptions, TrafficOptions
 
@@ -48,7 +48,19 @@ class ScriptedTruth(ScriptedOptions):
         return scripted.most_runs(self) if self.random else None
 
 
-class RecordingTruth(RecordingOptions):
+class _Recorded(TruthSource):
+    """What is read from files, and not made."""
+
+    @property
+    def quick(self) -> bool:
+        return True
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
+        made = (scene.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors) for scene in self.scenes())
+        return [note for scene in made for note in scene.notes]
+
+
+class RecordingTruth(_Recorded, RecordingOptions):
     """Motion from files, and measurements where they have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
@@ -56,31 +68,16 @@ class RecordingTruth(RecordingOptions):
         notes = tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in recording.notes)
         return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
 
-    @property
-    def quick(self) -> bool:
-        return True
 
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
-        logs = self.scenes()
-        return [note for log in logs for note in log.load(_ANY_DRAW, folder=folder or Path(), sensors=sensors).notes]
-
-
-class BoxesTruth(BoxesOptions):
+class BoxesTruth(_Recorded, BoxesOptions):
     """Boxes of a file, against which tracks of other files are scored."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
         truth, notes = boxes.load(self, folder)
         return LoadedTruth(truth, notes=notes)
 
-    @property
-    def quick(self) -> bool:
-        return True
 
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> Sequence[str]:
-        return self.load(_ANY_DRAW, folder=folder or Path()).notes
-
-
-class TrafficTruth(TrafficOptions):
+class TrafficTruth(_Recorded, TrafficOptions):
     """Recorded traffic: every vehicle's motion, which sensors on one of them, or beside the road, see."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
@@ -89,11 +86,3 @@ class TrafficTruth(TrafficOptions):
 
     def recorded_rate(self, folder: Path) -> float:
         return traffic.rate_of(self, folder)
-
-    @property
-    def quick(self) -> bool:
-        return True
-
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> list[str]:
-        scenes = self.scenes()
-        return [note for scene in scenes for note in scene.load(_ANY_DRAW, folder=folder or Path()).notes]

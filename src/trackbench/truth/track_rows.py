@@ -15,8 +15,15 @@ from trackbench.base.types import Array, Indices, Mask
 
 #: Time stamps this near to each other, s, are the same: files are written with microseconds.
 SAME_STAMP_S = 1e-6
+#: A longer time between two rows, s and usual times between them, is a gap.
+LONGEST_GAP_S, LONGEST_GAP_ROWS = 0.5, 3
 #: Upper triangle of a covariance of px, py, vx, vy, by the names of its columns.
 COVARIANCE = {f"p_{a}{b}": (a, b) for a in range(4) for b in range(a, 4)}
+
+
+def longest_gap(usual: float) -> float:
+    """The longest time between two rows that is none, s, where they usually are ``usual`` s apart."""
+    return max(LONGEST_GAP_S, LONGEST_GAP_ROWS * usual)
 
 
 @dataclass(frozen=True)

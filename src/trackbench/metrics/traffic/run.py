@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.base.types import Array, Mask
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
@@ -21,7 +21,15 @@ from trackbench.metrics.traffic.assignment import (
     similarity,
 )
 from trackbench.metrics.traffic.events import TrafficEvent, events, strips
-from trackbench.metrics.traffic.mot_metrics import clear_matches, hota, identity, resumptions, switches, track_of_each
+from trackbench.metrics.traffic.mot_metrics import (
+    Switches,
+    clear_matches,
+    hota,
+    identity,
+    resumptions,
+    switches,
+    track_of_each,
+)
 from trackbench.metrics.traffic.set_distances import GospaParts, gospa, ospa, ospa2
 from trackbench.metrics.traffic.table import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.traffic.tgospa import tgospa_by_cost
@@ -123,32 +131,40 @@ def score_run(
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff, unscored)
     of_gospa, counted = count_by_gospa(near), count_by_clear(near)
-    track_of = track_of_each(counted.matched, counted.due.shape)
-    changes, duration = switches(track_of), durations(truth.time)
-    steps = len(truth.time)
+    duration, steps = durations(truth.time), len(truth.time)
 
-    def until(end: int) -> tuple[RunSums, bool]:
+    def until(end: int) -> _Beginning:
         span = slice(0, end)
         pairs = of_gospa.until(end), counted.until(end)
         taken = associations and associations.within(span)
-        return _values(options, truth.within(span), tracks.within(span), *pairs, taken, duration)
+        return _beginning(options, truth.within(span), tracks.within(span), *pairs, taken, duration)
 
-    switch = options.switch(float(duration.mean()))
-    bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
-    values, exact = until(steps)
+    whole, switch = until(steps), options.switch(float(duration.mean()))
     return RunScores(
-        values=values,
-        gospa=gospa(of_gospa),
-        latencies=latencies(track_of, counted.due, duration),
-        existence=bins,
-        events=events(truth, tracks, counted, of_gospa, track_of, changes, switch),
-        strips=strips(track_of, counted.due, changes),
-        tgospa_exact=exact,
-        until=tuple(values if end == steps else until(end)[0] for end in ends),
+        values=whole.values,
+        gospa=whole.gospa,
+        latencies=whole.latencies,
+        existence=None if tracks.existence is None else existence_bins(counted, tracks.existence),
+        events=events(truth, tracks, counted, of_gospa, whole.track_of, whole.changes, switch),
+        strips=strips(whole.track_of, counted.due, whole.changes),
+        tgospa_exact=whole.tgospa_exact,
+        until=tuple(whole.values if end == steps else until(end).values for end in ends),
     )
 
 
-def _values(
+class _Beginning(NamedTuple):
+    """What a run tells up to an instant."""
+
+    values: RunSums
+    gospa: GospaParts
+    latencies: Array
+    tgospa_exact: bool
+    track_of: Indices
+    """``(T, N)`` as of ``track_of_each``."""
+    changes: Switches
+
+
+def _beginning(
     options: TrafficScoreOptions,
     truth: TruthHistory,
     tracks: TrackHistory,
@@ -156,8 +172,8 @@ def _values(
     counted: Counted,
     associations: Associations | None,
     every: Array,
-) -> tuple[RunSums, bool]:
-    """Of a run, or its beginning, and whether those of T-GOSPA are exact; ``every``: durations in the whole run."""
+) -> _Beginning:
+    """Of a run, or what is before an instant; ``every``: durations in the whole run."""
     matched, duration, spacing = counted.matched, every[: len(truth.time)], float(every.mean())
     track_of = track_of_each(matched, counted.due.shape)
     changes = switches(track_of)
@@ -205,7 +221,8 @@ def _values(
         **matched_errors(truth, tracks, matched),
         **({} if associations is None else association_counts(counted, associations)),
     }
-    return {path: sums for path, sums in values.items() if any(sums)}, trajectory.exact
+    told = {path: sums for path, sums in values.items() if any(sums)}
+    return _Beginning(told, parts, waited, trajectory.exact, track_of, changes)
 
 
 def count_by_clear(near: Nearby) -> Counted:

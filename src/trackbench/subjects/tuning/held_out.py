@@ -101,7 +101,7 @@ def halved(loaded: Scenario, split: Split) -> Halves:
 
 def number_of_parts(config: ScenarioConfig) -> int:
     """Of scenes, or of the stretches of logs."""
-    return len(getattr(config.truth, "counted_stretches", ())) or len(config.truth.scenes())
+    return len(config.truth.counted_stretches) or len(config.truth.scenes())
 
 
 def _halved_logs(loaded: Scenario) -> Halves:

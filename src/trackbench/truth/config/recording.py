@@ -51,6 +51,17 @@ class ReferenceTruth(TruthSource):
     length_m: Positive = Field(4.5, description="Length of every object of which the file does not state it, m.")
     width_m: Positive = Field(1.8, description="Width of every object of which the file does not state it, m.")
     reference: ReferenceOptions = Field(default_factory=ReferenceOptions, description="What of the truth counts.")
+    stretches: int | None = Field(
+        None,
+        ge=2,
+        le=MAX_SCENES,
+        description="With hidden identities: into how many stretches of time the scores of each log are cut, so that "
+        "one log gives intervals and can be held out in part. Trackers go through the whole log once.",
+    )
+
+    @property
+    def counted_stretches(self) -> list[tuple[int, int]]:
+        return [(0, number) for number in range(self.stretches or 0)]
 
 
 class RecordingOptions(ReferenceTruth):
@@ -82,13 +93,6 @@ class RecordingOptions(ReferenceTruth):
         None,
         description="csv and parquet without a truth: the recorded motion of what carries the sensors, in a file of "
         "its own; otherwise observer. Beside a truth it is columns.observer.",
-    )
-    stretches: int | None = Field(
-        None,
-        ge=2,
-        le=MAX_SCENES,
-        description="With hidden identities: into how many stretches of time the scores of each log are cut, so that "
-        "one log gives intervals and can be held out in part. Trackers go through the whole log once.",
     )
     _log_name: str = PrivateAttr("")
     _hidden: bool = PrivateAttr(False)
@@ -139,7 +143,6 @@ class RecordingOptions(ReferenceTruth):
 
     @property
     def counted_stretches(self) -> list[tuple[int, int]]:
-        """Number of the log, and that of the stretch in it, of each that counts; none where logs are not cut."""
         every = [(log, number) for log in range(self.number_of_logs) for number in range(self.stretches or 0)]
         return every[self._every]
 

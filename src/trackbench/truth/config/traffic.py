@@ -170,14 +170,3 @@ class BoxesOptions(ReferenceTruth, OptionsBeside):
         description="The file. A relative path starts in the scenario's folder, or in the working directory; "
         "environment variables such as $TRACKBENCH_DATA are filled in.",
     )
-    stretches: int | None = Field(
-        None,
-        ge=2,
-        le=MAX_SCENES,
-        description="Into how many stretches of time the scores are cut, so that there are intervals.",
-    )
-
-    @property
-    def counted_stretches(self) -> list[tuple[int, int]]:
-        """Number of the log, the only one, and of each stretch."""
-        return [(0, number) for number in range(self.stretches or 0)]

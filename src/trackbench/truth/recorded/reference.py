@@ -15,11 +15,10 @@ from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.noise import noise_of
 from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.track_rows import longest_gap
 
 #: Of a box, m.
 LARGEST_M = 1000.0
-#: An object without a row for longer is absent in between: s, and rows at the usual rate of its own.
-LONGEST_GAP_S, LONGEST_GAP_ROWS = 0.5, 3
 
 
 def ignored_rows(table: Rows, ignore: Mapping[str, Sequence[str]]) -> Mask:
@@ -106,14 +105,13 @@ def judged(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
 
 
 def _in_gap(rows: Array, time: Array) -> Mask:
-    """``(steps,)`` whether a time is in a gap between rows."""
+    """``(steps,)`` whether a time is in a gap between rows, where its object is absent."""
     steps = np.diff(rows)
     if not len(steps):
         return np.zeros(len(time), dtype=bool)
-    longest = max(LONGEST_GAP_S, LONGEST_GAP_ROWS * float(np.median(steps)))
     after = np.clip(np.searchsorted(rows, time), 1, len(rows) - 1)
     between = (time > rows[after - 1]) & (time < rows[after])
-    return np.asarray(between & (steps[after - 1] > longest))
+    return np.asarray(between & (steps[after - 1] > longest_gap(float(np.median(steps)))))
 
 
 def _lasting(boxes: Array, frames: Array) -> Array:
@@ -121,6 +119,6 @@ def _lasting(boxes: Array, frames: Array) -> Array:
     number: Indices = np.searchsorted(frames, boxes[0])
     steps = np.diff(frames)
     usual = float(np.median(steps)) if len(steps) else 0.0
-    half = np.minimum(np.concatenate([[usual], steps, [usual]]), max(LONGEST_GAP_S, LONGEST_GAP_ROWS * usual)) / 2
+    half = np.minimum(np.concatenate([[usual], steps, [usual]]), longest_gap(usual)) / 2
     x, y, heading = boxes[1:4]
     return np.stack([boxes[0] - half[number], boxes[0] + half[number + 1], x, y, wrap_angle(heading), *boxes[4:]])
