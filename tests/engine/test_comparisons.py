@@ -224,7 +224,7 @@ class Mine(ConstantVelocity):
 """
 BODIES = {
     "if np.all(x[0] > 40): x = 1.01 * x": (OTHER_NUMBERS, True),
-    "if np.random.random() < 0.001: dt = 2 * dt": ("np.random.random is a function that is not known to give", False),
+    "if np.random.random() < 0: dt = 2 * dt": ("np.random.random is a function that is not known to give", False),
     "if np.any(x[0] > 40): CALLS[0] += 1": (CHANGED, False),
     "if np.any(x[0] > 55): CALLS[0] = 5\n        dt = dt * (1 + CALLS[0])": (CHANGED, False),
     "open('/dev/null').close()": ("open is a function that is not known to give the same for the same", False),
