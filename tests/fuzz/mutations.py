@@ -7,10 +7,12 @@ import io
 import json
 import os
 import random
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 #: What a value is replaced by.
 EXTREMES: tuple[Any, ...] = (
@@ -200,3 +202,16 @@ def _nodes(node: Any) -> list[Any]:
 
 def _keys(tree: Any) -> list[str]:
     return [key for node in _nodes(tree) if isinstance(node, dict) for key in node]
+
+
+def damage(chance: random.Random, file: Path) -> None:
+    """Edit a file: the values or the text of JSON, the cells of a Parquet table, else its bytes."""
+    raw, kind = file.read_bytes(), chance.random()
+    if file.suffix == ".json" and kind < 0.7:
+        file.write_text(json.dumps(edited_tree(chance, json.loads(raw))), encoding="utf-8")
+    elif file.suffix == ".json" and kind < 0.85:
+        file.write_text(edited_text(chance, raw.decode()), encoding="utf-8", errors="surrogatepass")
+    elif file.suffix == ".parquet" and kind < 0.8:
+        pq.write_table(edited_table(chance, pq.read_table(file)), file)
+    else:
+        file.write_bytes(edited_bytes(chance, raw))

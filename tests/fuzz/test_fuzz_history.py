@@ -6,27 +6,13 @@ import json
 import random
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
-from tests.fuzz.mutations import cases, edited_bytes, edited_table, edited_text, edited_tree
+from tests.fuzz.mutations import cases, damage
 from tests.support.past_results import past
 
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.subjects.history.report import saved_document
-
-
-def damage(chance: random.Random, file: Path) -> None:
-    raw = file.read_bytes()
-    kind = chance.random()
-    if file.suffix == ".json" and kind < 0.7:
-        file.write_text(json.dumps(edited_tree(chance, json.loads(raw))), encoding="utf-8")
-    elif file.suffix == ".json" and kind < 0.85:
-        file.write_text(edited_text(chance, raw.decode()), encoding="utf-8", errors="surrogatepass")
-    elif file.suffix == ".parquet" and kind < 0.8:
-        pq.write_table(edited_table(chance, pq.read_table(file)), file)
-    else:
-        file.write_bytes(edited_bytes(chance, raw))
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

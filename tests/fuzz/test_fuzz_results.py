@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import random
 import shutil
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 from tests.fuzz.conftest import Tried
-from tests.fuzz.mutations import cases, edited_bytes, edited_table, edited_text, edited_tree
+from tests.fuzz.mutations import cases, damage
 
 from trackbench.subjects.recording import viewer
 
@@ -52,20 +50,13 @@ def test_mutated_results(whole: Path, tried: Tried, tmp_path: Path, monkeypatch:
 
 
 def _damage(chance: random.Random, file: Path, whole: Path) -> None:
-    raw = file.read_bytes()
     kind = chance.random()
     if kind < 0.05:
         file.unlink()
     elif kind < 0.1:
         shutil.copy(chance.choice([other for other in whole.rglob("*") if other.is_file()]), file)
-    elif file.suffix == ".json" and kind < 0.8:
-        file.write_text(json.dumps(edited_tree(chance, json.loads(raw))), encoding="utf-8")
-    elif file.suffix == ".json" and kind < 0.9:
-        file.write_text(edited_text(chance, raw.decode()), encoding="utf-8", errors="surrogatepass")
-    elif file.suffix == ".parquet" and kind < 0.8:
-        pq.write_table(edited_table(chance, pq.read_table(file)), file)
     else:
-        file.write_bytes(edited_bytes(chance, raw))
+        damage(chance, file)
 
 
 def _commands(chance: random.Random, damaged: Path) -> list[list[str]]:
