@@ -38,8 +38,8 @@ class LogPart(NamedTuple):
     """Of the topic, which may be left out where one alone has such messages, or of the frame."""
 
 
-#: The messages that have it; those before are taken where a file has several.
-SCHEMAS = {"boxes": (foxglove.BOXES,), "detections": (foxglove.POINTS, foxglove.SCAN), "frame": ()}
+#: The messages that have detections; those before are taken where a file has both.
+DETECTIONS = (foxglove.POINTS, foxglove.SCAN)
 
 
 def columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
@@ -48,15 +48,15 @@ def columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
     Raises:
         InputError: the file cannot be read, or does not have it.
     """
-    schemas = SCHEMAS[part.what]
-    messages = messages_of(file, {*schemas, foxglove.TRANSFORMS})
+    if part.what == "detections":
+        own = of_topic(messages_of(file, {*DETECTIONS}), DETECTIONS, part, file)
+        return foxglove.columns_of_detections(decoded(own, file), own[0].schema, file)
+    messages = messages_of(file, {foxglove.BOXES, foxglove.TRANSFORMS})
     transforms = decoded([message for message in messages if message.schema == foxglove.TRANSFORMS], file)
-    if not schemas:
+    if part.what == "frame":
         return foxglove.columns_of_frame(part.name or "", transforms, file)
-    own = of_topic(messages, schemas, part, file)
-    if part.what == "boxes":
-        return foxglove.columns_of_boxes(decoded(own, file), transforms, file)
-    return foxglove.columns_of_detections(decoded(own, file), own[0].schema, file)
+    own = of_topic(messages, (foxglove.BOXES,), part, file)
+    return foxglove.columns_of_boxes(decoded(own, file), transforms, file)
 
 
 def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPart, file: Path) -> list[Message]:
