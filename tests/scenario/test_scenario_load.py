@@ -153,3 +153,4 @@ def test_scenes_of_several_leave_those_that_have_one() -> None:
     for named in (["traffic/cut_in"], ["traffic/cut_in", "traffic/guard_rail"]):
         with pytest.raises(InputError, match="one scene for each of truth"):
             load_several(named, scenes=3)
+        assert len(load_several(named, runs=2)[0]) == len(named)

@@ -84,15 +84,17 @@ def load_several(
         ("runs", "run", [same_every_run(config) for config in plain]),
         ("scenes", "scene", ["seeds" not in type(config.truth).model_fields for config in plain]),
     ):
-        if option == "scenes" and fixed and all(fixed):
-            message = "a recording has one scene for each of truth.observer.vehicle, or of the files of truth.path"
-            raise InputError(f"{message}; a script has one", key="--scenes")
-        if options[option] is not None and any(fixed) and not all(fixed):
+        if options[option] is None or not any(fixed):
+            continue
+        if not all(fixed):
             for change, same in zip(changes, fixed, strict=True):
                 if same:
                     del change[option]
             names = ", ".join(config.name for config, same in zip(plain, fixed, strict=True) if same)
             notes.append(f"one {word}, whatever --{option} says: {names}")
+        elif option == "scenes":
+            message = "a recording has one scene for each of truth.observer.vehicle, or of the files of truth.path"
+            raise InputError(f"{message}; a script has one", key="--scenes")
     loaded = [
         load(item, set, seed=seed, trackers=trackers, **change) for item, change in zip(named, changes, strict=True)
     ]
