@@ -53,8 +53,8 @@ class Seen:
 
 
 def mark(program: Program) -> str:
-    """Of the text of a program, and of what is accepted."""
-    return sha256(f"{program.accept}{program.text}".encode()).hexdigest()[:16]
+    """Of the text of a program with its parts, and of what is accepted."""
+    return sha256(f"{program.accept}{program.whole}".encode()).hexdigest()[:16]
 
 
 def examine(program: Program) -> Seen:

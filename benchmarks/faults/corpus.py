@@ -4,6 +4,9 @@ A set is a folder beside this file: ``bases/NAME.py``, sound programs with a cla
 as :class:`Fault`, each of which replaces some text of a base; ``sound.yaml`` and ``sound/NAME.py``, entries as
 :class:`Sound`, which no examination may fault.
 
+The sound programs share ``parts.py``, which they import as ``benchmarks.faults.parts`` from wherever they are written
+to. The bases are complete in themselves: what a fault replaces must stand in the base's own file.
+
 The class of a program that follows several objects has ``identities = "hidden"``. An accepted name that the doctor does
 not know yet has a comment on its line.
 """
@@ -11,6 +14,7 @@ not know yet has a comment on its line.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +22,9 @@ from typing import Any, NamedTuple
 import yaml
 
 SETS = Path(__file__).parent
+PARTS = SETS / "parts.py"
+if str(SETS.parents[1]) not in sys.path:
+    sys.path.append(str(SETS.parents[1]))  # for what the programs import; processes started from this one have it too
 KINDS = ("single", "imm", "several", "foreign")
 
 
@@ -64,6 +71,12 @@ class Program:
     @property
     def accept(self) -> tuple[str, ...]:
         return tuple(self.entry.accept) if isinstance(self.entry, Fault) else ()
+
+    @property
+    def whole(self) -> str:
+        """The text, with that of the parts where it imports them."""
+        imports = "from benchmarks.faults.parts import" in self.text
+        return self.text + PARTS.read_text(encoding="utf-8") if imports else self.text
 
     @property
     def identities(self) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -75,6 +77,11 @@ def test_every_fault_is_of_a_kind_and_its_names_are_known_or_marked(name: str) -
             assert fault in known or marked, f"{program.module}: {fault} is not known, and has no comment"
     modules = [program.module for program in [*programs, *sound(name), *bases(name)]]
     assert len(set(modules)) == len(modules)
+
+
+def test_the_parts_are_found_where_only_the_folder_of_the_benchmarks_is_on_the_path(tmp_path: Path) -> None:
+    code = f"import sys; sys.path.insert(0, {str(SETS.parent)!r}); import faults.corpus; import benchmarks.faults.parts"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
 
 
 def test_a_replacement_says_which_lines_differ_and_wants_its_text_once() -> None:

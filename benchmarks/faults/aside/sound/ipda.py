@@ -3,35 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+from benchmarks.faults.parts import in_view, linear, moved, updated
 from scipy.stats import chi2
-
-
-def linear(scan, d):
-    """z, H and R of a detection, fixed frame: the position, and of a radar the speed over ground along the ray."""
-    radar, yaw = scan.kind == "radar", scan.sensor_pose[2]
-    r, angle = (d[0], yaw + d[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    z = scan.sensor_pose[:2] + J @ (np.array([r, 0.0]) if radar else d)
-    H, R = np.eye(2, 4), J @ scan.noise_covariance[:2, :2] @ J.T
-    if radar:
-        z = np.append(z, d[2] + np.array([c, s]) @ scan.sensor_velocity)
-        H = np.vstack([H, [0.0, 0.0, c, s]])
-        R = np.pad(R, (0, 1))
-        R[2, 2] = scan.noise_covariance[2, 2] + 0.15**2  # the ray is that of the measured azimuth
-    return z, H, R
-
-
-def in_view(x, scan):
-    dx, dy = x[:2] - scan.sensor_pose[:2]
-    off = (np.arctan2(dy, dx) - scan.sensor_pose[2] + np.pi) % (2 * np.pi) - np.pi
-    return bool(np.hypot(dx, dy) < scan.field_of_view.max_range and abs(off) < scan.field_of_view.half_angle)
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
 
 
 class Track(NamedTuple):
@@ -53,11 +26,11 @@ class Tracker:
         time, count, tracks = state or (scan.time, 0, [])
         dt = scan.time - time
         detections = [linear(scan, d) for d in scan.measurement.T]
-        F, Q = constant_velocity(dt)
         survival = np.exp(-max(dt, 0.0) / self.lifetime)
         taken, after = set(), []
         for t in tracks:
-            t = t._replace(x=F @ t.x, P=F @ t.P @ F.T + Q, existence=t.existence * survival)
+            x, P = moved(t.x, t.P, dt)
+            t = t._replace(x=x, P=P, existence=t.existence * survival)
             t, near = self.updated(t, detections, scan)
             taken |= near
             t = t._replace(confirmed=t.confirmed or t.existence > 0.98)
@@ -65,10 +38,8 @@ class Tracker:
                 after.append(t)
         for j, (z, H, R) in enumerate(detections):
             if j not in taken:
-                P = np.diag([1e4, 1e4, 400.0, 400.0])
-                K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-                A, x = np.eye(4) - K @ H, np.array([z[0], z[1], 0.0, 0.0])
-                after.append(Track(count, x + K @ (z - H @ x), A @ P @ A.T + K @ R @ K.T, 0.15, used=j))
+                x, P = updated(np.array([*z[:2], 0.0, 0.0]), np.diag([1e4, 1e4, 400.0, 400.0]), z, H, R)
+                after.append(Track(count, x, P, 0.15, used=j))
                 count += 1
         return (scan.time, count, self.distinct(after)), self.output([t for t in self.distinct(after) if t.confirmed])
 
@@ -80,11 +51,9 @@ class Tracker:
             distance = y @ np.linalg.solve(S, y)
             if distance < chi2.ppf(self.gate, len(y)):
                 likelihood = np.exp(-distance / 2) / np.sqrt(np.linalg.det(2 * np.pi * S))
-                K = np.linalg.solve(S, H @ t.P).T
-                A = np.eye(4) - K @ H
                 near.append(j)
                 ratios.append(pd * likelihood / self.density(scan, z))
-                parts.append((t.x + K @ y, A @ t.P @ A.T + K @ R @ K.T))
+                parts.append(updated(t.x, t.P, z, H, R))
         total = 1 - pd * self.gate + sum(ratios)
         existence = total * t.existence / (1 - t.existence + total * t.existence)
         if not near:

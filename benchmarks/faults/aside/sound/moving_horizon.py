@@ -1,23 +1,7 @@
 """A moving-horizon estimator: least squares over the last second, with the estimate before it as arrival cost."""
 
 import numpy as np
-
-
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
+from benchmarks.faults.parts import first, moved, position, push, transition
 
 
 class Tracker:
@@ -28,9 +12,7 @@ class Tracker:
 
     def step(self, state, scan):
         if state is None:
-            z, R = position(scan)
-            x, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
-            P[:2, :2] = R
+            x, P = first(scan)
             return ((scan.time, x, P), ((scan.time, None, None),)), (x, P)
         (begun, x, P), window = state
         z, R = position(scan) if scan.valid else (None, None)
@@ -41,11 +23,9 @@ class Tracker:
             begun = window[0][0]
         return ((begun, x, P), tuple(window)), self.solved(x, P, window)
 
-    def marginal(self, x, P, first, second):
+    def marginal(self, x, P, early, late):
         """The arrival cost moved on by one instant: what is known of it from the measurements before the next."""
-        x, P = self.taken(x, P, *first[1:])
-        F, Q = constant_velocity(second[0] - first[0], self.sigma)
-        return F @ x, F @ P @ F.T + Q
+        return moved(*self.taken(x, P, *early[1:]), late[0] - early[0], self.sigma)
 
     def taken(self, x, P, z, R):
         if z is None:
@@ -65,8 +45,8 @@ class Tracker:
         for k, (time, z, R) in enumerate(window):
             if k:
                 dt = time - window[k - 1][0]
-                M = constant_velocity(dt)[0] @ M
-                M[:, 2 + 2 * k : 4 + 2 * k] += np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
+                M = transition(dt) @ M
+                M[:, 2 + 2 * k : 4 + 2 * k] += push(dt)
             if z is not None:
                 A += M[:2].T @ np.linalg.solve(R, M[:2])
                 b += M[:2].T @ np.linalg.solve(R, z)

@@ -1,17 +1,7 @@
 """A bootstrap particle filter with systematic resampling and a little jitter. It draws random numbers."""
 
 import numpy as np
-
-
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
+from benchmarks.faults.parts import position
 
 
 class Tracker:

@@ -1,24 +1,7 @@
 """A Schmidt-Kalman filter: a bias of each sensor is considered, and never estimated."""
 
 import numpy as np
-
-
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
-
+from benchmarks.faults.parts import first, moved, position, transition
 
 BIAS = 0.1**2  # m², in the fixed frame, of each sensor
 
@@ -28,16 +11,15 @@ class Tracker:
 
     def step(self, state, scan):
         if state is None:
-            z, R = position(scan)
-            x, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
-            P[:2, :2] = R
+            x, P = first(scan)
             C = {kind: np.zeros((4, 2)) for kind in ("radar", "lidar")}
             C[scan.kind] = BIAS * np.eye(4, 2)
             P[:2, :2] += BIAS * np.eye(2)
             return (scan.time, x, P, C), (x, P)
         time, x, P, C = state
-        F, Q = constant_velocity(scan.time - time)
-        x, P, C = F @ x, F @ P @ F.T + Q, {kind: F @ cross for kind, cross in C.items()}
+        dt = scan.time - time
+        x, P = moved(x, P, dt)
+        C = {kind: transition(dt) @ cross for kind, cross in C.items()}
         if scan.valid:
             z, R = position(scan)
             H, B = np.eye(2, 4), C[scan.kind]

@@ -1,58 +1,16 @@
 """One scalar after the other: the noise is made uncorrelated, and each component is an update of its own."""
 
 import numpy as np
+from benchmarks.faults.parts import Filter, linear
 
 
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
-
-
-def linear(scan):
-    """z, H and R in the fixed frame: the position, and of a radar the speed over ground along the ray."""
-    radar, yaw = scan.kind == "radar", scan.sensor_pose[2]
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    z = scan.sensor_pose[:2] + J @ (np.array([r, 0.0]) if radar else scan.measurement)
-    H, R = np.eye(2, 4), J @ scan.noise_covariance[:2, :2] @ J.T
-    if radar:
-        z = np.append(z, scan.measurement[2] + np.array([c, s]) @ scan.sensor_velocity)
-        H = np.vstack([H, [0.0, 0.0, c, s]])
-        R = np.pad(R, (0, 1))
-        R[2, 2] = scan.noise_covariance[2, 2] + 0.15**2  # the ray is that of the measured azimuth
-    return z, H, R
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
-
-
-class Tracker:
-    def step(self, state, scan):
-        if state is None:
-            z, R = position(scan)
-            x, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
-            P[:2, :2] = R
-            return (scan.time, x, P), (x, P)
-        time, x, P = state
-        F, Q = constant_velocity(scan.time - time)
-        x, P = F @ x, F @ P @ F.T + Q
-        if scan.valid:
-            z, H, R = linear(scan)
-            variances, axes = np.linalg.eigh(R)
-            for value, h, r in zip(axes.T @ z, axes.T @ H, variances, strict=True):
-                Ph = P @ h
-                k = Ph / (h @ Ph + r)
-                x = x + k * (value - h @ x)
-                P = P - np.outer(k, Ph)
-            P = (P + P.T) / 2
-        return (scan.time, x, P), (x, P)
+class Tracker(Filter):
+    def corrected(self, x, P, scan):
+        z, H, R = linear(scan)
+        variances, axes = np.linalg.eigh(R)
+        for value, h, r in zip(axes.T @ z, axes.T @ H, variances, strict=True):
+            Ph = P @ h
+            k = Ph / (h @ Ph + r)
+            x = x + k * (value - h @ x)
+            P = P - np.outer(k, Ph)
+        return x, (P + P.T) / 2

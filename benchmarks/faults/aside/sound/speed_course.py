@@ -1,37 +1,18 @@
 """Speed and course inside: an extended Kalman filter, started from a linear one when the object moves."""
 
 import numpy as np
-
-
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
+from benchmarks.faults.parts import first, moved, position, updated, wrapped
 
 
 class Tracker:
     def step(self, state, scan):
         if state is None:
-            z, R = position(scan)
-            x, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
-            P[:2, :2] = R
+            x, P = first(scan)
             return (scan.time, scan.time, "linear", x, P), (x, P)
         time, begun, form, x, P = state
         dt = scan.time - time
         if form == "linear":
-            F, Q = constant_velocity(dt)
-            x, P = self.corrected(F @ x, F @ P @ F.T + Q, scan)
+            x, P = self.corrected(*moved(x, P, dt), scan)
             speed = np.hypot(*x[2:])
             if scan.time - begun < 1 or speed < 3:
                 return (scan.time, begun, "linear", x, P), (x, P)
@@ -50,16 +31,14 @@ class Tracker:
         if abs(x[2]) < 1:
             mean, covariance = self.cartesian(x, P)
             return (scan.time, scan.time, "linear", mean, covariance), (mean, covariance)
-        x[3] = (x[3] + np.pi) % (2 * np.pi) - np.pi
+        x[3] = wrapped(x[3])
         return (scan.time, begun, "polar", x, P), self.cartesian(x, P)
 
     def corrected(self, x, P, scan):
         if not scan.valid:
             return x, P
         z, R = position(scan)
-        K = np.linalg.solve(P[:2, :2] + R, P[:2]).T
-        A = np.eye(4) - K @ np.eye(2, 4)
-        return x + K @ (z - x[:2]), A @ P @ A.T + K @ R @ K.T
+        return updated(x, P, z, np.eye(2, 4), R)
 
     def cartesian(self, x, P):
         v, c, s = x[2], np.cos(x[3]), np.sin(x[3])

@@ -1,23 +1,7 @@
 """Bierman's and Thornton's filter: the covariance is U D Uᵀ with a unit upper triangular U, and never formed inside."""
 
 import numpy as np
-
-
-def position(scan):
-    """The position in the fixed frame and its covariance."""
-    x, y, yaw = scan.sensor_pose
-    radar = scan.kind == "radar"
-    r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
-    c, s = np.cos(angle), np.sin(angle)
-    J = np.array([[c, -r * s], [s, r * c]])
-    local = np.array([r, 0.0]) if radar else scan.measurement
-    return np.array([x, y]) + J @ local, J @ scan.noise_covariance[:2, :2] @ J.T
-
-
-def constant_velocity(dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F, G @ G.T
+from benchmarks.faults.parts import first, position, push, transition
 
 
 def factors(P):
@@ -58,17 +42,14 @@ def scalar_update(x, U, D, z, h, r):
 class Tracker:
     def step(self, state, scan):
         if state is None:
-            z, R = position(scan)
-            x, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
-            P[:2, :2] = R
+            x, P = first(scan)
             U, D = factors(P)
             return (scan.time, x, U, D), (x, P)
         time, x, U, D = state
         dt = scan.time - time
-        F, _ = constant_velocity(dt)
-        G = np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
+        F = transition(dt)
         x = F @ x
-        U, D = weighted_gram_schmidt(np.hstack([F @ U, G]), np.concatenate([D, [9.0, 9.0]]))
+        U, D = weighted_gram_schmidt(np.hstack([F @ U, push(dt)]), np.concatenate([D, [9.0, 9.0]]))
         if scan.valid:
             z, R = position(scan)
             L = np.linalg.cholesky(R)

@@ -1,56 +1,28 @@
 """Constant acceleration within, of which position and velocity are returned."""
 
 import numpy as np
+from benchmarks.faults.parts import Filter, first, linear_at, with_gain
 
 
-def fixed_frame(scan, velocity=(0.0, 0.0)):
-    """z, H and R: the position in the fixed frame, and of a radar the speed along the line of sight.
-
-    An error of the azimuth turns the line of sight, along which a velocity near the predicted one is seen.
-    """
-    x, y, yaw = scan.sensor_pose
-    if scan.kind == "lidar":
-        T = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        return np.array([x, y]) + T @ scan.measurement, np.eye(2, 4), T @ scan.noise_covariance @ T.T
-    r, c, s = scan.measurement[0], np.cos(yaw + scan.measurement[1]), np.sin(yaw + scan.measurement[1])
-    across = s * (velocity[0] - scan.sensor_velocity[0]) - c * (velocity[1] - scan.sensor_velocity[1])
-    J = np.array([[c, -r * s, 0.0], [s, r * c, 0.0], [0.0, across, 1.0]])
-    H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, c, s]])
-    rate = scan.measurement[2] + c * scan.sensor_velocity[0] + s * scan.sensor_velocity[1]
-    return np.array([x + r * c, y + r * s, rate]), H, J @ scan.noise_covariance @ J.T
-
-
-def first(scan):
-    z, _, R = fixed_frame(scan)
-    P = np.diag([0.0, 0.0, 400.0, 400.0])
-    P[:2, :2] = R[:2, :2]
-    return np.array([z[0], z[1], 0.0, 0.0]), P
-
-
-def moved(x, P, dt, sigma=3.0):
-    F = np.eye(4) + dt * np.eye(4, k=2)
-    G = sigma * np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-    return F @ x, F @ P @ F.T + G @ G.T
-
-
-class Tracker:
+class Tracker(Filter):
     def __init__(self, jerk=4.0):
         self.jerk = jerk
 
-    def step(self, state, scan):
-        if state is None:
-            x, P = np.zeros(6), np.diag([0.0] * 4 + [9.0] * 2)
-            x[:4], P[:4, :4] = first(scan)
-        else:
-            time, x, P = state
-            dt = scan.time - time
-            F = np.eye(6) + dt * np.eye(6, k=2) + dt**2 / 2 * np.eye(6, k=4)
-            G = self.jerk * np.vstack([dt**3 / 6 * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)])
-            x, P = F @ x, F @ P @ F.T + G @ G.T
-            if scan.valid:
-                z, H, R = fixed_frame(scan, x[2:4])
-                H = np.hstack([H, np.zeros((len(z), 2))])
-                K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-                A = np.eye(6) - K @ H
-                x, P = x + K @ (z - H @ x), A @ P @ A.T + K @ R @ K.T
-        return (scan.time, x, P), (x[:4].copy(), P[:4, :4].copy())
+    def started(self, scan):
+        x, P = np.zeros(6), np.diag([0.0] * 4 + [9.0] * 2)
+        x[:4], P[:4, :4] = first(scan)
+        return x, P
+
+    def predicted(self, x, P, dt):
+        F = np.eye(6) + dt * np.eye(6, k=2) + dt**2 / 2 * np.eye(6, k=4)
+        G = self.jerk * np.vstack([dt**3 / 6 * np.eye(2), dt**2 / 2 * np.eye(2), dt * np.eye(2)])
+        return F @ x, F @ P @ F.T + G @ G.T
+
+    def corrected(self, x, P, scan):
+        z, H, R = linear_at(scan, x[2:4])
+        H = np.hstack([H, np.zeros((len(z), 2))])
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        return with_gain(x, P, K, z - H @ x, H, R)
+
+    def output(self, x, P):
+        return x[:4].copy(), P[:4, :4].copy()
