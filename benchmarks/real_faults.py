@@ -29,13 +29,12 @@ from doctor.traffic.subject import looped
 from doctor_rates import doctor
 from faults.corpus import KINDS, Fault, Program, bases, faults, sound
 from markdown import table
+from trackbench.metrics.breakdown import share_interval
 from trackbench.subjects.doctor.report import verdict
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
 OUTCOMES = RIGHT, WRONG, UNNAMED, HEALTHY = "right", "wrong name", "failed checks, no name", "said healthy"
-#: Two-sided 95 % quantile of the normal distribution.
-Z = 1.96
 
 
 @dataclass
@@ -86,12 +85,10 @@ def examine(program: Program) -> Seen:
     return Seen(program.module, mark(program), program.kind, outcome, confidence, verdict(found), said, seconds)
 
 
-def wilson(hits: int, count: int) -> str:
-    """Share and its 95 % interval (Wilson 1927)."""
-    share, spread = hits / count, Z**2 / count
-    middle = (share + spread / 2) / (1 + spread)
-    half = Z / (1 + spread) * np.sqrt(share * (1 - share) / count + spread / (4 * count))
-    return f"{share:.0%} ({max(middle - half, 0):.0%} to {min(middle + half, 1):.0%})"
+def shared(hits: int, count: int) -> str:
+    """A share and its exact 95 % interval."""
+    low, high = share_interval(hits / count, count)
+    return f"{hits / count:.0%} ({low:.0%} to {high:.0%})"
 
 
 def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
@@ -101,7 +98,7 @@ def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
     for kind in (*KINDS, "all"):
         outcomes = [one.outcome for one in faulty if kind in (one.kind, "all")]
         counts = [str(outcomes.count(outcome)) for outcome in OUTCOMES]
-        rows.append([kind, str(len(outcomes)), *counts, wilson(outcomes.count(RIGHT), len(outcomes))])
+        rows.append([kind, str(len(outcomes)), *counts, shared(outcomes.count(RIGHT), len(outcomes))])
     said = {outcome: [one.confidence for one in faulty if one.outcome == outcome] for outcome in (RIGHT, WRONG)}
     silent = [one for one in found if one.kind == "sound"]
     blamed = [one for one in silent if one.outcome != HEALTHY]
@@ -109,7 +106,7 @@ def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
     lines += table(["kind", "faults", *OUTCOMES, "share right"], rows)
     means = [f"{np.mean(values):.0%} of {outcome} ones" for outcome, values in said.items() if values]
     lines += [f"Mean stated confidence of first findings: {', '.join(means)}.", ""]
-    lines += [f"Sound ones and bases faulted: {len(blamed)} of {len(silent)}, {wilson(len(blamed), len(silent))}.", ""]
+    lines += [f"Sound ones and bases faulted: {len(blamed)} of {len(silent)}, {shared(len(blamed), len(silent))}.", ""]
     harm = {program.module: program.entry.harm for program in programs if isinstance(program.entry, Fault)}
     hidden = [one.module for one in faulty if one.outcome == HEALTHY and (harm[one.module] or [np.inf])[0] >= 2]
     lines += [f"With at least twice the error, and said healthy: {', '.join(hidden) or 'none'}.", ""]
