@@ -263,19 +263,16 @@ def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
     return [*lines]
 
 
-def _interval_sign(trackers: Sequence[TrackerResult]) -> str:
-    ends = _ends([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
-    return "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
-
-
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
     if summary.identities == "hidden":
         return [*_notes_on_tracks(result), *(_note_on_groups(result) if summary.truth.known else [])]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
+    ends = _ends([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
+    sign = "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
     notes = [
-        *(values_of_few_scenes(result) or [f"{_interval_sign(trackers)}: 95 %, {basis_of_intervals(result)}"]),
+        *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
         f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *missing_estimates(result),

@@ -104,8 +104,7 @@ class TruthSource(Config, ABC):
         return None
 
     def recorded_rate(self, folder: Path) -> float | None:
-        """Instants per second of recorded traffic, Hz, which no sensor exceeds; else None. ``folder`` and errors as of
-        ``load``."""
+        """Instants per second of recorded traffic, Hz, which no sensor exceeds; else None. Errors as of ``load``."""
         return None
 
     @property

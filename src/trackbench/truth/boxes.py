@@ -83,10 +83,8 @@ def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
     ignore = config.reference.ignore
     if ignore:
         if not isinstance(config.format, TableFormat):
-            message = (
-                "is of columns with names, which this format does not have; it says itself what is a don't-care box"
-            )
-            raise InputError(message, key="truth.reference.ignore")
+            message = "is of columns with names, which this format does not have"
+            raise InputError(f"{message}; it says itself what is a don't-care box", key="truth.reference.ignore")
         result = result | ignored_rows(read(file, config.format.form, list(ignore)), ignore)
     return result
 

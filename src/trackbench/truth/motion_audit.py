@@ -189,19 +189,17 @@ def refuse_impossible(
             f"{jerky.time_s:.2f} s, and no pedal changes it by more than {POSSIBLE_MPS2:g}: {smoother}; {remedy}",
             key="truth.smoothing" if smooths else "truth.audit",
         )
-    slips = [slip_of(track, dt) for track in tracks]
-    turned = int(np.argmax(slips))
-    if slips[turned] > LARGEST_SLIP:
+    slip, turned = max((slip_of(track, dt), track.track.id) for track in tracks)
+    if slip > LARGEST_SLIP:
         raise InputError(
-            f"the heading of {tracks[turned].track.id} is {np.degrees(slips[turned]):.0f}° off the way it drives "
+            f"the heading of {turned} is {np.degrees(slip):.0f}° off the way it drives "
             f"(median): check its unit, and that it counts counter-clockwise from the x axis; {remedy}",
             key="truth.audit",
         )
-    off = [_speed_error(track, dt) for track in tracks]
-    worst = int(np.argmax(off))
-    if off[worst] > LARGEST_SPEED_ERROR_MPS:
+    off, stated = max((_speed_error(track, dt), track.track.id) for track in tracks)
+    if off > LARGEST_SPEED_ERROR_MPS:
         raise InputError(
-            f"the speeds that the file states of {tracks[worst].track.id} are {off[worst]:.2g} m/s (RMS) off its "
+            f"the speeds that the file states of {stated} are {off:.2g} m/s (RMS) off its "
             f"motion: check their unit, such as units: {{speed: kmph}}; {smoother}; {remedy}",
             key="truth.audit",
         )

@@ -160,7 +160,6 @@ class _Beginning(NamedTuple):
     latencies: Array
     tgospa_exact: bool
     track_of: Indices
-    """``(T, N)`` as of ``track_of_each``."""
     changes: Switches
 
 

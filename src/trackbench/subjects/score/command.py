@@ -101,9 +101,8 @@ def score_command(
     kept = all(item.passed for item in judgements)
     if as_json:
         summary = result.json()
-        gates_as_json = [item._asdict() for item in judgements]
-        content = {**summary, "passed": summary["passed"] and kept, "gates": gates_as_json}
-        click.echo(json.dumps(content, indent=2, allow_nan=False))
+        summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
+        click.echo(json.dumps(summary, indent=2, allow_nan=False))
     else:
         for case in cases:
             click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")

@@ -99,9 +99,7 @@ def _share(change: Array, left: Array, scale: Array) -> float:
 
 def _known(kept: list[KeptChange], part: str) -> Array:
     """The shares of the trials with a clear change."""
-    shares = np.array([getattr(one, part) for one in kept], dtype=float)
-    known: Array = shares[np.isfinite(shares)]
-    return known
+    return np.array([share for one in kept if np.isfinite(share := getattr(one, part))])
 
 
 def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
