@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.15
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 81_000
-MOST_FILES = 488
+MOST_LINES = 84_000
+MOST_FILES = 510
 
 
 def lines_of(file: Path) -> int:

@@ -36,6 +36,10 @@ from trackbench.trackers.builtin import ekf
 
 REPOSITORY = ROOT
 NAMES = [
+    "imm_combination_wrong",
+    "imm_likelihood_wrong",
+    "imm_mixing_wrong",
+    "imm_transition_transposed",
     "azimuth_not_wrapped",
     "angle_mean_not_circular",
     "course_not_wrapped",

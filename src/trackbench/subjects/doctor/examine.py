@@ -20,6 +20,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, PartResult, checks_of, rank
+from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.report import Examination
@@ -162,7 +163,7 @@ class Doctor:
                 count.left(in_drives)
             try:
                 with tracker.recording_failures(check.name):
-                    results.append(self._made(check, tracker))
+                    results.append(self._asked(check, tracker))
             except TrackFault:
                 # Its process has ended, and no tracker can be made any more.
                 ended = "the tracker's process had ended"
@@ -173,6 +174,17 @@ class Doctor:
         if not findings and tracker.output_checks.estimates == 0:
             raise CannotRun("it gave no estimate at any scan")
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
+
+    def _asked(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
+        """The result of a check; what is asked of a filter, of each model alone where the tracker has several."""
+        models = tracker.once(models_alone) if check.of_filters and not check.every_drive else []
+        if not models:
+            return self._made(check, tracker)
+        results = []
+        for model in models:
+            with model.alone() as one:
+                results.append(self._made(check, one))
+        return of_each_model(results)
 
     def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
         """The result of a check; what is not asked has the reason."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -155,6 +156,12 @@ class TrackerSession:
             StepFailed: as of ``step_each``, or the tracker can neither be copied nor repeated.
         """
         return self._copied(scans[0]).step_each(scans)
+
+    @property
+    def inside(self) -> tuple[Any, Any] | None:
+        """The tracker, or the one within it that it says, and its state; None of one that lives elsewhere."""
+        tracker = self._own.tracker
+        return None if isinstance(tracker, RemoteTracker) else (getattr(tracker, "within", tracker), self._own.state)
 
     @property
     def alike(self) -> bool:

@@ -88,6 +88,13 @@ class TrackerUnderTest:
         self._predictions: dict[tuple[Probe, float], Estimate | None] = {}
         self._answers: dict[Callable[[TrackerUnderTest], Any], Any] = {}
 
+    def of_another(self, make: Callable[[], Tracker]) -> TrackerUnderTest:
+        """Another tracker, examined as this one is."""
+        on_step = self.make.on_step
+        return TrackerUnderTest(
+            make, self.sensors, self.drives, self.probes, self.seed, self.late, self.assumptions, on_step
+        )
+
     def once(self, ask: Callable[[TrackerUnderTest], Answer]) -> Answer:
         """What a function tells of the tracker; it is called once."""
         if ask not in self._answers:

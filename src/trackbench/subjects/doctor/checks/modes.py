@@ -1,0 +1,265 @@
+"""Does an interacting multiple model filter mix, weigh and combine its models as its transition probabilities say?
+
+It is looked for by its values in a tracker that runs in this process; see `inside.interaction` for the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.subjects.doctor.exhibits import Matrices, Panel
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, Innovation, bank_of, log_density
+from trackbench.subjects.doctor.inside.trace import nearest, with_value
+from trackbench.subjects.doctor.inside.values import Pool
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: Error of a logarithm of a ratio of probabilities: of a Kalman filter 1e-9; sigma points have another innovation
+#: covariance than the Jacobian where a measurement is curved.
+ROUNDED, CURVED = 1e-6, 0.1
+#: Logarithm of a ratio of likelihoods from which on they can be told from other ones.
+TOLD = 0.05
+#: Correlation from which on probabilities follow from likelihoods of another noise than the stated one.
+FOLLOWS = 0.7
+CONFIDENCE = 0.97
+
+#: What a tracker may use of a measurement: all of it, or the position alone.
+USED = (slice(None), slice(2))
+
+
+def _density(of: Innovation) -> float:
+    return log_density(of.value, of.covariance)
+
+
+#: What the logarithm of a probability may have grown by instead: by the innovation, and by the probability before the
+#: transition and after it.
+INSTEAD: dict[str, Callable[[Innovation, float, float], float]] = {
+    "they do not depend on the measurement": lambda *_: 0.0,
+    "the likelihood is that of the innovation after the update": lambda of, *_: log_density(of.updated, of.covariance),
+    "the innovation covariance is taken for its inverse": lambda of, *_: float(
+        -0.5 * of.value @ of.covariance @ of.value
+    ),
+    "the determinant of the innovation covariance is left out of the likelihood": lambda of, *_: float(
+        -0.5 * of.value @ np.linalg.solve(of.covariance, of.value)
+    ),
+    "they are divided by the likelihoods": lambda of, *_: -_density(of),
+    "the likelihood is that of the stated noise, without the covariance of the prediction": lambda of, *_: log_density(
+        of.value, of.noise
+    ),
+    "the probabilities before the measurement are left out": lambda of, _, after: _density(of) - float(np.log(after)),
+    "the probabilities before the measurement are those before the transition": lambda of, before, after: (
+        _density(of) + float(np.log(before / after))
+    ),
+    "the likelihood is taken twice": lambda of, *_: 2.0 * _density(of),
+}
+
+
+def modes(tracker: TrackerUnderTest) -> PartResult:
+    """Hold the models' starts, their probabilities and the estimate against the equations; nothing of other filters."""
+    found = tracker.once(bank_of)
+    if found is None:
+        return PartResult()
+    result = PartResult()
+    bank, steps = found
+    steps = [step for step in steps if step.after.probability.min() > 0.0 and step.before.probability.min() > 0.0]
+    if not steps:
+        return result.add("mixing", None, "the probability of a model is 0")
+    start = _start(steps)
+    said = "each model starts from the mixture that the transition probabilities give"
+    result.add("mixing", start is None, said if start is None else start.evidence, start)
+    weighed = None if start is not None and start.fault == "imm_transition_transposed" else _weights(steps)
+    said = "the probabilities are multiplied by the likelihoods of the innovations"
+    result.add("mode_probabilities", weighed is None, said if weighed is None else weighed.evidence, weighed)
+    output = None if bank.fits else _output(steps[-1])
+    said = "the estimate is the mixture of the models, its covariance with the spread of their means"
+    return result.add("combination", output is None, said if output is None else output.evidence, output)
+
+
+def _start(steps: Sequence[BankStep]) -> Finding | None:
+    """What is wrong with the mixtures from which the models start, if it is in every step."""
+    transition = steps[0].bank.transition
+    mixed = [(step, *step.mixed(transition)) for step in steps]
+    # The more equal the probabilities, the more the mixtures differ.
+    step, mean, covariance = max(mixed, key=lambda one: one[0].before.probability.min())
+    if not _mostly(of.starts_from(right) for of, right, _ in mixed):
+        turned = [of.starts_from(of.mixed(transition.T)[0]) for of in steps]
+        if _mostly(turned) and not np.allclose(transition, transition.T):
+            return _transposed(step, transition)
+        unmixed = all(np.allclose(of.started.mean, of.before.mean, rtol=1e-6) for of in steps)
+        words = "each model goes on from its own estimate" if unmixed else _line(step, mean, step.before.mean)
+        return _mixing(step, f"the mixed means are not those of the transition probabilities: {words}")
+    if _mostly(of.starts_from(right, about) for of, right, about in mixed):
+        return None
+    joint = transition * step.before.probability[:, None]
+    within = np.einsum("ij,iab->jab", joint / joint.sum(axis=0), step.before.covariance)
+    left_out = step.starts_from(mean, within)
+    words = "the spread of the means is left out" if left_out else _line(step, covariance, step.before.covariance)
+    return _mixing(step, f"the mixed means are right, and the covariances about them are not: {words}")
+
+
+def _mostly(right: Iterable[bool]) -> bool:
+    """Whether it is so in more than half of the steps: one in which the models agree tells nothing."""
+    return float(np.mean(list(right))) > 0.5
+
+
+def _line(step: BankStep, right: Array, known: Array) -> str:
+    """The line before the prediction that makes what is nearest to a right value of a model and is not right itself."""
+    later = (k for k, one in enumerate(step.assigned) if Pool([one.value]).has(step.predicted.mean[0]))
+    found = nearest(step.assigned[: next(later, None)], right, known)
+    if found is None:
+        return "nothing like them is computed"
+    assigned, error = found
+    return f"{assigned.where}, {assigned.name}, is the nearest to them, and off by {error:.2g} of the largest entry"
+
+
+def _transposed(step: BankStep, transition: Array) -> Finding:
+    joint = transition.T * step.before.probability[:, None]
+    at = with_value(step.assigned, joint, joint / joint.sum(axis=0), joint.sum(axis=0))
+    where = "" if at is None else f" ({at.where}, {at.name})"
+    text = (
+        f"the models start from the mixtures of the transposed transition probabilities{where}: "
+        f"{_matrix(step.bank.transition)} is held with a row for the model before, and used with a column for it"
+    )
+    before, after = (tuple(f"{word} {j + 1}" for j in range(len(transition))) for word in ("from", "to"))
+    exhibit = Matrices(
+        "Probabilities of transition, a row for the model before",
+        before,
+        after,
+        (Panel("as used", transition.T), Panel("as held", transition, "right")),
+        tuple((i, j) for i, j in np.argwhere(~np.isclose(transition, transition.T)).tolist()),
+    )
+    return Finding("imm_transition_transposed", CONFIDENCE, text, shown_by="course_turn", exhibit=exhibit)
+
+
+def _matrix(matrix: Array) -> str:
+    return "[" + ", ".join("[" + ", ".join(f"{value:.3g}" for value in row) + "]" for row in matrix) + "]"
+
+
+def _mixing(step: BankStep, text: str) -> Finding:
+    weights = ", ".join(f"{value:.3g}" for value in step.before.probability)
+    return Finding("imm_mixing_wrong", CONFIDENCE, f"{text} (at {step.scan.time:.4g} s, probabilities {weights})")
+
+
+def _weights(steps: Sequence[BankStep]) -> Finding | None:
+    """What is wrong with the probabilities after a measurement, if it is in most steps that tell it."""
+    total = float(steps[-1].after.probability.sum())
+    if abs(total - 1.0) > ROUNDED:
+        text = f"the probabilities of the models add up to {total:.4g} after a measurement"
+        return Finding("imm_likelihood_wrong", CONFIDENCE, text)
+    known = [
+        step
+        for step in steps
+        if min(step.before.probability.min(), step.after.probability.min()) > IMPROBABLE
+        and step.pool.has(step.predicted.mean)
+        and np.ptp(_grown(step, USED[0])) > TOLD
+    ]
+    used = min(USED, key=lambda used: float(np.median([_error(step, _grown(step, used)) for step in known] or [0.0])))
+    wrong = list[BankStep]()
+    for kind in sorted({step.scan.kind for step in known}):
+        of_kind = [step for step in known if step.scan.kind == kind]
+        off = [step for step in of_kind if _error(step, _grown(step, used)) > _tolerance(step)]
+        wrong += off if len(off) > len(of_kind) / 2 else []
+    if not wrong:
+        return None
+    for words, instead in INSTEAD.items():
+        for used in USED:
+            if all(_error(step, _grown(step, used, instead)) < _tolerance(step) for step in wrong):
+                return _weighed_wrongly(wrong, known, words)
+    # The noise that a tracker reckons with, or the geometry, may be another one.
+    gained, right = (np.concatenate([one - one[0] for one in of]) for of in zip(*_both(wrong, used), strict=True))
+    if float(np.corrcoef(gained, right)[0, 1]) > FOLLOWS:
+        return None
+    return _weighed_wrongly(wrong, known, "they do not follow from the likelihoods")
+
+
+def _both(steps: Sequence[BankStep], used: slice) -> Iterator[tuple[Array, Array]]:
+    """Logarithms of what the probabilities were multiplied by, and of the likelihoods; all but that of the first."""
+    for step in steps:
+        yield step.gained, _grown(step, used)
+
+
+def _weighed_wrongly(wrong: Sequence[BankStep], known: Sequence[BankStep], words: str) -> Finding:
+    step = max(wrong, key=lambda one: _error(one, _grown(one, USED[0])))
+    ratio, right = (float(np.exp(of[1] - of[0])) for of in (step.gained, _grown(step, USED[0])))
+    text = (
+        f"{words}: at {step.scan.time:.4g} s a measurement of {step.scan.sensor} multiplies the probability of model 2 "
+        f"by {ratio:.3g} times what it does that of model 1, and the innovations and their covariances give "
+        f"{right:.3g} ({len(wrong)} of {len(known)} steps)"
+    )
+    sensors = {one.scan.sensor for one in wrong}
+    only = sensors.pop() if len(sensors) == 1 and len({one.scan.sensor for one in known}) > 1 else None
+    return Finding("imm_likelihood_wrong", CONFIDENCE, text, sensor=only)
+
+
+def _grown(
+    step: BankStep, used: slice, by: Callable[[Innovation, float, float], float] = lambda of, *_: _density(of)
+) -> Array:
+    """``(m,)`` logarithms of what the probabilities grow by."""
+    before, after = step.before.probability, step.prior(step.bank.transition)
+    return np.array([by(step.innovation(j, used), before[j], after[j]) for j in range(len(after))])
+
+
+def _error(step: BankStep, grown: Array) -> float:
+    """Largest error of a logarithm of a ratio of probabilities."""
+    return float(np.ptp(step.gained - grown))
+
+
+def _tolerance(step: BankStep) -> float:
+    return (ROUNDED if step.scan.kind == "lidar" else CURVED) * (1.0 + float(np.ptp(_grown(step, USED[0]))))
+
+
+def _output(step: BankStep) -> Finding:
+    _, covariance = step.after.mixed(step.after.probability)
+    outputs = step.bank.ways.outputs
+    right = covariance[np.ix_(outputs, outputs)]
+    within = np.einsum("j,jab->ab", step.after.probability, step.after.covariance)
+    found = nearest(step.assigned, covariance, np.zeros(0))
+    where = "" if found is None else f" ({found[0].where}, {found[0].name})"
+    words = "the spread of the models' means is left out" if step.pool.has(within) else f"it is another one{where}"
+    text = (
+        f"the mean that is returned is the mixture of the models, and the covariance is not theirs: {words}; the "
+        f"standard deviation of px is {np.sqrt(right[0, 0]):.3g} m in the mixture"
+    )
+    return Finding("imm_combination_wrong", CONFIDENCE, text)
+
+
+MODES_CHECK = DoctorCheck(
+    modes,
+    place=35,
+    questions=(
+        Question("mixing", "Does each model start from the mixture that the transition probabilities give?"),
+        Question("mode_probabilities", "Do the models' probabilities follow from the likelihoods of innovations?"),
+        Question("combination", "Is the estimate the mixture of the models?"),
+    ),
+    faults={
+        "imm_transition_transposed": KnownFault(
+            "the transition probabilities of the models are transposed",
+            "Where the probabilities of the models are multiplied by the transition probabilities.",
+            "c_j = sum over i of pi_ij mu_i, and w_ij = pi_ij mu_i / c_j, with i the model before and j the one after.",
+            Role("root exact", rank=2, causes="covariance measured driven", drive="long_run"),
+        ),
+        "imm_mixing_wrong": KnownFault(
+            "the models start from a wrong mixture",
+            "Where the means and covariances of the models are mixed before the prediction.",
+            "Model j starts from x_0j = sum over i of w_ij x_i and P_0j = sum over i of w_ij (P_i + (x_i - x_0j)(x_i - "
+            "x_0j)^T), of the estimates of all models before any is replaced.",
+            Role("root exact", rank=3, causes="covariance measured driven", drive="long_run"),
+        ),
+        "imm_likelihood_wrong": KnownFault(
+            "the probabilities of the models do not follow from their likelihoods",
+            "Where the probabilities of the models are updated after a measurement.",
+            "mu_j = c_j N(y_j; 0, S_j), divided by their sum, with the innovation y_j and its covariance S_j of each "
+            "model before its update, and the determinant of S_j.",
+            Role("root exact", rank=4, causes="covariance measured driven", drive="long_run"),
+        ),
+        "imm_combination_wrong": KnownFault(
+            "the covariance that is returned is not that of the mixture of the models",
+            "Where the estimates of the models are combined.",
+            "P = sum over j of mu_j (P_j + (x_j - x)(x_j - x)^T), with the probabilities after the measurement.",
+            Role("root exact", rank=5, causes="covariance driven", drive="long_run"),
+        ),
+    },
+)

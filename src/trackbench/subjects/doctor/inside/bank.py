@@ -1,0 +1,155 @@
+"""The models of an interacting multiple model filter, found by their values in what the tracker holds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate, Indices
+from trackbench.subjects.doctor.inside.values import SAME, Held, Place, held
+
+#: Models of a filter, at most.
+MOST = 6
+#: By how much the sum of probabilities may differ from 1.
+ROUNDED = 1e-6
+#: Sizes of a model's state.
+SIZES = range(2, 13)
+
+
+class Models(NamedTuple):
+    """Means, covariances and probabilities of the models at one instant."""
+
+    mean: Array
+    """``(m, n)``"""
+    covariance: Array
+    """``(m, n, n)``"""
+    probability: Array
+    """``(m,)``"""
+
+    def mixed(self, weights: Array) -> tuple[Array, Array]:
+        """Mean ``(n,)`` and covariance ``(n, n)`` of a mixture with weights ``(m,)``.
+
+        Bar-Shalom, Li and Kirubarajan 2001, section 1.4.16.
+        """
+        mean = weights @ self.mean
+        spread = self.mean - mean
+        within = np.einsum("j,jab->ab", weights, self.covariance)
+        return mean, within + np.einsum("j,ja,jb->ab", weights, spread, spread)
+
+
+class Ways(NamedTuple):
+    """Where the parts of the models are held, as `family` finds them."""
+
+    mean: str
+    covariance: str
+    probability: str
+    outputs: Indices
+    """``(4,)`` places of px, py, vx, vy in a model's state."""
+
+    def models(self, families: dict[str, Array]) -> Models | None:
+        """Those of another instant; None where they are not there."""
+        if not {self.mean, self.covariance, self.probability} <= families.keys():
+            return None
+        probability = families[self.probability].ravel()
+        mean = families[self.mean].reshape(len(probability), -1)
+        covariance = families[self.covariance].reshape(*mean.shape, -1)
+        return Models(mean, covariance, probability)
+
+
+def transition_matrices(values: Iterable[Held]) -> list[tuple[Held, Array]]:
+    """The constant matrices that can be transition probabilities, each also with a row for the model before."""
+    found = []
+    for one in values:
+        matrix = one.value
+        if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
+            continue
+        if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
+            continue
+        rows, columns = (np.abs(matrix.sum(axis=axis) - 1.0).max() < ROUNDED for axis in (1, 0))
+        if rows or columns:
+            found.append((one, matrix if rows else matrix.T))
+    return found
+
+
+def of_module(tracker: Any) -> Iterator[Held]:
+    """The numbers that the module of a tracker's class holds."""
+    module = sys.modules.get(type(tracker).__module__)
+    for name, value in [] if module is None else list(vars(module).items()):
+        if not name.startswith("__"):
+            yield from (one._replace(path=(name, *one.path), place=Place(module, name)) for one in held(value, depth=0))
+
+
+def families(values: Iterable[Held], count: int) -> dict[str, Array]:
+    """The values that there are of each of some models, the model first, by their way.
+
+    Args:
+        values: what a tracker holds.
+        count: of models.
+    """
+    found: dict[str, Array] = {}
+    groups: dict[tuple[Any, ...], dict[int, Array]] = {}
+    for one in values:
+        way = ".".join(map(str, one.path))
+        for axis in range(one.value.ndim):
+            if one.value.shape[axis] == count:
+                found[f"{way}:{axis}"] = np.moveaxis(one.value, axis, 0)
+        for at, key in enumerate(one.path):
+            if isinstance(key, int):
+                groups.setdefault((*one.path[:at], "*", *one.path[at + 1 :]), {})[key] = one.value
+    for path, members in groups.items():
+        if sorted(members) == list(range(count)) and len({value.shape for value in members.values()}) == 1:
+            found[".".join(map(str, path))] = np.stack([members[j] for j in range(count)])
+    return found
+
+
+def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[Ways, bool] | None:
+    """The models whose mixture an estimate is, and whether its covariance is theirs too; None where there are none.
+
+    Args:
+        held_by: families after a step.
+        estimate: of that step.
+        count: of models.
+    """
+    probabilities = {
+        way: value.reshape(count)
+        for way, value in held_by.items()
+        if value.size == count and (value >= 0.0).all() and value.max() > 0.0
+    }
+    means = {way: value.reshape(count, -1) for way, value in held_by.items() if value[0].size in SIZES}
+    best: tuple[Ways, bool] | None = None
+    normalised = sorted(probabilities.items(), key=lambda one: round(abs(float(one[1].sum()) - 1.0), 6))
+    for (pway, weights), (xway, mean) in product(normalised, means.items()):
+        outputs = _places(weights @ mean, estimate.mean)
+        if outputs is None or np.ptp(mean, axis=0).max() == 0.0:
+            continue
+        size = mean.shape[1]
+        for way, covariance in held_by.items():
+            if covariance[0].size != size**2 or covariance.ndim < 3:
+                continue
+            models = Models(mean, covariance.reshape(count, size, size), weights)
+            _, mixed = models.mixed(weights)
+            fits = np.allclose(mixed[np.ix_(outputs, outputs)], estimate.covariance, rtol=1e-7, atol=1e-12)
+            if (fits or best is None) and np.linalg.eigvalsh(models.covariance).min() > 0.0:
+                best = (Ways(xway, way, pway, outputs), fits)
+            if fits:
+                return best
+    return best
+
+
+def _places(mixture: Array, mean: Array) -> Indices | None:
+    """Where the entries of an estimate are in a mixture; None where one is not there."""
+    apart = np.abs(mixture[:, None] - mean) <= SAME * np.maximum(np.abs(mean), 1.0)
+    if not apart.any(axis=0).all():
+        return None
+    places = np.argmax(apart, axis=0)
+    return np.asarray(places) if len(set(places.tolist())) == len(mean) else None
+
+
+def stationary(one: Sequence[tuple[Held, Array]], other: Sequence[tuple[Held, Array]]) -> list[tuple[Held, Array]]:
+    """Of the matrices at one instant those that are held in the same place at another."""
+    later = {(held_there.path, matrix.tobytes()) for held_there, matrix in other}
+    return [entry for entry in one if (entry[0].path, entry[1].tobytes()) in later]

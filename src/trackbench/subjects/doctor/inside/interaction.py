@@ -1,0 +1,209 @@
+"""The steps of an interacting multiple model filter, held against its equations.
+
+Blom and Bar-Shalom, The interacting multiple model algorithm, IEEE TAC 33, 1988; Bar-Shalom, Li and Kirubarajan 2001,
+section 11.6.6. With the transition probabilities ``pi_ij`` from model i to model j and the probabilities ``mu_i``:
+``c_j = sum_i pi_ij mu_i`` and the weights ``w_ij = pi_ij mu_i / c_j``. Each model starts from the mixture with its
+weights, and ``mu_j`` becomes ``c_j L_j``, normalised, with the likelihood ``L_j = N(y_j; 0, S_j)`` of its innovation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.units import difference
+from trackbench.driving.drive import empty_scan
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.inside.bank import (
+    Models,
+    Ways,
+    families,
+    found_models,
+    of_module,
+    stationary,
+    transition_matrices,
+)
+from trackbench.subjects.doctor.inside.trace import Assigned, traced
+from trackbench.subjects.doctor.inside.values import Held, Pool, held
+from trackbench.subjects.doctor.probes import with_noise
+from trackbench.subjects.doctor.session import TrackerSession
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: How many of the last scans are looked into, and of which before them the constants are those of the last.
+LOOKED, EARLIER = 8, 20
+#: Standard deviations of the innovation that is given.
+INNOVATION = 1.5
+#: Time of an instant, s, and by how much a prediction over it changes a mean, in standard deviations, or a covariance,
+#: relative to it, at most.
+INSTANT, INSTANTLY = 1e-9, 1e-6
+#: Probability of a model below which it says nothing.
+IMPROBABLE = 0.02
+
+
+class Bank(NamedTuple):
+    """The models of a tracker."""
+
+    held: Held
+    """The transition probabilities, as the tracker holds them."""
+    transition: Array
+    """``(m, m)`` the same, with a row for the model before."""
+    ways: Ways
+    fits: bool
+    """Whether the covariance that is returned is that of the mixture."""
+
+
+class Innovation(NamedTuple):
+    """Of one model at a measurement."""
+
+    value: Array
+    """``(z,)``"""
+    covariance: Array
+    """``(z, z)``"""
+    noise: Array
+    """``(z, z)`` that of the measurement."""
+    updated: Array
+    """``(z,)`` the innovation after the update."""
+
+
+class BankStep:
+    """One step with a measurement, and what the equations say of it.
+
+    Args:
+        bank: the models.
+        scan: of the step.
+        before: the models after the scan before.
+        started: at a missed scan an instant later.
+        predicted: at a missed scan at the time of this one.
+        after: the models after this scan.
+        assigned: what the lines of the step assign.
+    """
+
+    def __init__(
+        self,
+        bank: Bank,
+        scan: Scan,
+        before: Models,
+        started: Models,
+        predicted: Models,
+        after: Models,
+        assigned: Sequence[Assigned],
+    ) -> None:
+        self.bank, self.scan = bank, scan
+        self.before, self.started, self.predicted, self.after = before, started, predicted, after
+        self.assigned = assigned
+
+    @cached_property
+    def pool(self) -> Pool:
+        """All numbers of the step."""
+        return Pool(one.value for one in self.assigned)
+
+    def prior(self, transition: Array) -> Array:
+        """``(m,)`` probabilities after a transition."""
+        return transition.T @ self.before.probability
+
+    def mixed(self, transition: Array) -> tuple[Array, Array]:
+        """``(m, n)``, ``(m, n, n)`` from which the models start."""
+        joint = transition * self.before.probability[:, None]
+        both = [self.before.mixed(weights) for weights in (joint / joint.sum(axis=0)).T]
+        return np.stack([mean for mean, _ in both]), np.stack([covariance for _, covariance in both])
+
+    def starts_from(self, mean: Array, covariance: Array | None = None) -> bool:
+        """Whether the models start from some means and covariances: they are there after an instant, or computed."""
+        sigma = np.sqrt(np.einsum("jaa->ja", self.before.covariance))
+        near = np.abs(self.started.mean - mean).max(where=sigma > 0.0, initial=0.0) < INSTANTLY * sigma.max()
+        if covariance is None:
+            return bool(near) or self.pool.has(mean)
+        gap = np.abs(self.started.covariance - covariance).max()
+        return bool(gap < INSTANTLY * np.abs(covariance).max()) or self.pool.has(covariance)
+
+    def innovation(self, j: int, used: slice) -> Innovation:
+        """Of a model, by the right measurement model.
+
+        Args:
+            j: its number.
+            used: the components of the measurement that the tracker uses.
+        """
+        model, outputs, scan = SENSOR_MODELS[self.scan.kind], self.bank.ways.outputs, self.scan
+        state = self.predicted.mean[j][outputs]
+        jacobian = model.jacobian(state, scan.sensor_pose, scan.sensor_velocity)
+        covariance = self.predicted.covariance[j][np.ix_(outputs, outputs)]
+        expected = [
+            model.measure(of, scan.sensor_pose, scan.sensor_velocity) for of in (state, self.after.mean[j][outputs])
+        ]
+        before, after = (difference(scan.measurement, one, model.angular)[used] for one in expected)
+        stated = scan.noise_covariance[used, used]
+        return Innovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
+
+    @property
+    def gained(self) -> Array:
+        """``(m,)`` logarithms of what the probabilities were multiplied by, but for a constant."""
+        return np.log(self.after.probability) - np.log(self.prior(self.bank.transition))
+
+
+def log_density(innovation: Array, covariance: Array) -> float:
+    """Of a normal distribution, without its constant."""
+    return float(-0.5 * innovation @ np.linalg.solve(covariance, innovation) - 0.5 * np.linalg.slogdet(covariance)[1])
+
+
+def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
+    """The models that a tracker holds, and some steps with measurements; None where it holds none.
+
+    Transition probabilities are a constant matrix with rows or columns of sum 1; the models are what has the estimate
+    for its mixture.
+    """
+    session, random = TrackerSession(tracker.make), np.random.default_rng(tracker.seed)
+    scans = tracker.approach(tracker.probes.course_turn, tracker.sensor_sets()[-1])
+    constants, bank, steps = None, None, list[BankStep]()
+    with tracker.recording_failures(tracker.probes.course_turn.name):
+        for k, exact in enumerate(scans):
+            if len(scans) - k <= LOOKED and bank is not None:
+                steps += _looked_into(session, bank, exact, random)
+            estimate = session.step(with_noise(exact, random))
+            if len(scans) - k in (EARLIER, LOOKED + 1):
+                values = _all_held(session)
+                matrices = transition_matrices(values)
+                if not matrices:
+                    return None
+                if len(scans) - k == LOOKED + 1 and estimate is not None:
+                    bank = _found(stationary(matrices, constants or []), values, estimate)
+                constants = matrices
+    return None if bank is None else (bank, steps)
+
+
+def _all_held(session: TrackerSession) -> list[Held]:
+    inside = session.inside
+    return [] if inside is None else [*held(inside), *of_module(inside[0])]
+
+
+def _found(matrices: Sequence[tuple[Held, Array]], values: Sequence[Held], estimate: Estimate) -> Bank | None:
+    for where, matrix in matrices:
+        found = found_models(families(values, len(matrix)), estimate, len(matrix))
+        if found is not None:
+            return Bank(where, matrix, *found)
+    return None
+
+
+def models_of(session: TrackerSession, bank: Bank) -> Models | None:
+    """The models that a tracker holds now."""
+    return bank.ways.models(families(_all_held(session), len(bank.transition)))
+
+
+def _looked_into(session: TrackerSession, bank: Bank, scan: Scan, random: np.random.Generator) -> Iterator[BankStep]:
+    """One step of a copy with a measurement that is some standard deviations off."""
+    before, at_once, missed, copy = models_of(session, bank), session.copy(), session.copy(), session.copy()
+    at_once.step(empty_scan(scan._replace(time=session.given[-1].time + INSTANT)))
+    estimate = missed.step(empty_scan(scan))
+    started, predicted = models_of(at_once, bank), models_of(missed, bank)
+    if before is None or started is None or predicted is None or estimate is None:
+        return
+    measured = SENSOR_MODELS[scan.kind].measure(estimate.mean, scan.sensor_pose, scan.sensor_velocity)
+    off = np.sqrt(np.diag(scan.noise_covariance)) * random.choice([-INNOVATION, INNOVATION], len(measured))
+    scan = scan._replace(measurement=measured + off)
+    _, assigned = traced(lambda: copy.step(scan))
+    after = models_of(copy, bank)
+    if after is not None and after.probability.min() > 0.0:
+        yield BankStep(bank, scan, before, started, predicted, after, assigned)

@@ -1,0 +1,138 @@
+"""The values that the lines of a tracker assign in a step."""
+
+from __future__ import annotations
+
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+import trackbench
+from trackbench.base.types import Array
+from trackbench.subjects.doctor.inside.values import SAME, Pool, held
+
+Answer = TypeVar("Answer")
+#: Code whose lines are not the tracker's.
+OTHERS = tuple(
+    str(Path(place).resolve())
+    for place in (
+        *(str(Path(str(module.__file__)).parent) for module in (np, trackbench)),
+        sysconfig.get_path("stdlib"),
+        sysconfig.get_path("platstdlib"),
+    )
+)
+#: Below the standard library in a plain installation, and of others.
+INSTALLED = "site-packages"
+SCIPY = str(Path(np.__file__).parent.parent / "scipy")
+#: How far below a local variable its values are looked for.
+DEPTH = 4
+
+
+class Assigned(NamedTuple):
+    """A value that a line has made."""
+
+    file: str
+    line: int
+    name: str
+    """Of the variable, with what leads from it to the value."""
+    value: Array
+
+    @property
+    def where(self) -> str:
+        """File and line, for a sentence."""
+        return f"{Path(self.file).name}:{self.line}"
+
+
+def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
+    """What a function returns, and the values that the tracker's own lines assign on the way, in their order.
+
+    A value is one of a local variable or below it, and what a function returns. A line that is left by a call has
+    those that were assigned in the call too, after it.
+    """
+    found: list[Assigned] = []
+    known: dict[int, tuple[int, dict[tuple[Any, ...], bytes]]] = {}
+
+    def snapshot(frame: FrameType) -> dict[tuple[Any, ...], tuple[bytes, Array]]:
+        return {
+            (name, *one.path): (one.value.tobytes(), one.value)
+            for name, value in frame.f_locals.items()
+            for one in held(value, DEPTH)
+        }
+
+    def local(frame: FrameType, event: str, answer: Any) -> Any:
+        line, before = known.get(id(frame), (frame.f_lineno, {}))
+        now = snapshot(frame)
+        for key, (content, value) in now.items():
+            if before and before.get(key) != content:
+                found.append(Assigned(frame.f_code.co_filename, line, _name(key), value))
+        if event == "return":
+            found.extend(Assigned(frame.f_code.co_filename, line, "return", one.value) for one in held(answer, DEPTH))
+            known.pop(id(frame), None)
+            return None
+        known[id(frame)] = (frame.f_lineno, {key: content for key, (content, _) in now.items()} | {("",): b""})
+        return local
+
+    def called(frame: FrameType, _event: str, _answer: Any) -> Any:
+        return local if _own(frame.f_code) else None
+
+    earlier = sys.gettrace()
+    sys.settrace(called)
+    try:
+        return step(), found
+    finally:
+        sys.settrace(earlier)
+
+
+def _own(code: CodeType) -> bool:
+    file = code.co_filename
+    if file.startswith("<"):
+        return False
+    path = str(Path(file).resolve())
+    if path.startswith((*OTHERS[:2], SCIPY)):
+        return False
+    return INSTALLED in path or not path.startswith(OTHERS[2:])
+
+
+def _name(key: tuple[Any, ...]) -> str:
+    first, *more = key
+    return str(first) + "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in more)
+
+
+def nearest(assigned: Sequence[Assigned], right: Array, known: Array) -> tuple[Assigned, float] | None:
+    """What is nearest to one of several right values and is none of them, with its error relative to the largest entry.
+
+    Args:
+        assigned: in a step.
+        right: ``(m, ...)``
+        known: ``(m, ...)`` values of the same shape that were there before, which do not count.
+    """
+    best: tuple[Assigned, float] | None = None
+    others = [*right, *known]
+    for one in assigned:
+        for value in _of_size(one.value, right[0].size):
+            errors = [float(np.abs(value - np.ravel(other)).max() / np.abs(other).max()) for other in others]
+            if min(errors) > SAME and (best is None or min(errors[: len(right)]) < best[1]):
+                best = one, min(errors[: len(right)])
+    return best
+
+
+def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
+    """The first that has one of some values, in any order of its axes."""
+    for one in assigned:
+        for value in values:
+            if one.value.size == value.size and (Pool([one.value]).has(value)):
+                return one
+    return None
+
+
+def _of_size(value: Array, size: int) -> Iterator[Array]:
+    """The value, or what it holds at each place of an axis, where that has a number of entries."""
+    if value.size == size:
+        yield np.ravel(value)
+    for axis in range(value.ndim):
+        if value.size == size * value.shape[axis]:
+            yield from (np.ravel(part) for part in np.moveaxis(value, axis, 0))
