@@ -102,6 +102,8 @@ NAMES = [
 #: Found in other trackers.
 ELSEWHERE = (
     "sensor_pose_ignored",  # needs a sensor that stands still: test_doctor_assumptions.py
+    # of several models: test_doctor_modes.py
+    *("imm_combination_wrong", "imm_likelihood_wrong", "imm_mixing_wrong", "imm_transition_transposed"),
     "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_late.py
     *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
     *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py

@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, Innovation, bank_of, log_density
+from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
 from trackbench.subjects.doctor.inside.trace import nearest, with_value
 from trackbench.subjects.doctor.inside.values import Pool
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -30,13 +30,13 @@ CONFIDENCE = 0.97
 USED = (slice(None), slice(2))
 
 
-def _density(of: Innovation) -> float:
+def _density(of: ModelInnovation) -> float:
     return log_density(of.value, of.covariance)
 
 
 #: What the logarithm of a probability may have grown by instead: by the innovation, and by the probability before the
 #: transition and after it.
-INSTEAD: dict[str, Callable[[Innovation, float, float], float]] = {
+INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     "they do not depend on the measurement": lambda *_: 0.0,
     "the likelihood is that of the innovation after the update": lambda of, *_: log_density(of.updated, of.covariance),
     "the innovation covariance is taken for its inverse": lambda of, *_: float(
@@ -195,7 +195,7 @@ def _weighed_wrongly(wrong: Sequence[BankStep], known: Sequence[BankStep], words
 
 
 def _grown(
-    step: BankStep, used: slice, by: Callable[[Innovation, float, float], float] = lambda of, *_: _density(of)
+    step: BankStep, used: slice, by: Callable[[ModelInnovation, float, float], float] = lambda of, *_: _density(of)
 ) -> Array:
     """``(m,)`` logarithms of what the probabilities grow by."""
     before, after = step.before.probability, step.prior(step.bank.transition)

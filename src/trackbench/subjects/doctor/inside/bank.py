@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Indices
-from trackbench.subjects.doctor.inside.values import SAME, Held, Place, held
+from trackbench.subjects.doctor.inside.values import SAME, Held, HeldAt, held
 
 #: Models of a filter, at most.
 MOST = 6
@@ -41,7 +41,7 @@ class Models(NamedTuple):
         return mean, within + np.einsum("j,ja,jb->ab", weights, spread, spread)
 
 
-class Ways(NamedTuple):
+class ModelWays(NamedTuple):
     """Where the parts of the models are held, as `family` finds them."""
 
     mean: str
@@ -80,7 +80,9 @@ def of_module(tracker: Any) -> Iterator[Held]:
     module = sys.modules.get(type(tracker).__module__)
     for name, value in [] if module is None else list(vars(module).items()):
         if not name.startswith("__"):
-            yield from (one._replace(path=(name, *one.path), place=Place(module, name)) for one in held(value, depth=0))
+            yield from (
+                one._replace(path=(name, *one.path), place=HeldAt(module, name)) for one in held(value, depth=0)
+            )
 
 
 def families(values: Iterable[Held], count: int) -> dict[str, Array]:
@@ -106,7 +108,7 @@ def families(values: Iterable[Held], count: int) -> dict[str, Array]:
     return found
 
 
-def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[Ways, bool] | None:
+def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[ModelWays, bool] | None:
     """The models whose mixture an estimate is, and whether its covariance is theirs too; None where there are none.
 
     Args:
@@ -120,7 +122,7 @@ def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> t
         if value.size == count and (value >= 0.0).all() and value.max() > 0.0
     }
     means = {way: value.reshape(count, -1) for way, value in held_by.items() if value[0].size in SIZES}
-    best: tuple[Ways, bool] | None = None
+    best: tuple[ModelWays, bool] | None = None
     normalised = sorted(probabilities.items(), key=lambda one: round(abs(float(one[1].sum()) - 1.0), 6))
     for (pway, weights), (xway, mean) in product(normalised, means.items()):
         outputs = _places(weights @ mean, estimate.mean)
@@ -134,7 +136,7 @@ def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> t
             _, mixed = models.mixed(weights)
             fits = np.allclose(mixed[np.ix_(outputs, outputs)], estimate.covariance, rtol=1e-7, atol=1e-12)
             if (fits or best is None) and np.linalg.eigvalsh(models.covariance).min() > 0.0:
-                best = (Ways(xway, way, pway, outputs), fits)
+                best = (ModelWays(xway, way, pway, outputs), fits)
             if fits:
                 return best
     return best

@@ -20,7 +20,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.inside.bank import (
     Models,
-    Ways,
+    ModelWays,
     families,
     found_models,
     of_module,
@@ -51,12 +51,12 @@ class Bank(NamedTuple):
     """The transition probabilities, as the tracker holds them."""
     transition: Array
     """``(m, m)`` the same, with a row for the model before."""
-    ways: Ways
+    ways: ModelWays
     fits: bool
     """Whether the covariance that is returned is that of the mixture."""
 
 
-class Innovation(NamedTuple):
+class ModelInnovation(NamedTuple):
     """Of one model at a measurement."""
 
     value: Array
@@ -120,7 +120,7 @@ class BankStep:
         gap = np.abs(self.started.covariance - covariance).max()
         return bool(gap < INSTANTLY * np.abs(covariance).max()) or self.pool.has(covariance)
 
-    def innovation(self, j: int, used: slice) -> Innovation:
+    def innovation(self, j: int, used: slice) -> ModelInnovation:
         """Of a model, by the right measurement model.
 
         Args:
@@ -136,7 +136,7 @@ class BankStep:
         ]
         before, after = (difference(scan.measurement, one, model.angular)[used] for one in expected)
         stated = scan.noise_covariance[used, used]
-        return Innovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
+        return ModelInnovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
 
     @property
     def gained(self) -> Array:

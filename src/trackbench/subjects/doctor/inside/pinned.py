@@ -14,7 +14,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.inside.bank import of_module
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
-from trackbench.subjects.doctor.inside.values import Path, Place, held
+from trackbench.subjects.doctor.inside.values import HeldAt, Path, held
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
@@ -123,7 +123,7 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
     return merged
 
 
-def _put(place: Place, matrix: Array) -> None:
+def _put(place: HeldAt, matrix: Array) -> None:
     """The matrix in the form of what is there."""
     there: Any = place.get()
     if isinstance(there, list):

@@ -21,7 +21,7 @@ Path = tuple[str | int, ...]
 """Attributes and keys by name, places of a list by number."""
 
 
-class Place(NamedTuple):
+class HeldAt(NamedTuple):
     """Where a value is held."""
 
     holder: Any
@@ -47,14 +47,14 @@ class Held(NamedTuple):
     path: Path
     value: Array
     """A copy."""
-    place: Place | None
+    place: HeldAt | None
     """None at the top, and in what cannot be changed."""
 
 
 def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
     """Every number, array of numbers and list of numbers below an object, nearest first; scans are left out."""
     seen: set[int] = set()
-    waiting: deque[tuple[Path, Any, Place | None]] = deque([((), root, None)])
+    waiting: deque[tuple[Path, Any, HeldAt | None]] = deque([((), root, None)])
     while waiting:
         path, value, place = waiting.popleft()
         array = _numbers(value)
@@ -65,7 +65,7 @@ def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
         seen.add(id(value))
         for key, below in _parts(value):
             changeable = not isinstance(value, tuple)
-            waiting.append(((*path, key), below, Place(value, key) if changeable else None))
+            waiting.append(((*path, key), below, HeldAt(value, key) if changeable else None))
 
 
 def _numbers(value: Any) -> Array | None:
