@@ -59,23 +59,23 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
 
 def modes(tracker: TrackerUnderTest) -> PartResult:
     """Hold the models' starts, their probabilities and the estimate against the equations; nothing of other filters."""
-    found = tracker.once(bank_of)
-    if found is None:
+    bank_steps = tracker.once(bank_of)
+    if bank_steps is None:
         return PartResult()
     result = PartResult()
-    bank, steps = found
+    bank, steps = bank_steps
     steps = [step for step in steps if step.after.probability.min() > 0.0 and step.before.probability.min() > 0.0]
     if not steps:
         return result.add("mixing", None, "the probability of a model is 0")
     start = _start(steps)
-    said = "each model starts from the mixture that the transition probabilities give"
-    result.add("mixing", start is None, said if start is None else start.evidence, start)
+    rule = "each model starts from the mixture that the transition probabilities give"
+    result.add("mixing", start is None, rule if start is None else start.evidence, start)
     weighed = None if start is not None and start.fault == "imm_transition_transposed" else _weights(steps)
-    said = "the probabilities are multiplied by the likelihoods of the innovations"
-    result.add("mode_probabilities", weighed is None, said if weighed is None else weighed.evidence, weighed)
+    rule = "the probabilities are multiplied by the likelihoods of the innovations"
+    result.add("mode_probabilities", weighed is None, rule if weighed is None else weighed.evidence, weighed)
     output = None if bank.fits else _output(steps[-1])
-    said = "the estimate is the mixture of the models, its covariance with the spread of their means"
-    return result.add("combination", output is None, said if output is None else output.evidence, output)
+    rule = "the estimate is the mixture of the models, its covariance with the spread of their means"
+    return result.add("combination", output is None, rule if output is None else output.evidence, output)
 
 
 def _start(steps: Sequence[BankStep]) -> Finding | None:
@@ -83,7 +83,7 @@ def _start(steps: Sequence[BankStep]) -> Finding | None:
     transition = steps[0].bank.transition
     mixed = [(step, *step.mixed(transition)) for step in steps]
     # The more equal the probabilities, the more the mixtures differ.
-    step, mean, covariance = max(mixed, key=lambda one: one[0].before.probability.min())
+    step, mean, covariance = max(mixed, key=lambda entry: entry[0].before.probability.min())
     if not _mostly(of.starts_from(right) for of, right, _ in mixed):
         turned = [of.starts_from(of.mixed(transition.T)[0]) for of in steps]
         if _mostly(turned) and not np.allclose(transition, transition.T):
@@ -105,13 +105,13 @@ def _mostly(right: Iterable[bool]) -> bool:
     return float(np.mean(list(right))) > 0.5
 
 
-def _line(step: BankStep, right: Array, known: Array) -> str:
+def _line(step: BankStep, right: Array, before: Array) -> str:
     """The line before the prediction that makes what is nearest to a right value of a model and is not right itself."""
-    later = (k for k, one in enumerate(step.assigned) if Pool([one.value]).has(step.predicted.mean[0]))
-    found = nearest(step.assigned[: next(later, None)], right, known)
-    if found is None:
+    later = (k for k, entry in enumerate(step.assigned) if Pool([entry.value]).has(step.predicted.mean[0]))
+    closest = nearest(step.assigned[: next(later, None)], right, before)
+    if closest is None:
         return "nothing like them is computed"
-    assigned, error = found
+    assigned, error = closest
     return f"{assigned.where}, {assigned.name}, is the nearest to them, and off by {error:.2g} of the largest entry"
 
 
@@ -149,17 +149,17 @@ def _weights(steps: Sequence[BankStep]) -> Finding | None:
     if abs(total - 1.0) > ROUNDED:
         text = f"the probabilities of the models add up to {total:.4g} after a measurement"
         return Finding("imm_likelihood_wrong", CONFIDENCE, text)
-    known = [
+    telling = [
         step
         for step in steps
         if min(step.before.probability.min(), step.after.probability.min()) > IMPROBABLE
         and step.pool.has(step.predicted.mean)
         and np.ptp(_grown(step, USED[0])) > TOLD
     ]
-    used = min(USED, key=lambda used: float(np.median([_error(step, _grown(step, used)) for step in known] or [0.0])))
+    used = min(USED, key=lambda used: float(np.median([_error(step, _grown(step, used)) for step in telling] or [0.0])))
     wrong = list[BankStep]()
-    for kind in sorted({step.scan.kind for step in known}):
-        of_kind = [step for step in known if step.scan.kind == kind]
+    for kind in sorted({step.scan.kind for step in telling}):
+        of_kind = [step for step in telling if step.scan.kind == kind]
         off = [step for step in of_kind if _error(step, _grown(step, used)) > _tolerance(step)]
         wrong += off if len(off) > len(of_kind) / 2 else []
     if not wrong:
@@ -167,12 +167,12 @@ def _weights(steps: Sequence[BankStep]) -> Finding | None:
     for words, instead in INSTEAD.items():
         for used in USED:
             if all(_error(step, _grown(step, used, instead)) < _tolerance(step) for step in wrong):
-                return _weighed_wrongly(wrong, known, words)
+                return _weighed_wrongly(wrong, telling, words)
     # The noise that a tracker reckons with, or the geometry, may be another one.
-    gained, right = (np.concatenate([one - one[0] for one in of]) for of in zip(*_both(wrong, used), strict=True))
+    gained, right = (np.concatenate([entry - entry[0] for entry in of]) for of in zip(*_both(wrong, used), strict=True))
     if float(np.corrcoef(gained, right)[0, 1]) > FOLLOWS:
         return None
-    return _weighed_wrongly(wrong, known, "they do not follow from the likelihoods")
+    return _weighed_wrongly(wrong, telling, "they do not follow from the likelihoods")
 
 
 def _both(steps: Sequence[BankStep], used: slice) -> Iterator[tuple[Array, Array]]:
@@ -181,16 +181,16 @@ def _both(steps: Sequence[BankStep], used: slice) -> Iterator[tuple[Array, Array
         yield step.gained, _grown(step, used)
 
 
-def _weighed_wrongly(wrong: Sequence[BankStep], known: Sequence[BankStep], words: str) -> Finding:
-    step = max(wrong, key=lambda one: _error(one, _grown(one, USED[0])))
+def _weighed_wrongly(wrong: Sequence[BankStep], telling: Sequence[BankStep], words: str) -> Finding:
+    step = max(wrong, key=lambda entry: _error(entry, _grown(entry, USED[0])))
     ratio, right = (float(np.exp(of[1] - of[0])) for of in (step.gained, _grown(step, USED[0])))
     text = (
         f"{words}: at {step.scan.time:.4g} s a measurement of {step.scan.sensor} multiplies the probability of model 2 "
         f"by {ratio:.3g} times what it does that of model 1, and the innovations and their covariances give "
-        f"{right:.3g} ({len(wrong)} of {len(known)} steps)"
+        f"{right:.3g} ({len(wrong)} of {len(telling)} steps)"
     )
-    sensors = {one.scan.sensor for one in wrong}
-    only = sensors.pop() if len(sensors) == 1 and len({one.scan.sensor for one in known}) > 1 else None
+    sensors = {entry.scan.sensor for entry in wrong}
+    only = sensors.pop() if len(sensors) == 1 and len({entry.scan.sensor for entry in telling}) > 1 else None
     return Finding("imm_likelihood_wrong", CONFIDENCE, text, sensor=only)
 
 
@@ -216,8 +216,8 @@ def _output(step: BankStep) -> Finding:
     outputs = step.bank.ways.outputs
     right = covariance[np.ix_(outputs, outputs)]
     within = np.einsum("j,jab->ab", step.after.probability, step.after.covariance)
-    found = nearest(step.assigned, covariance, np.zeros(0))
-    where = "" if found is None else f" ({found[0].where}, {found[0].name})"
+    closest = nearest(step.assigned, covariance, np.zeros(0))
+    where = "" if closest is None else f" ({closest[0].where}, {closest[0].name})"
     words = "the spread of the models' means is left out" if step.pool.has(within) else f"it is another one{where}"
     text = (
         f"the mean that is returned is the mixture of the models, and the covariance is not theirs: {words}; the "

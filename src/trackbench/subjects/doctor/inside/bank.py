@@ -62,17 +62,17 @@ class ModelWays(NamedTuple):
 
 def transition_matrices(values: Iterable[Held]) -> list[tuple[Held, Array]]:
     """The constant matrices that can be transition probabilities, each also with a row for the model before."""
-    found = []
-    for one in values:
-        matrix = one.value
+    matches = []
+    for entry in values:
+        matrix = entry.value
         if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
             continue
         if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
             continue
         rows, columns = (np.abs(matrix.sum(axis=axis) - 1.0).max() < ROUNDED for axis in (1, 0))
         if rows or columns:
-            found.append((one, matrix if rows else matrix.T))
-    return found
+            matches.append((entry, matrix if rows else matrix.T))
+    return matches
 
 
 def of_module(tracker: Any) -> Iterator[Held]:
@@ -81,7 +81,7 @@ def of_module(tracker: Any) -> Iterator[Held]:
     for name, value in [] if module is None else list(vars(module).items()):
         if not name.startswith("__"):
             yield from (
-                one._replace(path=(name, *one.path), place=HeldAt(module, name)) for one in held(value, depth=0)
+                entry._replace(path=(name, *entry.path), place=HeldAt(module, name)) for entry in held(value, depth=0)
             )
 
 
@@ -92,20 +92,20 @@ def families(values: Iterable[Held], count: int) -> dict[str, Array]:
         values: what a tracker holds.
         count: of models.
     """
-    found: dict[str, Array] = {}
+    matches: dict[str, Array] = {}
     groups: dict[tuple[Any, ...], dict[int, Array]] = {}
-    for one in values:
-        way = ".".join(map(str, one.path))
-        for axis in range(one.value.ndim):
-            if one.value.shape[axis] == count:
-                found[f"{way}:{axis}"] = np.moveaxis(one.value, axis, 0)
-        for at, key in enumerate(one.path):
+    for entry in values:
+        way = ".".join(map(str, entry.path))
+        for axis in range(entry.value.ndim):
+            if entry.value.shape[axis] == count:
+                matches[f"{way}:{axis}"] = np.moveaxis(entry.value, axis, 0)
+        for at, key in enumerate(entry.path):
             if isinstance(key, int):
-                groups.setdefault((*one.path[:at], "*", *one.path[at + 1 :]), {})[key] = one.value
+                groups.setdefault((*entry.path[:at], "*", *entry.path[at + 1 :]), {})[key] = entry.value
     for path, members in groups.items():
         if sorted(members) == list(range(count)) and len({value.shape for value in members.values()}) == 1:
-            found[".".join(map(str, path))] = np.stack([members[j] for j in range(count)])
-    return found
+            matches[".".join(map(str, path))] = np.stack([members[j] for j in range(count)])
+    return matches
 
 
 def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[ModelWays, bool] | None:
@@ -123,7 +123,7 @@ def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> t
     }
     means = {way: value.reshape(count, -1) for way, value in held_by.items() if value[0].size in SIZES}
     best: tuple[ModelWays, bool] | None = None
-    normalised = sorted(probabilities.items(), key=lambda one: round(abs(float(one[1].sum()) - 1.0), 6))
+    normalised = sorted(probabilities.items(), key=lambda entry: round(abs(float(entry[1].sum()) - 1.0), 6))
     for (pway, weights), (xway, mean) in product(normalised, means.items()):
         outputs = _places(weights @ mean, estimate.mean)
         if outputs is None or np.ptp(mean, axis=0).max() == 0.0:
@@ -151,7 +151,7 @@ def _places(mixture: Array, mean: Array) -> Indices | None:
     return np.asarray(places) if len(set(places.tolist())) == len(mean) else None
 
 
-def stationary(one: Sequence[tuple[Held, Array]], other: Sequence[tuple[Held, Array]]) -> list[tuple[Held, Array]]:
+def stationary(earlier: Sequence[tuple[Held, Array]], now: Sequence[tuple[Held, Array]]) -> list[tuple[Held, Array]]:
     """Of the matrices at one instant those that are held in the same place at another."""
-    later = {(held_there.path, matrix.tobytes()) for held_there, matrix in other}
-    return [entry for entry in one if (entry[0].path, entry[1].tobytes()) in later]
+    later = {(held_there.path, matrix.tobytes()) for held_there, matrix in now}
+    return [entry for entry in earlier if (entry[0].path, entry[1].tobytes()) in later]

@@ -99,7 +99,7 @@ class BankStep:
     @cached_property
     def pool(self) -> Pool:
         """All numbers of the step."""
-        return Pool(one.value for one in self.assigned)
+        return Pool(entry.value for entry in self.assigned)
 
     def prior(self, transition: Array) -> Array:
         """``(m,)`` probabilities after a transition."""
@@ -134,7 +134,7 @@ class BankStep:
         expected = [
             model.measure(of, scan.sensor_pose, scan.sensor_velocity) for of in (state, self.after.mean[j][outputs])
         ]
-        before, after = (difference(scan.measurement, one, model.angular)[used] for one in expected)
+        before, after = (difference(scan.measurement, entry, model.angular)[used] for entry in expected)
         stated = scan.noise_covariance[used, used]
         return ModelInnovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
 
@@ -181,9 +181,9 @@ def _all_held(session: TrackerSession) -> list[Held]:
 
 def _found(matrices: Sequence[tuple[Held, Array]], values: Sequence[Held], estimate: Estimate) -> Bank | None:
     for where, matrix in matrices:
-        found = found_models(families(values, len(matrix)), estimate, len(matrix))
-        if found is not None:
-            return Bank(where, matrix, *found)
+        matched = found_models(families(values, len(matrix)), estimate, len(matrix))
+        if matched is not None:
+            return Bank(where, matrix, *matched)
     return None
 
 

@@ -41,9 +41,9 @@ class _Pinned:
         return answer
 
     def _put(self, state: Any) -> None:
-        for one in held((self.within, state)):
-            if one.path == self._path and one.place is not None:
-                _put(one.place, self._matrix)
+        for entry in held((self.within, state)):
+            if entry.path == self._path and entry.place is not None:
+                _put(entry.place, self._matrix)
                 self._done = True
 
 
@@ -67,8 +67,8 @@ class ModelAlone:
     @contextmanager
     def alone(self) -> Iterator[TrackerUnderTest]:
         """The model as a tracker, within the block: the transition probabilities may be a constant of its module."""
-        shared = [one.place for one in of_module(self._tracker.make()) if one.path == self._bank.held.path]
-        place = next((one for one in shared if one is not None), None)
+        shared = [entry.place for entry in of_module(self._tracker.make()) if entry.path == self._bank.held.path]
+        place = next((entry for entry in shared if entry is not None), None)
         if place is None:
             yield self._under_test
             return
@@ -99,10 +99,10 @@ class ModelAlone:
 
 def models_alone(tracker: TrackerUnderTest) -> list[ModelAlone]:
     """The models of an interacting multiple model filter; none of another, or where one does not stay alone."""
-    found = tracker.once(bank_of)
-    if found is None:
+    bank_steps = tracker.once(bank_of)
+    if bank_steps is None:
         return []
-    models = [ModelAlone(tracker, found[0], j) for j in range(len(found[0].transition))]
+    models = [ModelAlone(tracker, bank_steps[0], j) for j in range(len(bank_steps[0].transition))]
     return models if all(model.succeeds() for model in models) else []
 
 

@@ -53,27 +53,29 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
     A value is one of a local variable or below it, and what a function returns. A line that is left by a call has
     those that were assigned in the call too, after it.
     """
-    found: list[Assigned] = []
-    known: dict[int, tuple[int, dict[tuple[Any, ...], bytes]]] = {}
+    assignments: list[Assigned] = []
+    frames: dict[int, tuple[int, dict[tuple[Any, ...], bytes]]] = {}
 
     def snapshot(frame: FrameType) -> dict[tuple[Any, ...], tuple[bytes, Array]]:
         return {
-            (name, *one.path): (one.value.tobytes(), one.value)
+            (name, *entry.path): (entry.value.tobytes(), entry.value)
             for name, value in frame.f_locals.items()
-            for one in held(value, DEPTH)
+            for entry in held(value, DEPTH)
         }
 
     def local(frame: FrameType, event: str, answer: Any) -> Any:
-        line, before = known.get(id(frame), (frame.f_lineno, {}))
+        line, before = frames.get(id(frame), (frame.f_lineno, {}))
         now = snapshot(frame)
         for key, (content, value) in now.items():
             if before and before.get(key) != content:
-                found.append(Assigned(frame.f_code.co_filename, line, _name(key), value))
+                assignments.append(Assigned(frame.f_code.co_filename, line, _name(key), value))
         if event == "return":
-            found.extend(Assigned(frame.f_code.co_filename, line, "return", one.value) for one in held(answer, DEPTH))
-            known.pop(id(frame), None)
+            assignments.extend(
+                Assigned(frame.f_code.co_filename, line, "return", entry.value) for entry in held(answer, DEPTH)
+            )
+            frames.pop(id(frame), None)
             return None
-        known[id(frame)] = (frame.f_lineno, {key: content for key, (content, _) in now.items()} | {("",): b""})
+        frames[id(frame)] = (frame.f_lineno, {key: content for key, (content, _) in now.items()} | {("",): b""})
         return local
 
     def called(frame: FrameType, _event: str, _answer: Any) -> Any:
@@ -82,7 +84,7 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
     earlier = sys.gettrace()
     sys.settrace(called)
     try:
-        return step(), found
+        return step(), assignments
     finally:
         sys.settrace(earlier)
 
@@ -99,33 +101,33 @@ def _own(code: CodeType) -> bool:
 
 def _name(key: tuple[Any, ...]) -> str:
     first, *more = key
-    return str(first) + "".join(f"[{one}]" if isinstance(one, int) else f".{one}" for one in more)
+    return str(first) + "".join(f"[{entry}]" if isinstance(entry, int) else f".{entry}" for entry in more)
 
 
-def nearest(assigned: Sequence[Assigned], right: Array, known: Array) -> tuple[Assigned, float] | None:
+def nearest(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
     """What is nearest to one of several right values and is none of them, with its error relative to the largest entry.
 
     Args:
         assigned: in a step.
         right: ``(m, ...)``
-        known: ``(m, ...)`` values of the same shape that were there before, which do not count.
+        earlier: ``(m, ...)`` values of the same shape that were there before, which do not count.
     """
     best: tuple[Assigned, float] | None = None
-    others = [*right, *known]
-    for one in assigned:
-        for value in _of_size(one.value, right[0].size):
+    others = [*right, *earlier]
+    for entry in assigned:
+        for value in _of_size(entry.value, right[0].size):
             errors = [float(np.abs(value - np.ravel(other)).max() / np.abs(other).max()) for other in others]
             if min(errors) > SAME and (best is None or min(errors[: len(right)]) < best[1]):
-                best = one, min(errors[: len(right)])
+                best = entry, min(errors[: len(right)])
     return best
 
 
 def with_value(assigned: Sequence[Assigned], *values: Array) -> Assigned | None:
     """The first that has one of some values, in any order of its axes."""
-    for one in assigned:
+    for entry in assigned:
         for value in values:
-            if one.value.size == value.size and (Pool([one.value]).has(value)):
-                return one
+            if entry.value.size == value.size and (Pool([entry.value]).has(value)):
+                return entry
     return None
 
 

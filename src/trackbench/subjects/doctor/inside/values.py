@@ -74,10 +74,10 @@ def _numbers(value: Any) -> Array | None:
     if isinstance(value, Real) and not isinstance(value, bool):
         return np.array(float(value))
     if isinstance(value, list | tuple) and 0 < len(value) <= LARGEST and not isinstance(value, Scan):
-        rows = [_numbers(one) for one in value]
-        known = [row for row in rows if row is not None]
-        if len(known) == len(rows) and all(row.ndim < 2 and row.shape == known[0].shape for row in known):
-            return np.stack(known) if all(not isinstance(one, np.ndarray) for one in value) else None
+        rows = [_numbers(entry) for entry in value]
+        arrays = [row for row in rows if row is not None]
+        if len(arrays) == len(rows) and all(row.ndim < 2 and row.shape == arrays[0].shape for row in arrays):
+            return np.stack(arrays) if all(not isinstance(entry, np.ndarray) for entry in value) else None
     return None
 
 
@@ -94,7 +94,7 @@ def _parts(value: Any) -> Iterable[tuple[Any, Any]]:
         own |= {name: getattr(value, name) for name in slots if isinstance(name, str) and hasattr(value, name)}
         # What a class holds for all its objects.
         if base.__module__ not in ("builtins", "numpy"):
-            shared = {name: one for name, one in vars(base).items() if _numbers(one) is not None}
+            shared = {name: entry for name, entry in vars(base).items() if _numbers(entry) is not None}
             own = {**shared, **own}
     return list(own.items())
 
@@ -115,4 +115,4 @@ class Pool:
         at = np.searchsorted(self._sorted, wanted)
         near = [self._sorted[np.clip(at + side, 0, len(self._sorted) - 1)] for side in (-1, 0)]
         scale = np.maximum(np.abs(wanted), float(np.abs(wanted).max()) * 1e-3)
-        return bool(np.all(np.minimum(*(np.abs(one - wanted) for one in near)) <= SAME * scale + 1e-300))
+        return bool(np.all(np.minimum(*(np.abs(entry - wanted) for entry in near)) <= SAME * scale + 1e-300))
