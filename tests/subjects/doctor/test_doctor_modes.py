@@ -90,6 +90,59 @@ class ThreeInLists(Textbook):
     PI: ClassVar[Any] = [[0.9, 0.07, 0.03], [0.1, 0.8, 0.1], [0.05, 0.15, 0.8]]
 
 
+class Named:
+    """Two models in attributes of their own, with states of four and six entries, and probabilities as numbers."""
+
+    stay_calm, stay_lively = 0.95, 0.85
+
+    def __init__(self) -> None:
+        self.time: float | None = None
+        self.x_calm, self.P_calm = np.zeros(4), np.eye(4)
+        self.x_lively, self.P_lively = np.zeros(6), np.eye(6)
+        self.calm = self.lively = 0.5
+        self.PI = np.array([[self.stay_calm, 1 - self.stay_calm], [1 - self.stay_lively, self.stay_lively]])
+
+    def step(self, _state: Any, scan: Scan) -> tuple[None, tuple[Array, Array]]:
+        z, R = linear(scan)
+        if self.time is None:
+            self.x_calm[:2] = self.x_lively[:2] = z
+            self.P_calm, self.P_lively = np.diag([1.0, 1.0, 100.0, 100.0]), np.diag([1.0, 1.0, 100.0, 100.0, 4.0, 4.0])
+        else:
+            self.mix_and_predict(scan.time - self.time)
+            if scan.valid:
+                self.update(z, R)
+        self.time = scan.time
+        x = np.stack([self.x_calm, self.x_lively[:4]])
+        return None, mixture(x, np.stack([self.P_calm, self.P_lively[:4, :4]]), np.array([self.calm, self.lively]))
+
+    def mix_and_predict(self, dt: float) -> None:
+        joint = self.PI * np.array([[self.calm], [self.lively]])
+        self.calm, self.lively = joint.sum(axis=0)
+        x = np.stack([np.append(self.x_calm, [0.0, 0.0]), self.x_lively])
+        P = np.zeros((2, 6, 6))
+        P[0, :4, :4], P[1] = self.P_calm, self.P_lively
+        P[0, 4:, 4:] = np.eye(2)
+        (x_calm, P_calm), (x_lively, P_lively) = (mixture(x, P, w) for w in (joint / joint.sum(axis=0)).T)
+        F, Q = motion(dt, 1.0)
+        self.x_calm, self.P_calm = F @ x_calm[:4], F @ P_calm[:4, :4] @ F.T + Q
+        F = np.eye(6) + dt * np.eye(6, k=2) + dt**2 / 2 * np.eye(6, k=4)
+        G = np.vstack([dt**2 / 2 * np.eye(2), dt * np.eye(2), np.eye(2)])
+        self.x_lively, self.P_lively = F @ x_lively, F @ P_lively @ F.T + dt * 4.0 * G @ G.T
+
+    def update(self, z: Array, R: Array) -> None:
+        density = []
+        for name in ("calm", "lively"):
+            x, P = getattr(self, f"x_{name}"), getattr(self, f"P_{name}")
+            y, S = z - x[:2], P[:2, :2] + R
+            K = P[:, :2] @ np.linalg.inv(S)
+            setattr(self, f"x_{name}", x + K @ y)
+            setattr(self, f"P_{name}", P - K @ S @ K.T)
+            density.append(float(np.exp(-0.5 * y @ np.linalg.solve(S, y)) / np.sqrt(np.linalg.det(S))))
+        self.calm, self.lively = self.calm * density[0], self.lively * density[1]
+        total = self.calm + self.lively
+        self.calm, self.lively = self.calm / total, self.lively / total
+
+
 class SecondOrder(Textbook):
     """Generalised pseudo-Bayesian of second order: every pair of models is predicted, and then merged."""
 
@@ -188,7 +241,7 @@ def under_test(make: Callable[[], Any]) -> TrackerUnderTest:
     return TrackerUnderTest(make, Doctor(SENSORS).sensors, [], Probes(), 0, {})
 
 
-@pytest.mark.parametrize("make", [Textbook, ThreeInLists, SecondOrder, FilterPyImm])
+@pytest.mark.parametrize("make", [Textbook, ThreeInLists, Named, SecondOrder, FilterPyImm])
 def test_of_a_sound_one_nothing_is_found(make: Callable[[], Any]) -> None:
     result = modes(under_test(make))
     assert [check.passed for check in result.checks] == [True, True, True]

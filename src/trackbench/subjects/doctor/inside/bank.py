@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import product
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,8 @@ from trackbench.subjects.doctor.inside.values import SAME, Held, HeldAt, held
 MOST = 6
 #: By how much the sum of probabilities may differ from 1.
 ROUNDED = 1e-6
+#: Values of one form in places that differ by one name, at most, of which some are taken for those of models.
+MOST_ALIKE = 8
 #: Sizes of a model's state.
 SIZES = range(2, 13)
 
@@ -88,24 +90,41 @@ def of_module(tracker: Any) -> Iterator[Held]:
 def families(values: Iterable[Held], count: int) -> dict[str, Array]:
     """The values that there are of each of some models, the model first, by their way.
 
+    They are the parts of one array, or what is held in places that differ by one number or name. Of states of different
+    sizes the first entries are taken that all of them have.
+
     Args:
         values: what a tracker holds.
         count: of models.
     """
     matches: dict[str, Array] = {}
-    groups: dict[tuple[Any, ...], dict[int, Array]] = {}
+    groups: dict[tuple[Any, ...], dict[str | int, Array]] = {}
     for entry in values:
         way = ".".join(map(str, entry.path))
         for axis in range(entry.value.ndim):
             if entry.value.shape[axis] == count:
                 matches[f"{way}:{axis}"] = np.moveaxis(entry.value, axis, 0)
         for at, key in enumerate(entry.path):
-            if isinstance(key, int):
-                groups.setdefault((*entry.path[:at], "*", *entry.path[at + 1 :]), {})[key] = entry.value
-    for path, members in groups.items():
-        if sorted(members) == list(range(count)) and len({value.shape for value in members.values()}) == 1:
-            matches[".".join(map(str, path))] = np.stack([members[j] for j in range(count)])
+            form = (*entry.path[:at], "*", *entry.path[at + 1 :], _form(entry.value))
+            groups.setdefault(form, {})[key] = entry.value
+    for form, members in groups.items():
+        if len(members) > MOST_ALIKE or form[-1] is None:
+            continue
+        for chosen in combinations(members, count):
+            parts = [members[key] for key in chosen]
+            size = min(len(part) for part in parts) if parts[0].ndim else 0
+            cut = [part[:size, :size] if form[-1] == "matrix" else part[:size] if size else part for part in parts]
+            matches[f"{'.'.join(map(str, form[:-1]))}:{','.join(map(str, chosen))}"] = np.stack(cut)
     return matches
+
+
+def _form(value: Array) -> str | None:
+    """Of values that may be of different sizes; None where they cannot be of models."""
+    if value.ndim == 2 and value.shape[0] == value.shape[1] > 1:
+        return "matrix"
+    if value.size == 1 or max(value.shape) == value.size:
+        return "number" if value.size == 1 else "vector" if value.ndim == 1 else f"vector {value.shape}"
+    return None
 
 
 def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[ModelWays, bool] | None:

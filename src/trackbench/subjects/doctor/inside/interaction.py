@@ -160,7 +160,7 @@ def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
     constants, bank, steps = None, None, list[BankStep]()
     with tracker.recording_failures(tracker.probes.course_turn.name):
         for k, exact in enumerate(scans):
-            if len(scans) - k <= LOOKED and bank is not None:
+            if len(scans) - k <= LOOKED and bank is not None and exact.time > session.given[-1].time:
                 steps += _looked_into(session, bank, exact, random)
             estimate = session.step(with_noise(exact, random))
             if len(scans) - k in (EARLIER, LOOKED + 1):
