@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from .nearest_global import FAR, NearestGlobal
 from .subject import TrafficSubject, looped
@@ -166,6 +167,57 @@ class NothingToSay(NearestGlobal):
         return super().step(state, scan)
 
 
+class MatchedFirst(NearestGlobal):
+    """Predicts between the association and the update."""
+
+    def predict(self, scan):
+        pass
+
+    def associated(self, distances, scan):
+        column = super().associated(distances, scan)
+        super().predict(scan)
+        return column
+
+
+class GatedLast(NearestGlobal):
+    """Drops pairs beyond the gate from an assignment of all."""
+
+    def associated(self, distances, scan):
+        inside = self.inside(distances[0], scan)
+        return {k: j for k, j in zip(*linear_sum_assignment(distances.sum(axis=0)), strict=True) if inside[k, j]}
+
+
+class AssignedIsSeen(NearestGlobal):
+    """A pair beyond the gate is dropped after its track was counted as seen."""
+
+    def associated(self, distances, scan):
+        self.paired = set(linear_sum_assignment(distances[0])[0].tolist())
+        return super().associated(distances, scan)
+
+    def miss(self, track, scan):
+        k = next(k for k, one in enumerate(self.tracks) if one is track)
+        track.missed = 0 if k in self.paired else track.missed + 1
+
+
+class PoppedInOrder(NearestGlobal):
+    """Removes tracks by their first places in the list, which are others' once one is removed."""
+
+    def ended(self, track):
+        if track is self.tracks[0]:
+            self.left = list(self.tracks)
+            for k in [k for k, one in enumerate(self.tracks) if super(PoppedInOrder, self).ended(one)]:
+                self.removed(k)
+        return not any(track is one for one in self.left)
+
+    def removed(self, k):
+        del self.left[min(k, len(self.left) - 1)]
+
+
+class LastRemoved(PoppedInOrder):
+    def removed(self, k):
+        self.left.pop()
+
+
 def subjects() -> Iterator[TrafficSubject]:
     for gate in (0.2, 0.5, 0.8):
         yield _of("gate_too_small", f"{gate}", gate=gate)
@@ -179,11 +231,14 @@ def subjects() -> Iterator[TrafficSubject]:
         "gate_too_small": (ThresholdOfOne, ThresholdOfOneComponent),
         "gate_too_large": (SquareForgotten, NoGate, GateInMetres),
         "confirms_too_soon": (ReportsAll,),
-        "never_deletes": (MissesNotCounted, MissesOfFullScansOnly),
+        "never_deletes": (MissesNotCounted, MissesOfFullScansOnly, AssignedIsSeen),
         "double_tracks": (TentativeAgain, EachTwice),
         "ids_reused": (SmallestFree, PlaceInList, CountsModulo, CounterReset),
         "order_dependent": (DetectionsInOrder, TracksInOrder),
         "empty_scan_not_predicted": (LastAnswer, TimeAlone, NothingToSay),
+        "associated_unpredicted": (MatchedFirst,),
+        "gated_after_assignment": (GatedLast,),
+        "wrong_track_deleted": (PoppedInOrder, LastRemoved),
     }.items():
         for kind in kinds:
             yield TrafficSubject(fault, "nearest global", kind.__name__, looped(kind))

@@ -1,0 +1,209 @@
+"""Which detection a track takes: where it is predicted, among those that its gate allows; and what ends with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, Scan, Tracks
+from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.traffic import (
+    NEAR,
+    RATE,
+    Make,
+    MultiObjectSession,
+    Site,
+    distances,
+    moved,
+    nearest,
+    note,
+)
+from trackbench.subjects.doctor.traffic_checks.tracks import LONGEST
+
+#: Time for which objects are followed before a scan is tried, s.
+FOLLOWED = 2.0
+#: Objects that are fast, each followed alone: px, py m, vx, vy m/s.
+FAST = np.array([[40.0, 5, 10, 2], [30, -30, -3, 12], [-35, 10, 9, -9]]).T
+#: Time without a scan, in which a fast object goes further than any gate is wide, and no track ends, s.
+GAP = 0.25
+#: Share of the way back to its last place from which on a track has taken the detection there.
+WENT_BACK = 0.1
+#: Two objects one behind the other as seen from the sensor, this far apart, m: some fifteen standard deviations of an
+#: innovation, a distance that no gate allows.
+QUEUE, APART = np.array([[36.0, 0, -5, 0], [42, 0, -5, 0]]).T, 6.0
+#: Share of the step of a Kalman filter from which on a track has taken a detection.
+TAKEN = 0.1
+#: False alarms of one scan in so many, more than there are tracks, and of the others: their tracks end between the two.
+MANY, FEW, EVERY = 12, 1, 6
+#: Two objects that leave, and three that stay: px, py m, vx, vy m/s.
+LEAVING = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3]]).T
+STAYING = np.array([[20.0, -60, 1, 9], [-30, -40, 5, 5], [70, -20, -9, 0]]).T
+
+
+def predicted_place(make: Make, site: Site) -> PartResult:
+    """After a moment without a scan, a detection where a fast object is predicted and one where it was."""
+    ways = [way for target in FAST.T if (way := _way_back(make, site, target)) is not None]
+    if not ways:
+        return PartResult()
+    back = sum(way > WENT_BACK for way in ways)
+    text = (
+        f"{GAP:g} s after the last scan, {back} of {len(ways)} tracks take a detection where they were and leave the "
+        "one where they are predicted to be"
+    )
+    return note(PartResult(), "predicted_place", 2 * back <= len(ways), text, "associated_unpredicted")
+
+
+def _way_back(make: Make, site: Site, target: Array) -> float | None:
+    """How far a track goes from its own prediction to its last place, as a share of the way; None: it has ended."""
+    scans = site.scans(target[:, None], FOLLOWED)
+    tracks = MultiObjectSession(make).follow(scans)[-1]
+    column = nearest(tracks, moved(target, scans[-1].time))
+    if column is None:
+        return None
+    last, random = scans[-1].time, np.random.default_rng(0)
+    empty = site.scan(last + GAP, site.detections(target[:, None])[:, :0], random)
+    predicted = _mean_of(MultiObjectSession(make).follow([*scans, empty])[-1], int(tracks.ids[column]))
+    if predicted is None:
+        return None
+    old = tracks.mean[:, column]
+    both = site.scan(last + GAP, site.detections(np.stack([predicted, old], axis=1)), random)
+    after = _mean_of(MultiObjectSession(make).follow([*scans, both])[-1], int(tracks.ids[column]))
+    way = old[:2] - predicted[:2]
+    if after is None or np.hypot(*way) < 0.5 * GAP * np.hypot(*target[2:]):
+        return None
+    return float((after - predicted)[:2] @ way / (way @ way))
+
+
+def _mean_of(tracks: Tracks, identity: int) -> Array | None:
+    """``(4,)`` of the track with an identity."""
+    column = np.flatnonzero(tracks.ids == identity)
+    return tracks.mean[:, column[0]] if len(column) else None
+
+
+def allowed_pair(make: Make, site: Site) -> PartResult:
+    """Two tracks and two detections. Of the four pairs the gates allow one.
+
+    Along a line the tracks are at 0 and d, the detections at s and s - d, with s one standard deviation of an
+    innovation. The sum of squared distances is least with both pairs that are not allowed, each d - s apart; an
+    assignment of the allowed pair alone has the other one 2 d - s apart.
+    """
+    scans = site.scans(QUEUE, FOLLOWED)
+    tracks = MultiObjectSession(make).follow(scans)[-1]
+    columns = [nearest(tracks, moved(target, scans[-1].time)) for target in QUEUE.T]
+    if columns[0] is None or columns[1] is None or len(tracks.ids) != 2:
+        return PartResult()
+    expected, covariance, gain = site.expected(tracks, columns[0])
+    away = np.zeros(len(expected))
+    away[0] = np.sqrt(covariance[0, 0])
+    other = expected - away
+    other[0] -= APART - 2 * away[0]
+    step = float(np.hypot(*(gain @ away)[:2]))
+    alone, both = (
+        _moved_by(make, scans, tracks, columns[0], detections) / step
+        for detections in ([expected + away], [expected + away, other])
+    )
+    if alone < TAKEN:
+        return PartResult()
+    text = (
+        f"a track goes {alone:.0%} of a Kalman filter's step towards a detection one standard deviation away, and "
+        f"{both:.0%} of it where a second detection is {APART:g} m from all tracks"
+    )
+    return note(PartResult(), "allowed_pair", both > TAKEN, text, "gated_after_assignment")
+
+
+def _moved_by(make: Make, scans: Sequence[Scan], tracks: Tracks, column: int, detections: Sequence[Array]) -> float:
+    """How far a track goes by detections at the time of the last scan, m."""
+    measured = np.stack(detections, axis=1)
+    last = scans[-1]._replace(measurement=measured, valid=np.ones(measured.shape[1], dtype=bool))
+    after = _mean_of(MultiObjectSession(make).follow([*scans, last])[-1], int(tracks.ids[column]))
+    return 0.0 if after is None else float(np.hypot(*(after - tracks.mean[:, column])[:2]))
+
+
+def missed_among_others(make: Make, site: Site) -> PartResult:
+    """An object goes, and every scan has false alarms elsewhere."""
+    random, target = np.random.default_rng(6), np.array([30.0, 20, 2, 3])
+    session = MultiObjectSession(make)
+    scans = site.scans(target[:, None], FOLLOWED, random)
+    tracks = session.follow(scans)[-1]
+    if nearest(tracks, moved(target, scans[-1].time)) is None:
+        return PartResult()
+    there, count, number = 0, round((LONGEST + 0.5) * RATE), 0
+    for k in range(count):
+        time, numbers = scans[-1].time + (k + 1) / RATE, number + np.arange(FEW if k % EVERY else MANY)
+        number += len(numbers)
+        # Spread evenly behind the sensor.
+        angle, r = np.pi * (0.9 + 0.9 * ((0.754878 * numbers) % 1)), 60 + 80 * ((0.569840 * numbers) % 1)
+        places = np.array([r * np.cos(angle), r * np.sin(angle), 0 * r, 0 * r])
+        tracks = session.step(site.scan(time, site.detections(places, 0.0, random), random))
+        there += bool((distances(tracks, moved(target, time)[:2, None]) < 4 * NEAR).any())
+    text = f"it is there for {there / RATE:.1f} s of {count / RATE:g} s in which all detections are elsewhere"
+    return note(PartResult(), "deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
+
+
+def ended_alone(make: Make, site: Site) -> PartResult:
+    """Two objects go at once, and three stay."""
+    random, come, away = np.random.default_rng(7), 1.0, LONGEST + 0.5
+    session = MultiObjectSession(make)
+    session.follow(site.scans(LEAVING, come, random))
+    every = np.concatenate([moved(LEAVING, come), STAYING], axis=1)
+    both = session.follow(site.scans(every, come, random, origin=come))[-1]
+    own = [nearest(both, moved(target, come - 1 / RATE)) for target in every.T]
+    if any(column is None for column in own):
+        return PartResult()
+    stays = {int(both.ids[column]) for column in own[LEAVING.shape[1] :] if column is not None}
+    lost: set[int] = set()
+    for scan in site.scans(moved(STAYING, come), away, random, origin=2 * come):
+        lost |= stays - set(session.step(scan).ids.tolist())
+    text = f"of {len(stays)} tracks whose objects every scan detects, {len(lost)} end after two others have gone"
+    return note(PartResult(), "ended_alone", not lost, text, "wrong_track_deleted")
+
+
+PREDICTED_PLACE_CHECK = DoctorCheck(
+    predicted_place,
+    place=12,
+    questions=(Question("predicted_place", "Does a track take the detection where it is predicted to be?"),),
+    faults={
+        "associated_unpredicted": KnownFault(
+            "detections are compared with tracks that are not predicted",
+            "Where the distance of detections from tracks is computed, and where tracks are predicted.",
+            "Predict all tracks to scan.time first, mean and covariance; then compute the distances.",
+            Role(rank=0, always="tracks gate_too_small gate_too_large gated_after_assignment order_dependent"),
+        )
+    },
+)
+
+ALLOWED_PAIR_CHECK = DoctorCheck(
+    allowed_pair,
+    place=22,
+    questions=(Question("allowed_pair", "Does a pair that no gate allows keep none from a detection of its own?"),),
+    faults={
+        "gated_after_assignment": KnownFault(
+            "pairs that the gate does not allow take part in the assignment",
+            "Where the costs of the assignment are computed, and where pairs beyond the gate are dropped.",
+            "Give pairs beyond the gate one high cost before the assignment; drop those of them that it chooses.",
+            Role(rank=1, always="tracks"),
+        )
+    },
+)
+
+MISSED_AMONG_OTHERS_CHECK = DoctorCheck(
+    missed_among_others,
+    place=42,
+    questions=(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"),),
+)
+
+ENDED_ALONE_CHECK = DoctorCheck(
+    ended_alone,
+    place=44,
+    questions=(Question("ended_alone", "When tracks end, do the others stay?"),),
+    faults={
+        "wrong_track_deleted": KnownFault(
+            "another track than the lost one is deleted",
+            "Where tracks are removed from their list.",
+            "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
+            "once an earlier track has been removed.",
+            Role(rank=2, always="never_deletes double_tracks ids_reused"),
+        )
+    },
+)

@@ -1,0 +1,71 @@
+"""Each check of association, on a sound tracker and on the same one with a fault."""
+
+from __future__ import annotations
+
+import pytest
+from benchmarks.doctor.traffic.nearest_faults import (
+    AssignedIsSeen,
+    GatedLast,
+    LastRemoved,
+    MatchedFirst,
+    NoGate,
+    PoppedInOrder,
+)
+from benchmarks.doctor.traffic.nearest_global import NearestGlobal
+from benchmarks.doctor.traffic.sound import SOUND
+from benchmarks.doctor.traffic.subject import Make, looped
+
+from trackbench.subjects.doctor.findings import PartResult
+from trackbench.subjects.doctor.site import simplified
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.traffic import Site
+from trackbench.subjects.doctor.traffic_checks.association import (
+    allowed_pair,
+    ended_alone,
+    missed_among_others,
+    predicted_place,
+)
+
+CHECKS = (predicted_place, allowed_pair, missed_among_others, ended_alone)
+SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
+
+
+def names(result: PartResult) -> list[str]:
+    return [finding.fault for finding in result.findings]
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+@pytest.mark.parametrize(
+    ("check", "tracker", "fault"),
+    [
+        (predicted_place, MatchedFirst, "associated_unpredicted"),
+        (allowed_pair, GatedLast, "gated_after_assignment"),
+        (missed_among_others, AssignedIsSeen, "never_deletes"),
+        (ended_alone, PoppedInOrder, "wrong_track_deleted"),
+        (ended_alone, LastRemoved, "wrong_track_deleted"),
+    ],
+)
+def test_a_fault_fails_its_check(check, tracker: type[NearestGlobal], fault: str, site: Site) -> None:
+    assert names(check(looped(tracker), site)) == [fault]
+    sound = check(looped(NearestGlobal), site)
+    assert [one.passed for one in sound.checks] == [True]
+
+
+@pytest.mark.parametrize("name", ["nearest global kf", "greedy score"])
+def test_sound_trackers_pass(name: str) -> None:
+    results = [check(SOUND[name], SITES["lidar"]) for check in CHECKS]
+    assert [(one.name, one.passed) for result in results for one in result.checks if not one.passed] == []
+
+
+def test_without_a_gate_each_track_takes_the_nearer_of_two_detections() -> None:
+    """The likelihood decides; what no gate allows is far from both."""
+    assert names(predicted_place(looped(NoGate), SITES["lidar"])) == []
+
+
+def test_a_tracker_without_a_track_is_asked_nothing() -> None:
+    class Silent(NearestGlobal):
+        def reported(self):
+            return []
+
+    make: Make = looped(Silent)
+    assert [check(make, SITES["lidar"]).checks for check in CHECKS] == [[], [], [], []]
