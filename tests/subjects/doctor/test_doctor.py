@@ -39,6 +39,7 @@ NAMES = [
     "imm_combination_wrong",
     "imm_likelihood_wrong",
     "imm_mixing_wrong",
+    "imm_models_equal",
     "imm_transition_transposed",
     "azimuth_not_wrapped",
     "angle_mean_not_circular",
@@ -103,7 +104,13 @@ NAMES = [
 ELSEWHERE = (
     "sensor_pose_ignored",  # needs a sensor that stands still: test_doctor_assumptions.py
     # of several models: test_doctor_modes.py
-    *("imm_combination_wrong", "imm_likelihood_wrong", "imm_mixing_wrong", "imm_transition_transposed"),
+    *(
+        "imm_combination_wrong",
+        "imm_likelihood_wrong",
+        "imm_mixing_wrong",
+        "imm_models_equal",
+        "imm_transition_transposed",
+    ),
     "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_late.py
     *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
     *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py

@@ -232,6 +232,10 @@ class NotNormalised(Textbook):
         return 1.3 * mu * density / (mu @ density) if np.ptp(density) else mu
 
 
+class OneNoise(Textbook):
+    sigmas = (3.0, 3.0)
+
+
 class SpreadNotReturned(Textbook):
     def combined(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array]:
         return mu @ x, np.einsum("j,jab->ab", mu, P)
@@ -244,7 +248,7 @@ def under_test(make: Callable[[], Any]) -> TrackerUnderTest:
 @pytest.mark.parametrize("make", [Textbook, ThreeInLists, Named, SecondOrder, FilterPyImm])
 def test_of_a_sound_one_nothing_is_found(make: Callable[[], Any]) -> None:
     result = modes(under_test(make))
-    assert [check.passed for check in result.checks] == [True, True, True]
+    assert [check.passed for check in result.checks] == [True, True, True, True]
 
 
 @pytest.mark.parametrize(
@@ -258,6 +262,7 @@ def test_of_a_sound_one_nothing_is_found(make: Callable[[], Any]) -> None:
         (WithoutDeterminant, "imm_likelihood_wrong", "determinant"),
         (WithoutPrior, "imm_likelihood_wrong", "left out"),
         (NotNormalised, "imm_likelihood_wrong", "add up to 1.3"),
+        (OneNoise, "imm_models_equal", "models 1 and 2"),
         (SpreadNotReturned, "imm_combination_wrong", "spread of the models' means is left out"),
     ],
 )

@@ -6,6 +6,7 @@ It is looked for by its values in a tracker that runs in this process; see `insi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
+from trackbench.subjects.doctor.inside.pinned import models_alone
 from trackbench.subjects.doctor.inside.trace import nearest, with_value
 from trackbench.subjects.doctor.inside.values import Pool
+from trackbench.subjects.doctor.session import apart
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: Error of a logarithm of a ratio of probabilities: of a Kalman filter 1e-9; sigma points have another innovation
@@ -75,7 +78,25 @@ def modes(tracker: TrackerUnderTest) -> PartResult:
     result.add("mode_probabilities", weighed is None, rule if weighed is None else weighed.evidence, weighed)
     output = None if bank.fits else _output(steps[-1])
     rule = "the estimate is the mixture of the models, its covariance with the spread of their means"
-    return result.add("combination", output is None, rule if output is None else output.evidence, output)
+    result.add("combination", output is None, rule if output is None else output.evidence, output)
+    return _different(tracker, result)
+
+
+def _different(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
+    """Whether the models, each alone, predict differently."""
+    predicted, probe, sensor = [], tracker.probes.general[0], next(iter(tracker.sensors))
+    for model in tracker.once(models_alone):
+        with model.alone() as alone:
+            trial = alone.trial(probe, sensor, (sensor,))
+            if trial is not None and trial.usable:
+                predicted.append(trial.prediction)
+    if len(predicted) < 2:
+        return result.add("different_models", None, "the models cannot be tried one by one")
+    gaps = [apart(before, after) for before, after in pairwise(predicted)]
+    if min(gaps) > ROUNDED:
+        return result.add("different_models", True, "each model alone predicts another covariance")
+    text = f"models {np.argmin(gaps) + 1} and {np.argmin(gaps) + 2}, each alone, predict the same mean and covariance"
+    return result.add("different_models", False, text, Finding("imm_models_equal", CONFIDENCE, text))
 
 
 def _start(steps: Sequence[BankStep]) -> Finding | None:
@@ -233,6 +254,7 @@ MODES_CHECK = DoctorCheck(
         Question("mixing", "Does each model start from the mixture that the transition probabilities give?"),
         Question("mode_probabilities", "Do the models' probabilities follow from the likelihoods of innovations?"),
         Question("combination", "Is the estimate the mixture of the models?"),
+        Question("different_models", "Do the models predict differently?"),
     ),
     faults={
         "imm_transition_transposed": KnownFault(
@@ -260,6 +282,12 @@ MODES_CHECK = DoctorCheck(
             "Where the estimates of the models are combined.",
             "P = sum over j of mu_j (P_j + (x_j - x)(x_j - x)^T), with the probabilities after the measurement.",
             Role("root exact", rank=5, causes="covariance driven", drive="long_run"),
+        ),
+        "imm_models_equal": KnownFault(
+            "two models are the same",
+            "Where the models get their motion and their process noise.",
+            "Give each model a noise or a motion of its own; do not let them share one array.",
+            Role("root exact", rank=6, causes="covariance driven", drive="long_run"),
         ),
     },
 )
