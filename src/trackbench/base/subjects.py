@@ -24,6 +24,14 @@ class Offer(NamedTuple):
     """What the help says of it."""
 
 
+class TermPage(NamedTuple):
+    """A page of ``trackbench explain``."""
+
+    name: str
+    page: tuple[tuple[str, str], ...]
+    """Each a heading and its text, whose paragraphs are apart by an empty line."""
+
+
 @dataclass(frozen=True)
 class Subject:
     """What a user comes for beside a run. Each value is ``module:attribute``, alone or in an :class:`Offer`."""
@@ -34,6 +42,8 @@ class Subject:
     """By the name in ``trackbench``."""
     lists: Mapping[str, Offer] = field(default_factory=dict)
     """For ``trackbench list``: a function that gives rows of a name and a description, and a sentence on them."""
+    terms: Mapping[str, str] = field(default_factory=dict)
+    """For ``trackbench explain``, by the heading of a group: a function that gives a :class:`TermPage` for each."""
     documents: Mapping[str, Offer] = field(default_factory=dict)
     """By the main file of a folder, for ``trackbench report``: a function from that file to a Document, and what to
     know of its formats."""

@@ -139,6 +139,7 @@ COMMANDS = {
     ),
     "report": Offer("trackbench.cli.report:report_command", "Write the report of a saved result in any format."),
     "list": Offer("trackbench.cli.listing:list_command", "Show what a scenario or an option can name."),
+    "explain": Offer("trackbench.cli.explain:explain_command", "Print the page of a term of a table or a report."),
     "check": Offer("trackbench.cli.listing:check_command", "Validate scenario files without running them."),
     "schema": Offer("trackbench.cli.listing:schema_command", "Print the JSON Schema of a scenario file, for editors."),
     "completion": Offer(

@@ -37,6 +37,23 @@ eval "$(trackbench completion bash)"    # in ~/.bashrc
 eval "$(trackbench completion zsh)"     # in ~/.zshrc
 trackbench completion fish > ~/.config/fish/completions/trackbench.fish
 ```
+
+What a word in a table, a report or an examination means:
+
+```console
+$ trackbench explain azimuth_not_wrapped
+azimuth_not_wrapped
+
+fault: an angle is not wrapped to (-pi, pi]
+
+look at: Where the innovation, or the difference of sigma points from their
+  mean, is computed.
+
+fix: Wrap every difference of angles, of the azimuth and of the course in the
+  state: d = (d + pi) % (2 pi) - pi.
+
+found by: azimuth_wrapping
+```
 """
 
 

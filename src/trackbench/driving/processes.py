@@ -13,9 +13,9 @@ import threading
 import time
 import weakref
 from collections import Counter
-from collections.abc import Sequence
-from contextlib import suppress
-from typing import Any, Protocol
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, BinaryIO, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -52,14 +52,16 @@ class Closeable(Protocol):
 
 
 class Template:
-    """The process that every tracker's process is a copy of."""
+    """The process that every tracker's process is a copy of.
 
-    def __init__(self) -> None:
+    Args:
+        output: descriptor of the file to which what trackers print goes, which is no part of a result.
+    """
+
+    def __init__(self, output: int) -> None:
         self._control, theirs = socket.socketpair(
             socket.AF_UNIX, socket.SOCK_SEQPACKET if PACKETS else socket.SOCK_STREAM
         )
-        # What a tracker prints is no part of the result.
-        output = 2 if _is_open(2) else subprocess.DEVNULL
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", TEMPLATE, str(theirs.fileno())],
@@ -137,6 +139,11 @@ class Template:
             with suppress(ProcessLookupError, PermissionError):
                 os.kill(process, signal.SIGTERM)
             self.end_of(process, ENDING)
+
+    def end_all(self) -> None:
+        """End all processes of trackers, and wait for them."""
+        for process in list(self._names):
+            self.end(process)
 
     def close(self) -> None:
         """End it, with all that its copies have left behind."""
@@ -341,9 +348,30 @@ def _template() -> Template:
     """That of this process, which may itself be a copy of one that has one."""
     own = os.getpid()
     if own not in _templates or _templates[own].ended:
-        _templates[own] = Template()
+        _templates[own] = Template(2 if _is_open(2) else subprocess.DEVNULL)
         atexit.register(_templates[own].close)
     return _templates[own]
+
+
+@contextmanager
+def printing_to(file: BinaryIO) -> Iterator[Counter[str]]:
+    """Send what trackers in processes of their own print to a file; these processes end with it.
+
+    Yields:
+        At the end, by name of a tracker how many lines of its output are not in the file.
+    """
+    own = os.getpid()
+    before = _templates.pop(own, None)
+    template = _templates[own] = Template(file.fileno())
+    unshown = template.unshown
+    try:
+        yield unshown
+    finally:
+        template.end_all()
+        template.close()
+        del _templates[own]
+        if before is not None:
+            _templates[own] = before
 
 
 def take_unshown() -> Counter[str]:

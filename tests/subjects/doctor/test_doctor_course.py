@@ -155,12 +155,15 @@ def test_what_is_not_finite_elsewhere_is_told_first() -> None:
         assert tracker.output_checks.not_finite.where == expected
 
 
-@pytest.mark.parametrize(("where", "cause"), [("at_sensor", None), ("crossing", "nonfinite")])
-def test_a_range_of_zero_explains_no_drive(where: str, cause: str | None) -> None:
-    drive = Finding("covariance_unbelievable", 0.85, "", shown_by="manoeuvre")
-    found = rank([Finding("nonfinite", 0.98, "", shown_by=where), drive])
-    assert {one.fault: one.consequence_of for one in found} == {"nonfinite": None, "covariance_unbelievable": cause}
-    assert found[0].fault == ("nonfinite" if cause else "covariance_unbelievable")
+@pytest.mark.parametrize(("where", "fragile"), [("at_sensor", True), ("on_the_sensor", True), ("crossing", False)])
+def test_a_failure_at_a_range_of_zero_alone_is_no_fault(where: str, fragile: bool) -> None:
+    assert Finding("nonfinite", 0.98, "", shown_by=where).fragile == fragile
+
+
+def test_a_tracker_that_fails_at_a_range_of_zero_alone_passes_the_check() -> None:
+    (check,) = [one for one in validity(_under_test(RangeZero)).checks if one.name == "finite"]
+    assert check.passed
+    assert "at_sensor" in check.result
 
 
 @pytest.mark.parametrize("cause", ["q_too_large", "course_not_wrapped"])

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 EXAMPLES = DOCS / "examples"
 FILES = ["examination.json", "recording.rrd", "report.html"]
-KEYS = {"fault", "confidence", "sensor", "factor", "evidence", "advice", "consequence_of"}
+KEYS = {"fault", "confidence", "explains", "sensor", "factor", "evidence", "advice", "consequence_of"}
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def test_a_fault_is_named_and_the_status_is_1(faulty: Faulty) -> None:
     first = said["findings"][0]
     assert (first["fault"], first["sensor"], first["consequence_of"]) == ("azimuth_not_wrapped", "radar", None)
     assert all(set(finding) == KEYS for finding in said["findings"])
-    assert all(set(check) == {"name", "question", "passed", "skipped", "result"} for check in said["checks"])
+    assert all(set(check) == {"name", "question", "passed", "skipped", "result", "faults"} for check in said["checks"])
 
 
 def test_json_is_what_is_written_and_nothing_else_is_printed(faulty: Faulty) -> None:
@@ -120,14 +120,14 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
         ],
         [
             CheckResult("a", long, True, long),
-            CheckResult("b", "Why?", False, long),
+            CheckResult("b", "Why?", False, long, faults=("r_too_small",)),
             CheckResult("c", long, None, "could not"),
         ],
     )
     said, every = text(examination), text(examination, every_check=True)
     assert max(len(line) for line in (said + every).splitlines()) <= 80
     assert "mine: 1 fault found" in said
-    assert "jacobian_wrong: confidence 90 %, sensor radar, factor 4" in said
+    assert "jacobian_wrong: likely, explains 1 failed check, sensor radar, factor 4" in said
     assert "  r_too_small (of jacobian_wrong): a sentence" in said
     assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check not made:\n  c: could not" in said
     assert "FAILED   b: Why?" in every

@@ -39,7 +39,7 @@ class EstimateMetric(Metric):
 
 
 class RootMeanSquare(EstimateMetric):
-    """A root mean square error."""
+    """A root mean square error: ``sqrt(sum(e^2) / count)`` over the scored estimates of all objects and runs."""
 
     better = "smaller"
     compared = True

@@ -115,7 +115,7 @@ class HotaScores(NamedTuple):
 
 
 def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
-    """Higher order tracking accuracy.
+    """Higher order tracking accuracy: ``sqrt(DetA AssA)``, the mean over thresholds of the similarity.
 
     Source: Luiten et al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International
     Journal of Computer Vision 129, with the matching of its public code: pairs that go together over the whole run are

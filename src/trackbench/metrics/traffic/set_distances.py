@@ -29,6 +29,9 @@ class GospaParts(NamedTuple):
 def gospa(counted: Counted) -> GospaParts:
     """Generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2; squares, m^2.
 
+    Of the best matching, the squared distances of the pairs plus ``c^2 / 2`` for each object and each track that is in
+    none; the metric is the root.
+
     Source: Rahmathullah, Garcia-Fernandez and Svensson (2017), "Generalized optimal sub-pattern assignment metric",
     definition 1 and proposition 1.
     """

@@ -6,6 +6,7 @@ SUBJECT = Subject(
     commands={"doctor": Offer(f"{__name__}.command:doctor_command", "Find the faults of a tracker, with evidence.")},
     api={"Examination": f"{__name__}.report:Examination", "doctor": f"{__name__}.api:doctor"},
     lists={"checks": Offer(f"{__name__}.findings:listed_checks", "The checks are those of `trackbench doctor`.")},
+    terms={name: f"{__name__}.terms:{name}_terms" for name in ("faults", "checks", "examination")},
     documents={
         "examination.json": Offer(
             f"{__name__}.report:saved_document", "of an examination the figures are in its report.html alone"

@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 import re
 import textwrap
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 FOUND = 1
 CANNOT_RUN = 3
+#: Letters of the first line that a tracker prints.
+FIRST = 200
 
 
 @click.command("doctor")
@@ -94,7 +98,7 @@ def doctor_command(
     results.require_replaceable(folder, EXAMINATION)
     results.require_writable(folder.parent)
     try:
-        with progress(f"examining {name}", "steps") as advance:
+        with prints_folded(), progress(f"examining {name}", "steps") as advance:
             examination = doctor(
                 tracker,
                 options=dict(_option(item) for item in options),
@@ -125,6 +129,26 @@ def doctor_command(
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
         click.echo(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
+
+
+@contextmanager
+def prints_folded() -> Iterator[None]:
+    """Say in one line, at the end, what trackers in processes of their own have printed."""
+    from trackbench.driving.processes import printing_to
+
+    with TemporaryFile() as file:
+        try:
+            with printing_to(file) as unshown:
+                yield
+        finally:
+            file.seek(0)
+            lines = file.read().decode(errors="replace").splitlines()
+            # For each tracker with more, the last line says so.
+            count = len(lines) + sum(unshown.values()) - len(+unshown)
+            if lines:
+                first = textwrap.shorten(next(filter(str.strip, lines), ""), FIRST, placeholder=" ...")
+                words = "a line" if count == 1 else f"{count:,} lines; the first"
+                click.echo(f"the tracker printed {words}: {first}", err=True)
 
 
 def require_tracker(tracker: str) -> None:

@@ -171,9 +171,16 @@ class Doctor:
                 break
         results.append(self._made(last, tracker))
         findings = [finding for result in results for finding in result.findings]
+        for check, result in zip((*checks, last), results, strict=True):
+            # A drive in which a step failed is explained by what is found of that step.
+            also = results[-1].findings if check.every_drive else []
+            result.checks = check.with_faults(result.checks, [*result.findings, *also], findings)
         if not findings and tracker.output_checks.estimates == 0:
             raise CannotRun("it gave no estimate at any scan")
-        return Examination(name, rank(findings), [check for result in results for check in result.checks])
+        made = [check for result in results for check in result.checks]
+        fragile = {finding.fault: finding for finding in findings if finding.fragile}
+        faults = rank(finding for finding in findings if not finding.fragile)
+        return Examination(name, faults, made, tuple(fragile.values()))
 
     def _asked(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
         """The result of a check; what is asked of a filter, of each model alone where the tracker has several."""

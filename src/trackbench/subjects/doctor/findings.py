@@ -7,13 +7,11 @@ and of the faults that it names.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
-
-from pydantic import ConfigDict, TypeAdapter
 
 from trackbench.subjects.doctor.exhibits import Exhibit
 from trackbench.subjects.doctor.output_checks import SINGULAR
@@ -112,6 +110,8 @@ class Question(NamedTuple):
     """Whether it needs an observer that moves."""
     finds: tuple[str, ...] = ()
     """The faults that it alone finds, where its check has several questions."""
+    shows: tuple[str, ...] = ()
+    """Faults that other checks find and that make it fail."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +150,34 @@ class DoctorCheck(Generic[P]):
             name, _, sensor = check.name.partition(".")
             results.append(replace(check, question=check.question or full[name].format(sensor=sensor)))
         return results
+
+    def with_faults(
+        self, checks: Iterable[CheckResult], findings: Sequence[Finding], others: Sequence[Finding] = ()
+    ) -> list[CheckResult]:
+        """The results of its function, a failed one without faults with those that it shows.
+
+        Args:
+            checks: the results.
+            findings: its own.
+            others: those of other checks, of which questions ``show`` some.
+        """
+        questions = {question.name: question for question in self.questions}
+        shared = {fault for question in self.questions for fault in question.finds}
+
+        def shown(check: CheckResult) -> Iterator[str]:
+            name, _, sensor = check.name.partition(".")
+            finds, shows = (questions[name].finds, questions[name].shows) if name in questions else ((), ())
+            own = [finding for finding in findings if finding.fault in finds or finding.fault not in shared]
+            for finding in [*own, *(other for other in others if other.fault in shows)]:
+                if not sensor or finding.sensor in (None, sensor):
+                    yield finding.fault
+
+        return [
+            check
+            if check.passed is not False or check.faults
+            else replace(check, faults=tuple(dict.fromkeys(shown(check))))
+            for check in checks
+        ]
 
 
 def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
@@ -191,7 +219,7 @@ class Finding:
 
     fault: str
     confidence: float
-    """That the fault is the one named, 0 to 1."""
+    """That the fault is the one named, 0 to 1: for the order of findings. :mod:`.certainty` has what is shown of it."""
     evidence: str
     """A sentence with its numbers."""
     sensor: str | None = None
@@ -207,33 +235,10 @@ class Finding:
     exhibit: Exhibit | None = field(default=None, compare=False, repr=False)
     """The numbers of the evidence, for a figure."""
 
-    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
-
-    def json(self) -> dict[str, Any]:
-        """As ``--json`` prints it."""
-        known = known_faults()[self.fault]
-        return {
-            "fault": self.fault,
-            "confidence": round(self.confidence, 3),
-            "sensor": self.sensor,
-            "factor": None if self.factor is None else float(f"{self.factor:.3g}"),
-            "evidence": self.evidence,
-            "advice": f"{known.where} {known.fix}",
-            "consequence_of": self.consequence_of,
-        }
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Finding:
-        """The finding that :meth:`json` describes, without what shows it and its exhibit.
-
-        Raises:
-            KeyError: a value is missing.
-            ValueError: the fault is none of the known ones, or a value is of another type.
-        """
-        if values["fault"] not in known_faults():
-            raise ValueError(f"unknown fault {values['fault']!r}")
-        keys = ("fault", "confidence", "evidence", "sensor", "factor", "consequence_of")
-        return TypeAdapter(cls).validate_python({key: values[key] for key in keys})
+    @property
+    def fragile(self) -> bool:
+        """Whether it arises only where the range is exactly 0, as in no drive that is judged: no fault."""
+        return self.shown_by in SINGULAR
 
 
 #: Confidence from which on a finding can be the cause of others.
@@ -264,12 +269,7 @@ def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
         roots = (root for root in ranked if root.consequence_of is None)
         cause = next((root.fault for root in roots if _causes(faults, root, finding)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda one: (one.consequence_of is not None, _at_sensor(one), -one.confidence))
-
-
-def _at_sensor(finding: Finding) -> bool:
-    """Whether it arises only where the range is 0, as in no drive that is judged."""
-    return finding.shown_by in SINGULAR
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
 
 
 def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -> bool:
@@ -278,7 +278,7 @@ def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -
     if root.confidence < SURE or root.fault == finding.fault:
         return False
     if "driven" in fault.kinds and "driven" not in cause.kinds:
-        return not _at_sensor(root)
+        return True
     if _includes(cause.role.always, finding.fault, fault):
         return True
     if not _includes(cause.role.causes, finding.fault, fault):
@@ -302,6 +302,8 @@ class CheckResult:
     """What was measured, with its numbers; of a check that was not made, the reason."""
     skipped: bool = False
     """Whether it was not made because the user did not ask for it."""
+    faults: tuple[str, ...] = ()
+    """Of a failed check, those that it found."""
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
@@ -311,6 +313,7 @@ class CheckResult:
             "passed": self.passed,
             "skipped": self.skipped,
             "result": self.result,
+            "faults": list(self.faults),
         }
 
 
@@ -325,6 +328,8 @@ class PartResult:
         self, name: str, passed: bool | None, result: str, *findings: Finding | None, question: str = ""
     ) -> PartResult:
         """Append the result of a check and what it found; its question is that of its record unless given."""
-        self.checks.append(CheckResult(name, question, passed, result))
-        self.findings += [finding for finding in findings if finding is not None]
+        shown = [finding for finding in findings if finding is not None]
+        faults = tuple(dict.fromkeys(finding.fault for finding in shown)) if passed is False else ()
+        self.checks.append(CheckResult(name, question, passed, result, faults=faults))
+        self.findings += shown
         return self

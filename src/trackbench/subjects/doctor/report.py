@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from trackbench import results
 from trackbench.api.result import Report
@@ -19,15 +19,17 @@ from trackbench.base.subjects import offered, resolve
 from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table, Tone
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
-from trackbench.report.numbers import percent
 from trackbench.results import EXAMINATION
+from trackbench.subjects.doctor.certainty import LEAST, Word, certainty
 from trackbench.subjects.doctor.drive_figures import figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure
-from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
+from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults, questions
 from trackbench.subjects.doctor.replay import examination_replay
 
 WIDTH = 80
+#: The end of a fix where the observer of the examination moves.
+STANDING = "If your sensors stand still, say so by --static-sensors, or by --scenario FILE."
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class Examination:
     tracker: str
     findings: list[Finding]
     checks: list[CheckResult]
+    fragile: tuple[Finding, ...] = ()
+    """What fails only where the range is exactly 0; no fault."""
     evidence: tuple[EvidenceRun, ...] = field(default=(), compare=False, repr=False)
     """The test drives that show the findings; none of a tracker of several objects."""
     notes: tuple[str, ...] = ()
@@ -62,8 +66,23 @@ class Examination:
         return {
             "tracker": self.tracker,
             "healthy": self.healthy,
-            "findings": [finding.json() for finding in self.findings],
+            "findings": [self._of_finding(finding) for finding in self.findings],
+            "fragile": [self._of_finding(finding) for finding in self.fragile],
             "checks": [check.json() for check in self.checks],
+        }
+
+    def _of_finding(self, finding: Finding) -> dict[str, Any]:
+        """A root cause has its certainty; other findings have none."""
+        sure = certainty(self, finding) if finding in self.causes else None
+        return {
+            "fault": finding.fault,
+            "confidence": sure and sure.word,
+            "explains": sure and sure.explained,
+            "sensor": finding.sensor,
+            "factor": None if finding.factor is None else float(f"{finding.factor:.3g}"),
+            "evidence": finding.evidence,
+            "advice": f"{known_faults()[finding.fault].where} {fix(self, finding)}",
+            "consequence_of": finding.consequence_of,
         }
 
     @classmethod
@@ -75,9 +94,9 @@ class Examination:
         """
         try:
             values = read_json(file)
-            findings = [Finding.from_json(entry) for entry in values["findings"]]
+            findings, fragile = ([_loaded(entry) for entry in values[key]] for key in ("findings", "fragile"))
             checks = TypeAdapter(list[CheckResult]).validate_python(values["checks"])
-            return cls(str(values["tracker"]), findings, checks)
+            return cls(str(values["tracker"]), findings, checks, tuple(fragile))
         except ValidationError as invalid:
             first = invalid.errors()[0]
             where = ".".join(map(str, first["loc"]))
@@ -115,34 +134,76 @@ class Examination:
         return self.report()._repr_html_()
 
 
+class _SavedFinding(BaseModel):
+    """A finding as it is saved."""
+
+    fault: str
+    confidence: Word | None
+    evidence: str
+    sensor: str | None
+    factor: float | None
+    consequence_of: str | None
+
+
+def _loaded(entry: Any) -> Finding:
+    """A saved finding, with the least confidence of its word, without what shows it and its exhibit.
+
+    Raises:
+        ValueError: the fault is none of the known ones, or a value is of another type.
+    """
+    saved = _SavedFinding.model_validate(entry)
+    if saved.fault not in known_faults():
+        raise ValueError(f"unknown fault {saved.fault!r}")
+    return Finding(**saved.model_dump() | {"confidence": LEAST[saved.confidence or "unclear"]})
+
+
 def verdict(examination: Examination) -> str:
     """The result in one sentence."""
+    return f"{examination.tracker}: {_found(examination)}{'; fragile at range 0' if examination.fragile else ''}"
+
+
+def _found(examination: Examination) -> str:
     causes, failed = examination.causes, sum(check.passed is False for check in examination.checks)
     if causes:
-        return f"{examination.tracker}: {counted(len(causes), 'fault')} found"
+        unclear = certainty(examination).word == "unclear"
+        return "something is wrong, and its name is unclear" if unclear else f"{counted(len(causes), 'fault')} found"
     if failed:
-        return f"{examination.tracker}: no known fault found, but {counted(failed, 'check')} failed"
+        return f"no known fault found, but {counted(failed, 'check')} failed"
     requested = [check for check in examination.checks if not check.skipped]
-    not_made = [check.name for check in requested if check.passed is None]
+    not_made = sum(check.passed is None for check in requested)
     skipped = len(examination.checks) - len(requested)
     if not not_made:
-        but = f" but for {counted(skipped, 'check')} skipped" if skipped else ""
-        return f"{examination.tracker}: healthy{but}"
-    and_skipped = f"; {skipped} skipped" if skipped else ""
-    return (
-        f"{examination.tracker}: healthy in {len(requested) - len(not_made)} of {counted(len(requested), 'check')}; "
-        f"{len(not_made)} not made: {', '.join(not_made)}{and_skipped}"
-    )
+        return f"healthy but for {counted(skipped, 'check')} skipped" if skipped else "healthy"
+    made = f"healthy in {len(requested) - not_made} of {counted(len(requested), 'check')}; {not_made} not made"
+    return f"{made}; {skipped} skipped" if skipped else made
 
 
-def _facts(finding: Finding) -> str:
-    """Fault, confidence, sensor and factor."""
-    facts = [f"confidence {percent(finding.confidence)}".replace("\N{NO-BREAK SPACE}", " ")]
+def fix(examination: Examination, finding: Finding) -> str:
+    """How to fix a fault; of the sensor's motion, also how to say that there is none."""
+    fault, moves = known_faults()[finding.fault], {name for name, question in questions().items() if question.motion}
+    moved = any(check.name in moves and check.passed is not None for check in examination.checks)
+    return f"{fault.fix} {STANDING}" if "ego" in fault.kinds and moved else fault.fix
+
+
+def _facts(examination: Examination, finding: Finding) -> str:
+    """Fault, certainty, sensor and factor."""
+    facts = [str(certainty(examination, finding))]
     if finding.sensor is not None:
         facts.append(f"sensor {finding.sensor}")
     if finding.factor is not None:
         facts.append(f"factor {finding.factor:.3g}")
     return f"{finding.fault}: {', '.join(facts)}"
+
+
+def _points(examination: Examination, finding: Finding) -> list[tuple[str, str]]:
+    """What is said of a root cause, each with its heading."""
+    points = [
+        ("evidence", finding.evidence),
+        ("look at", known_faults()[finding.fault].where),
+        ("fix", fix(examination, finding)),
+    ]
+    besides = certainty(examination, finding).besides
+    return [*points, ("besides", f"not explained by it: {', '.join(besides)}")] if besides else points
 
 
 def _mark(check: CheckResult) -> str:
@@ -169,13 +230,19 @@ def text(examination: Examination, every_check: bool = False) -> str:
     lines = [*_wrapped(verdict(examination))]
     for number, finding in enumerate(examination.causes, start=1):
         fault = known_faults()[finding.fault]
-        lines += ["", *_wrapped(f"{number}. {fault.title}", "   "), *_wrapped(f"   {_facts(finding)}", "   ")]
-        for label, sentence in (("evidence", finding.evidence), ("look at", fault.where), ("fix", fault.fix)):
+        facts = _wrapped(f"   {_facts(examination, finding)}", "   ")
+        lines += ["", *_wrapped(f"{number}. {fault.title}", "   "), *facts]
+        for label, sentence in _points(examination, finding):
             lines += _wrapped(f"   {label:<9} {sentence}", " " * 13)
     if examination.consequences:
         lines += ["", "Probably consequences; check them again after the fix:"]
         for finding in examination.consequences:
             lines += _wrapped(f"  {finding.fault} (of {finding.consequence_of}): {finding.evidence}", "    ")
+    if examination.fragile:
+        lines += ["", "Fragile at:"]
+        for finding in examination.fragile:
+            lines += _wrapped(f"  range 0 ({finding.fault}): {finding.evidence}", "    ")
+            lines += _wrapped(f"    {fix(examination, finding)}", "    ")
     made = [check for check in examination.checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
     names_follow = ", failed:" if failed and not every_check else ""
@@ -208,8 +275,9 @@ def examination_document(examination: Examination) -> Document:
     columns = tuple(Column(heading, left=True) for heading in ("result", "check", "question", "measured"))
     sections = [
         Section("Verdict", tuple(_verdict(examination))),
-        *([Section("Findings", tuple(_findings(examination)))] if examination.findings else []),
+        *([Section("Findings", blocks)] if (blocks := tuple(_findings(examination))) else []),
         *(_drive(run) for run in examination.evidence),
+        *_not_made_section(examination),
         Section("All checks", (Table("checks", columns, tuple(rows)),)),
     ]
     return Document("examination", examination.tracker, tuple(sections))
@@ -221,31 +289,39 @@ def _verdict(examination: Examination) -> Iterator[Block]:
     yield Paragraph(verdict(examination), strong=True)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
-    if left_out := _not_made(examination):
-        yield Paragraph("Not made:")
-        yield Items(tuple(Item(reason, names) for reason, names in left_out))
 
 
 def _findings(examination: Examination) -> Iterator[Block]:
     faults = known_faults()
     for number, finding in enumerate(examination.causes, 1):
-        fault = faults[finding.fault]
-        advice: Block = Items(
-            (Item(finding.evidence, "Evidence"), Item(fault.where, "Where to look"), Item(fault.fix, "Fix"))
-        )
+        points = [Item(text, label.capitalize()) for label, text in _points(examination, finding)]
+        advice: Block = Items(tuple(points))
         if finding.exhibit is not None:
             advice = Row((exhibit_figure(f"finding-{number}", finding.exhibit), advice))
-        yield Section(f"{number}. {fault.title}", (Paragraph(_facts(finding)), advice))
+        facts = Paragraph(_facts(examination, finding))
+        yield Section(f"{number}. {faults[finding.fault].title}", (facts, advice))
     caused = [
         Item(f"{finding.evidence} (of {finding.consequence_of})", faults[finding.fault].title)
         for finding in examination.consequences
     ]
     if caused:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))
+    fragile = [
+        Item(f"{finding.evidence}. {fix(examination, finding)}", f"Range 0 ({finding.fault})")
+        for finding in examination.fragile
+    ]
+    if fragile:
+        yield Section("Fragile at", (Items(tuple(fragile)),))
+
+
+def _not_made_section(examination: Examination) -> Iterator[Section]:
+    items = tuple(Item(reason, names) for reason, names in _not_made(examination))
+    if items:
+        yield Section("Not made", (Items(items),))
 
 
 def _drive(run: EvidenceRun) -> Section:
-    titles = [known_faults()[finding.fault].title for finding in run.findings]
+    titles = dict.fromkeys(known_faults()[finding.fault].title for finding in run.findings)
     shows = [Paragraph(f"It shows: {'; '.join(titles)}.")] if titles else []
     return Section(f"Drive: {run.description}", (*shows, Row(tuple(figures(run)))))
 

@@ -132,7 +132,7 @@ def distances(tracks: Tracks, positions: Array) -> Array:
 
 def note(result: PartResult, name: str, passed: bool, text: str, fault: str) -> PartResult:
     """Add a check, and its finding where it failed; its question is that of the check's record."""
-    result.checks.append(CheckResult(name, "", bool(passed), text))
+    result.checks.append(CheckResult(name, "", bool(passed), text, faults=() if passed else (fault,)))
     if not passed:
         result.findings.append(Finding(fault, 0.9, text[0].upper() + text[1:] + "."))
     return result

@@ -307,6 +307,7 @@ INNOVATIONS_CHECK = DoctorCheck(
             "Are all angles in the innovations wrapped?",
             "Are all angles in the innovations of {sensor} wrapped where the azimuth passes pi?",
             each_sensor=True,
+            shows=("azimuth_not_wrapped", "angle_mean_not_circular"),
         ),
     ),
     of_filters=True,

@@ -87,9 +87,10 @@ def _examined(sensor: str, trials: Sequence[Trial], zero: float) -> tuple[bool |
         return True, f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma", None
     finding = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
     worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
+    has_one = ~(innovations < zero)
     text = (
-        f"in {np.sum(~(innovations < zero))} of {len(trials)} trials the predicted measurement has an innovation, of "
-        f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
+        f"in {np.sum(has_one)} of {len(trials)} trials the predicted measurement has an innovation, of "
+        f"{np.nanmedian(innovations[has_one]):.3g} sigma in their median (largest: {worst.description})"
     )
     return False, text, finding
 

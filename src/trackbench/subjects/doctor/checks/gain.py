@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
@@ -96,10 +96,8 @@ def _jacobian(
             continue
         worst = max(of, key=lambda row: _apart(row, i))
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
-        off, length = float(np.median(direction)), float(np.median(size))
-        way = "points the opposite way" if length < 0.0 else f"is off by {off:.0%} in direction"
-        text = f"the row of {component.replace('_', ' ')} {way} and has {abs(length):.3g} times the right length "
-        text += f"(medians of {len(of)} trials; {np.mean(turned | scaled):.0%} of them are off)"
+        text = f"the row of {component.replace('_', ' ')} {_row_off(direction, size, turned, scaled)} "
+        text += f"(medians of the {np.sum(turned | scaled)} of {len(of)} trials in which it is off)"
         if np.mean(turned) < 0.12:
             text += _unit_of_row(size)
         found.append((share, worst, i, text))
@@ -112,9 +110,10 @@ def _jacobian(
     gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
     j = int(np.argmax(np.abs(gap)))
     at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
+    implied_entry, right_entry = told_apart(worst.jacobian[i, j], worst.trial.jacobian[i, j])
     entry = (
-        f"the gain implies d {model.components[i]} / d {STATES[j]} = {worst.jacobian[i, j]:.3g}, where "
-        f"{worst.trial.jacobian[i, j]:.3g} is right (px, py, vx, vy = {at}); {text}"
+        f"the gain implies d {model.components[i]} / d {STATES[j]} = {implied_entry}, where {right_entry} is right "
+        f"(px, py, vx, vy = {at}); {text}"
     )
     exhibit = Matrices(
         f"Jacobian of {sensor}: {worst.trial.description}",
@@ -124,6 +123,23 @@ def _jacobian(
         ((i, j),),
     )
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by, exhibit=exhibit)]
+
+
+def told_apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with as many digits as tell them apart, three at least."""
+    texts = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(3, 17)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])
+
+
+def _row_off(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
+    """By how much a row is off in the trials in which it is: in direction, in length, or in both."""
+    off, lengths = float(np.median(direction[turned])) if turned.any() else 0.0, size[turned | scaled]
+    length = float(np.median(lengths))
+    parts = [f"is off by {off:.0%} in direction"] if turned.any() and length > 0.0 else []
+    parts += ["points the opposite way"] if length < 0.0 else []
+    ratio = f"{abs(length):.3g}"
+    parts += [f"has {ratio} times the right length"] if ratio != "1" else []
+    return " and ".join(parts)
 
 
 def _unit_of_row(size: Array) -> str:
@@ -265,7 +281,10 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     ]
     direction = np.nanmax([np.nanmax(row.direction[row.used]) for row in rows])
     rows_of = "rows of the implied Jacobian"
+    length = np.nanmax(np.nanmedian([np.where(row.used, row.size, np.nan) for row in rows], axis=0))
     said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
+    if length > SIZE:
+        said += f", one {length:.3g} times as long as the right one"
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
 
 

@@ -1,0 +1,72 @@
+"""How sure the name of a fault is, as one of three words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from trackbench.base.errors import counted
+from trackbench.subjects.doctor.findings import CERTAIN, SURE, Finding, known_faults
+
+if TYPE_CHECKING:
+    from trackbench.subjects.doctor.report import Examination
+
+Word = Literal["shown", "likely", "unclear"]
+#: Least confidence of a finding with each word.
+LEAST: dict[Word, float] = {"shown": CERTAIN, "likely": SURE, "unclear": 0.0}
+#: What a reader is told of the words of an examination.
+MEANING = {
+    "shown": "No other fault looks like this one, and it explains all failed checks.",
+    "likely": "There is evidence of this fault beside the errors of drives, and it explains at least half of the "
+    "failed checks: those that found it or its consequences.",
+    "unclear": "Something is wrong, as the failed checks show. The name may be another.",
+    "fragile": "It fails only where the range is exactly 0, as in no drive that is judged. It is no fault, and no "
+    "check has failed.",
+    "healthy": "No check has failed. Those that could not be made are counted and listed.",
+}
+
+
+class Certainty(NamedTuple):
+    """How sure a name is, and what it explains."""
+
+    word: Word
+    explained: int
+    """Failed checks whose own findings are this one or its consequences."""
+    besides: tuple[str, ...]
+    """The other failed checks, by name."""
+
+    @property
+    def failed(self) -> int:
+        """How many checks failed."""
+        return self.explained + len(self.besides)
+
+    def __str__(self) -> str:
+        """ "likely, explains 5 of 7 failed checks"."""
+        if not self.failed:
+            return self.word
+        share = f"{self.explained} of " if self.besides else "" if self.failed == 1 else "all "
+        return f"{self.word}, explains {share}{counted(self.failed, 'failed check')}"
+
+
+def certainty(examination: Examination, finding: Finding | None = None) -> Certainty:
+    """How sure a name is.
+
+    ``shown`` is an exact finding (no other fault looks like it) that explains all failed checks. ``likely`` is one with
+    evidence of its own, beside the errors of drives, that explains at least half of them. All else is ``unclear``.
+
+    Args:
+        examination: of a tracker that is not healthy.
+        finding: a root cause; the first one unless given. Without any, nothing is explained.
+    """
+    cause = finding or next(iter(examination.causes), None)
+    failed = [check for check in examination.checks if check.passed is False]
+    if cause is None:
+        return Certainty("unclear", 0, tuple(check.name for check in failed))
+    of_cause = {other.fault for other in examination.findings if other.consequence_of == cause.fault} | {cause.fault}
+    besides = tuple(check.name for check in failed if of_cause.isdisjoint(check.faults))
+    explained, kinds = len(failed) - len(besides), known_faults()[cause.fault].kinds
+    word: Word = "unclear"
+    if "exact" in kinds and cause.confidence >= LEAST["shown"] and not besides:
+        word = "shown"
+    elif "driven" not in kinds and cause.confidence >= LEAST["likely"] and 2 * explained >= len(failed):
+        word = "likely"
+    return Certainty(word, explained, besides)

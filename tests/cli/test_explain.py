@@ -1,0 +1,75 @@
+"""``trackbench explain``"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from trackbench.base.subjects import resolve
+from trackbench.cli.docs import INTRODUCTION
+from trackbench.cli.explain import FORMULAS, page, terms
+from trackbench.metrics.registry import metric_paths
+from trackbench.metrics.verdicts import CONSISTENCY, TRUST
+from trackbench.subjects.doctor.findings import known_faults, questions
+
+
+def test_every_term_of_a_table_and_an_examination_has_a_page() -> None:
+    names = {term.name for of in terms().values() for term in of}
+    metrics = {field.name.partition(".")[0] for hidden in (False, True) for field in metric_paths(hidden=hidden)}
+    words = {"diverged", "group", "shown", "likely", "unclear", "fragile"}
+    assert names >= {*metrics, *known_faults(), *questions(), *CONSISTENCY, *TRUST, *words}
+
+
+def test_a_page_fits_80_columns_and_has_all_of_it() -> None:
+    for of in terms().values():
+        for term in of:
+            lines = page(term).splitlines()
+            assert max(map(len, lines)) <= 80
+            said = " ".join(" ".join(lines).split())
+            assert all(" ".join(text.split()) in said for _, text in term.page)
+
+
+@pytest.mark.parametrize("target", sorted(set(FORMULAS.values())))
+def test_a_formula_has_its_source(target: str) -> None:
+    assert any(
+        words in resolve(target).__doc__ for words in ("Source: ", "(Bar-Shalom, Li and Kirubarajan 2001", "sqrt")
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "said"),
+    [
+        ("NEES", "(Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2)"),
+        ("velocity_rmse", "formula: A root mean square error: sqrt("),
+        ("gospa_missed", "Source: Rahmathullah"),
+        ("azimuth_not_wrapped", "found by: azimuth_wrapping"),
+        ("noise_per_step", "finds: q_constant_per_step"),
+        ("optimistic", "an equivalence test (Schuirmann"),
+    ],
+)
+def test_a_page(cli: Callable[..., Any], term: str, said: str) -> None:
+    done = cli("explain", term)
+    assert (done.status, done.err) == (0, "")
+    assert said in " ".join(done.out.split())
+
+
+def test_without_a_term_all_are_listed(cli: Callable[..., Any]) -> None:
+    done = cli("explain")
+    assert [line.partition(":")[0] for line in done.out.splitlines() if line[:1].strip()] == [*terms()]
+
+
+@pytest.mark.parametrize(
+    ("term", "said"),
+    [("azimuth_not_wraped", "did you mean 'azimuth_not_wrapped'?"), ("?", "`trackbench explain` lists them")],
+)
+def test_an_unknown_term_names_the_nearest(cli: Callable[..., Any], term: str, said: str) -> None:
+    done = cli("explain", term)
+    assert (done.status, done.out) == (2, "")
+    assert done.err == f"there is no page on {term!r}: {said}\n"
+
+
+def test_the_page_of_the_command_line_shows_what_is_printed(cli: Callable[..., Any]) -> None:
+    command, _, shown = INTRODUCTION.rpartition("```console\n$ trackbench ")[2].removesuffix("```\n").partition("\n")
+    assert cli(*command.split()).out == shown
