@@ -33,8 +33,8 @@ from trackbench.subjects.doctor.probes import with_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-#: How many of the last scans are looked into, and of which before them the constants are those of the last.
-LOOKED, EARLIER = 8, 20
+#: How many of the last scans are looked into, and after which scan the constants are compared with those before them.
+LOOKED, EARLY = 8, 3
 #: Standard deviations of the innovation that is given.
 INNOVATION = 1.5
 #: Time of an instant, s, and by how much a prediction over it changes a mean, in standard deviations, or a covariance,
@@ -157,20 +157,20 @@ def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
     """
     session, random = TrackerSession(tracker.make), np.random.default_rng(tracker.seed)
     scans = tracker.approach(tracker.probes.course_turn, tracker.sensor_sets()[-1])
-    constants, bank, steps = None, None, list[BankStep]()
+    constants: list[tuple[Held, Array]] = []
+    bank, steps = None, list[BankStep]()
     with tracker.recording_failures(tracker.probes.course_turn.name):
         for k, exact in enumerate(scans):
             if len(scans) - k <= LOOKED and bank is not None and exact.time > session.given[-1].time:
                 steps += _looked_into(session, bank, exact, random)
             estimate = session.step(with_noise(exact, random))
-            if len(scans) - k in (EARLIER, LOOKED + 1):
-                values = _all_held(session)
-                matrices = transition_matrices(values)
-                if not matrices:
+            if k == EARLY:
+                constants = transition_matrices(_all_held(session))
+                if not constants:
                     return None
-                if len(scans) - k == LOOKED + 1 and estimate is not None:
-                    bank = _found(stationary(matrices, constants or []), values, estimate)
-                constants = matrices
+            if len(scans) - k == LOOKED + 1 and estimate is not None:
+                values = _all_held(session)
+                bank = _found(stationary(constants, transition_matrices(values)), values, estimate)
     return None if bank is None else (bank, steps)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from trackbench.base.types import Array, Scan
 
-#: How far below an object its values are looked for, and how large an array of a small filter is at most.
-DEPTH, LARGEST = 6, 4096
+#: How far below an object its values are looked for, among how many of its parts, and how large an array is at most: a
+#: filter is smaller.
+DEPTH, MOST, LARGEST = 6, 20_000, 4096
 #: Agreement of two values that are the same but for rounding, relative to the larger one.
 SAME = 1e-9
 
@@ -55,7 +56,7 @@ def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
     """Every number, array of numbers and list of numbers below an object, nearest first; scans are left out."""
     seen: set[int] = set()
     waiting: deque[tuple[Path, Any, HeldAt | None]] = deque([((), root, None)])
-    while waiting:
+    while waiting and len(seen) < MOST:
         path, value, place = waiting.popleft()
         array = _numbers(value)
         if array is not None:
@@ -87,7 +88,7 @@ def _parts(value: Any) -> Iterable[tuple[Any, Any]]:
     if isinstance(value, Mapping):
         return [(key, below) for key, below in value.items() if isinstance(key, str | int)]
     if isinstance(value, list | tuple):
-        return list(enumerate(value))
+        return list(enumerate(value)) if len(value) <= LARGEST else []
     own = dict(getattr(value, "__dict__", {}))
     for base in type(value).__mro__:
         slots = base.__dict__.get("__slots__", ())
