@@ -22,6 +22,7 @@ from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import get_args
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from doctor_rates import doctor
 from faults.corpus import KINDS, Fault, Program, bases, faults, sound
 from markdown import table
 from trackbench.metrics.breakdown import share_interval
+from trackbench.subjects.doctor.certainty import Word, certainty
 from trackbench.subjects.doctor.report import verdict
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
@@ -45,7 +47,7 @@ class Seen:
     text: str  # its mark
     kind: str
     outcome: str
-    confidence: float | None  # of the first finding
+    word: str | None  # how certain the first finding is said to be
     verdict: str
     said: list[str]
     seconds: float
@@ -73,7 +75,7 @@ def examine(program: Program) -> Seen:
             return Seen(program.module, mark(program), program.kind, UNNAMED, None, f"not examined: {error}", [], 0.0)
         finally:
             sys.path.remove(folder)
-    said = [f"{one.fault} ({one.confidence:.0%}): {one.evidence}" for one in found.causes]
+    said = [f"{one.fault} ({certainty(found, one).word}): {one.evidence}" for one in found.causes]
     said += [f"{check.name}: {check.result}" for check in found.checks if check.passed is False]
     first = found.findings[0] if found.findings else None
     if first is None:
@@ -81,14 +83,20 @@ def examine(program: Program) -> Seen:
     else:
         lines = map(int, re.findall(rf"{program.module}\.py:(\d+)", first.evidence))
         outcome = RIGHT if first.fault in program.accept or not program.lines.isdisjoint(lines) else WRONG
-    confidence, seconds = None if first is None else first.confidence, time.process_time() - begin
-    return Seen(program.module, mark(program), program.kind, outcome, confidence, verdict(found), said, seconds)
+    word, seconds = None if first is None else certainty(found, first).word, time.process_time() - begin
+    return Seen(program.module, mark(program), program.kind, outcome, word, verdict(found), said, seconds)
 
 
 def shared(hits: int, count: int) -> str:
     """A share and its exact 95 % interval."""
     low, high = share_interval(hits / count, count)
     return f"{hits / count:.0%} ({low:.0%} to {high:.0%})"
+
+
+def _right(outcomes: list[str]) -> list[str]:
+    """How many, how many of these right, and their share; of a sound tracker none is."""
+    right = outcomes.count(RIGHT)
+    return [str(len(outcomes)), str(right), shared(right, len(outcomes))]
 
 
 def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
@@ -99,13 +107,13 @@ def page(name: str, programs: Sequence[Program], seen: dict[str, Seen]) -> str:
         outcomes = [one.outcome for one in faulty if kind in (one.kind, "all")]
         counts = [str(outcomes.count(outcome)) for outcome in OUTCOMES]
         rows.append([kind, str(len(outcomes)), *counts, shared(outcomes.count(RIGHT), len(outcomes))])
-    said = {outcome: [one.confidence for one in faulty if one.outcome == outcome] for outcome in (RIGHT, WRONG)}
     silent = [one for one in found if one.kind == "sound"]
     blamed = [one for one in silent if one.outcome != HEALTHY]
     lines = [f"# The set `{name}`: what the doctor says", ""]
     lines += table(["kind", "faults", *OUTCOMES, "share right"], rows)
-    means = [f"{np.mean(values):.0%} of {outcome} ones" for outcome, values in said.items() if values]
-    lines += [f"Mean stated confidence of first findings: {', '.join(means)}.", ""]
+    words = [word for word in get_args(Word) if any(one.word == word for one in found)]
+    rows = [[f"`{word}`", *_right([one.outcome for one in found if one.word == word])] for word in words]
+    lines += ["", *table(["first finding", "findings", "right", "share right"], rows)]
     lines += [f"Sound ones and bases faulted: {len(blamed)} of {len(silent)}, {shared(len(blamed), len(silent))}.", ""]
     harm = {program.module: program.entry.harm for program in programs if isinstance(program.entry, Fault)}
     hidden = [one.module for one in faulty if one.outcome == HEALTHY and (harm[one.module] or [np.inf])[0] >= 2]

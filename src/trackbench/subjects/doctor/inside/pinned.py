@@ -114,7 +114,9 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
         made = [check.passed is not None for check in checks]
         said = [f"model {j}: {check.result}" for j, check in enumerate(checks, 1) if any(failed) <= (not check.passed)]
         text = checks[0].result if not any(made) else "; ".join(said)
-        merged.checks.append(replace(checks[0], passed=not any(failed) if any(made) else None, result=text))
+        faults = tuple(dict.fromkeys(fault for check in checks for fault in check.faults))
+        passed = not any(failed) if any(made) else None
+        merged.checks.append(replace(checks[0], passed=passed, result=text, faults=faults))
     merged.findings = [
         replace(finding, evidence=f"of model {j} alone: {finding.evidence}")
         for j, result in enumerate(results, 1)
