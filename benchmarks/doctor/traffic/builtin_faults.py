@@ -58,7 +58,7 @@ class Returning(Changed):
 
 
 class NearestInPlane:
-    """Each track of a sound tracker also jumps to the nearest detection, however far it is."""
+    """Each track of a sound tracker that takes no detection jumps to the nearest one, however far it is."""
 
     def __init__(self) -> None:
         self.tracker = build_multi(config("gnn"))
@@ -69,9 +69,9 @@ class NearestInPlane:
             z = scan.measurement
             x, y = (z[0] * np.cos(z[1]), z[0] * np.sin(z[1])) if scan.kind == "radar" else z[:2]
             nearest = np.argmin(np.hypot(tracks.mean[0][:, None] - x, tracks.mean[1][:, None] - y), axis=1)
-            mean = tracks.mean.copy()
-            mean[:2] = [x[nearest], y[nearest]]
-            tracks = tracks._replace(mean=mean, used=nearest)
+            mean, free = tracks.mean.copy(), tracks.used < 0
+            mean[:2, free] = np.array([x, y])[:, nearest[free]]
+            tracks = tracks._replace(mean=mean, used=np.where(free, nearest, tracks.used))
         return state, tracks
 
 

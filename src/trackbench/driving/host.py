@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import faulthandler
 import io
 import os
@@ -88,8 +89,14 @@ class Host:
         return {"given": estimate is not None}, {} if estimate is None else _arrays(estimate)
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
-        """An independent copy of a tracker and its state."""
-        return {"number": self._keep(self._alone(number).copy())}, {}
+        """An independent copy of a tracker and its state, or why there is none of one that follows a batch."""
+        stepped = self._stepped[number]
+        if isinstance(stepped, Alone):
+            return {"number": self._keep(stepped.copy())}, {}
+        try:
+            return {"number": self._keep(copy.deepcopy(stepped))}, {}
+        except Exception as error:
+            return {"number": 0, "not_copied": fault_of(error).cause}, {}
 
     def call(self, number: int, method: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], Arrays]:
         """What a method of a tracker returns, an array."""

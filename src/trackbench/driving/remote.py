@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -166,6 +167,18 @@ class RemoteStepper(Stepper):
     def close(self) -> None:
         """End the process."""
         self._process.close()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> RemoteStepper:
+        number, answer = self._process.start("copy", number=self._number)
+        if "not_copied" in answer:
+            raise TypeError(answer["not_copied"])
+        twin = copy.copy(self)
+        twin._number = number
+        return twin
+
+    def __del__(self) -> None:
+        if self._process.fault is None:
+            self._process.dropped.append(self._number)
 
 
 class RemoteTracker:

@@ -18,6 +18,7 @@ from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, Finding, PartResult, checks_of, rank
+from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.site import simplified
@@ -29,6 +30,13 @@ RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
 OBJECTS = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3], [20, -60, 1, 9]]).T
 #: A track this near to an object is on it, m.
 NEAR = 5.0
+#: What a wrong filter of the tracks can bring about.
+OF_FILTER = {
+    *("gate_too_small", "gate_too_large", "empty_scan_not_predicted", "associated_unpredicted", "confirms_too_late"),
+    *("double_tracks", "never_deletes", "ids_reused", "wrong_track_deleted"),
+}
+#: What is wrong with the filter of a tracker that has this fault, and nothing else.
+SAME = {"empty_scan_not_predicted": "missed_scan_not_predicted"}
 #: Gives a fresh tracker.
 Make = Callable[[], Stepper]
 
@@ -188,10 +196,31 @@ class TrafficDoctor:
             checks += [replace(check, name=check.name + ending, question=asks[check.name]) for check in result.checks]
             for finding in result.findings:
                 findings.setdefault(finding.fault, []).append(replace(finding, sensor=sensor))
-            progress(done, len(scenes))
+            progress(done, len(scenes) + 1)
         # Each fault once; of no sensor in particular where all show it.
         once = [replace(same[0], sensor=None) if len(same) >= len(used) else same[0] for same in findings.values()]
-        return Examination(name, rank(once, TRAFFIC_CHECKS), checks)
+        of_filter, filter_findings = filter_examined({site.name: site.sensor for site in used}, make)
+        progress(len(scenes) + 1, len(scenes) + 1)
+        return Examination(name, joined(filter_findings, rank(once, TRAFFIC_CHECKS)), [*checks, *of_filter])
+
+
+def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
+    """Root causes first: of the filter, then of the tracks. Both are ranked."""
+    if not of_filter:
+        return list(of_tracks)
+    cause, own = of_filter[0].fault, {finding.fault for finding in of_tracks}
+    first = next((fault for fault, same in SAME.items() if same == cause and fault in own), None)
+    if first is not None:
+        of_filter = [replace(finding, consequence_of=finding.consequence_of or first) for finding in of_filter]
+    else:
+        caused = {finding.fault for finding in of_tracks} & OF_FILTER
+        of_tracks = [
+            replace(finding, consequence_of=cause)
+            if finding.fault in caused or finding.consequence_of in caused
+            else finding
+            for finding in of_tracks
+        ]
+    return sorted([*of_filter, *of_tracks], key=lambda finding: finding.consequence_of is not None)
 
 
 def _begins(make: Make, site: Site) -> bool:

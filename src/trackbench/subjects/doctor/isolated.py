@@ -1,0 +1,102 @@
+"""The filter of a tracker of several objects: with one object and no clutter it is a tracker of one object."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numpy as np
+
+from trackbench.base.types import Estimate, FieldOfView, Scan
+from trackbench.driving.faults import fault_of
+from trackbench.driving.steppers import Stepper
+from trackbench.models.sensors import SENSOR_MODELS, Mount, Sensor
+from trackbench.subjects.doctor.checks.steps import CannotRun
+from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult
+from trackbench.subjects.doctor.probes import GENERAL, MOVING, PASSING, Probes
+from trackbench.subjects.doctor.rollout import Rollout
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.answers import tracks_of_run
+
+#: Checks that do not hold for a track: it starts with several measurements, ends soon after its last one, and takes
+#: none beyond its gate. How near it is to its object the scenes show.
+LEFT_OUT = {"confidence", "continuity", "process_noise", "gain", "gate", "innovations", "late", "drives"}
+#: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
+#: association, too, the update is that of the filter.
+DETECTION, DENSITY = 0.9, 1e-12
+#: Range of the stated field of view, m: everything.
+SEEN = 1e6
+
+
+class Isolated:
+    """Answers with the track of the one object that the scans are of.
+
+    Args:
+        make: gives a fresh tracker of several objects.
+    """
+
+    def __init__(self, make: Callable[[], Stepper]) -> None:
+        self._tracker = make()
+
+    def step(self, state: int | None, scan: Scan) -> tuple[int | None, Estimate | None]:
+        """The estimate of the track that answered before, or else of the one nearest to the detection; None where there
+        is neither."""
+        detections = 1 if scan.valid else 0
+        batch = scan._replace(
+            measurement=np.repeat(scan.measurement[:, None, None], detections, axis=1),
+            valid=np.ones((detections, 1), dtype=bool),
+            detection_probability=DETECTION,
+            clutter_density=DENSITY,
+            field_of_view=FieldOfView(np.pi, SEEN),
+        )
+        tracks = tracks_of_run(self._tracker.step(batch), 0)
+        same = np.flatnonzero(tracks.ids == state)
+        if len(same):
+            column = int(same[0])
+        elif len(tracks.ids) and scan.valid:
+            position = SENSOR_MODELS[scan.kind].position(scan).mean
+            column = int(np.argmin(np.hypot(*(tracks.mean[:2] - position[:, None]))))
+        else:
+            return state, None
+        return int(tracks.ids[column]), Estimate(tracks.mean[:, column], tracks.covariance[:, :, column])
+
+
+class FilterDoctor(Doctor):
+    """Examines the filter of trackers of several objects.
+
+    Args:
+        sensors: by name; all are at the origin of the observer.
+    """
+
+    def __init__(self, sensors: Mapping[str, Sensor]) -> None:
+        super().__init__({name: sensor.model_copy(update={"mount": Mount()}) for name, sensor in sensors.items()})
+        # Fewer than of a tracker of one object, whose steps take less time.
+        self._probes = Probes(general=GENERAL[:4], passing=PASSING[:1], moving=MOVING[:1])
+
+    @cached_property
+    def _drives(self) -> list[tuple[TestDrive, Rollout]]:
+        return []
+
+    def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
+        return PartResult() if check.name in LEFT_OUT else super()._made(check, tracker)
+
+
+def filter_examined(
+    sensors: Mapping[str, Sensor], make: Callable[[], Stepper]
+) -> tuple[list[CheckResult], list[Finding]]:
+    """The checks of the filter, and its faults, root causes first.
+
+    Args:
+        sensors: by name.
+        make: gives a fresh tracker of several objects.
+    """
+    try:
+        copy.deepcopy(make())
+        examination = FilterDoctor(sensors).examine("", lambda: Isolated(make))
+    except Exception as error:
+        why = str(error) if isinstance(error, CannotRun) else f"it cannot be copied ({fault_of(error).cause})"
+        return [CheckResult("filter", "Is the filter of a track sound?", None, f"not examined: {why}")], []
+    return examination.checks, examination.findings
