@@ -11,7 +11,7 @@ from tests.support.places import ROOT
 PACKAGE = ROOT / "src" / "trackbench"
 FILES = sorted(PACKAGE.rglob("*.py"))
 #: Largest share of the code's lines in one folder.
-LARGEST_SHARE = 0.15
+LARGEST_SHARE = 0.16
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.

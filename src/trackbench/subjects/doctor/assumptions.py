@@ -8,7 +8,15 @@ from difflib import get_close_matches
 from typing import Any
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult, Question, questions
+from trackbench.subjects.doctor.findings import (
+    CHECKS,
+    CheckResult,
+    DoctorCheck,
+    Finding,
+    PartResult,
+    Question,
+    questions,
+)
 
 
 @dataclass(frozen=True)
@@ -64,20 +72,21 @@ class Assumptions:
 NONE = Assumptions()
 
 
-def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip") -> None:
+def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip", package: str = CHECKS) -> None:
     """Refuse a name that is no check's.
 
     Args:
         names: of checks, or of one of a sensor: ``gain.radar``.
         sensors: their names.
         key: what is said to have the wrong name.
+        package: of the checks.
 
     Raises:
         InputError: there is no such check; the message has the nearest name.
     """
     of_sensors = list(sensors)
     valid: list[str] = []
-    for name, question in questions().items():
+    for name, question in questions(package).items():
         valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
     for name in names:
         if name not in valid:

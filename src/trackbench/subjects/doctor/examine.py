@@ -25,17 +25,11 @@ from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.rollout import Rollout, rollout
-from trackbench.subjects.doctor.session import Examined
+from trackbench.subjects.doctor.session import NO_PREDICTION, Examined
 from trackbench.subjects.doctor.site import Carrier, simplified, site_of
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
-
-NO_PREDICTION = (
-    "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
-    "estimate, or state by --no-misses that there are no missed scans"
-)
-
 
 #: Steps of all other checks over those of the drives, of an EKF. More where answers are averaged over samples.
 OTHERS = 0.6

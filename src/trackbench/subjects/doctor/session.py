@@ -19,6 +19,11 @@ from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 LARGEST = 1e9
 #: Beyond this a track has diverged: no target of a probe or drive is so far or so fast, m and m/s.
 FAR = 1e4
+#: Why a check is not made.
+NO_PREDICTION = (
+    "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
+    "estimate, or state by --no-misses that there are no missed scans"
+)
 
 
 class StepFailed(Exception):

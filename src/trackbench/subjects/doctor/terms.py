@@ -8,7 +8,15 @@ from collections.abc import Iterator
 
 from trackbench.base.subjects import TermPage
 from trackbench.subjects.doctor.certainty import MEANING
-from trackbench.subjects.doctor.findings import CHECKS, TRAFFIC_CHECKS, DoctorCheck, Question, checks_of, known_faults
+from trackbench.subjects.doctor.findings import (
+    CHECKS,
+    LOG_CHECKS,
+    TRAFFIC_CHECKS,
+    DoctorCheck,
+    Question,
+    checks_of,
+    known_faults,
+)
 
 
 def faults_terms() -> Iterator[TermPage]:
@@ -31,7 +39,7 @@ def faults_terms() -> Iterator[TermPage]:
 
 def checks_terms() -> Iterator[TermPage]:
     """Every question that is asked of a tracker."""
-    for package in (CHECKS, TRAFFIC_CHECKS):
+    for package in (CHECKS, TRAFFIC_CHECKS, LOG_CHECKS):
         for check in checks_of(package):
             for question in check.questions:
                 yield TermPage(question.name, tuple(_of_check(check, question)))
@@ -52,5 +60,5 @@ def _of_check(check: DoctorCheck[...], question: Question) -> Iterator[tuple[str
     needs += ["an observer that moves"] if question.motion else []
     if needs:
         yield "needs", " and ".join(needs)
-    if faults := question.finds or tuple(check.faults):
+    if faults := (*(question.finds or check.faults), *question.shows):
         yield "finds", ", ".join(faults)

@@ -96,7 +96,7 @@ def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
         if driven and _overflows(failure) and not _in_drive(tracker, where):
             # The drive shows how the estimate goes astray.
             continue
-        if where not in SINGULAR or _named(failure) != "covariance_not_psd":
+        if where not in SINGULAR or fault_of_error(failure) != "covariance_not_psd":
             # A copy fails before any scan.
             measured_then = bool(failure.scan.valid.any()) and not failure.fault.cause.startswith(NOT_COPIED)
             key = (failure.fault.cause.partition(":")[0], failure.fault.place, measured_then)
@@ -119,7 +119,12 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         if _overflows(failure) and _in_drive(tracker, where):
             fault, because, sensor, exhibit = "too_far_off", "", None, None
         else:
-            fault, because, sensor, exhibit = _cause(tracker, where, failure) or (_named(failure), "", only, None)
+            fault, because, sensor, exhibit = _cause(tracker, where, failure) or (
+                fault_of_error(failure),
+                "",
+                only,
+                None,
+            )
         known = circumstances(tracker.make, failure)
         if _overflows(failure) and known is not None and (grown := _grown(known.before)) is not None:
             fault, because = "covariance_unbelievable", grown
@@ -157,7 +162,7 @@ def _in_drive(tracker: TrackerUnderTest, where: str) -> bool:
     return any(drive.name == where for drive, _ in tracker.drives)
 
 
-def _named(failure: StepFailed) -> str:
+def fault_of_error(failure: StepFailed) -> str:
     """By the error alone."""
     fault = failure.fault
     if fault.cause.startswith(NOT_COPIED):
@@ -173,7 +178,7 @@ def _named(failure: StepFailed) -> str:
 
 def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> Cause | None:
     """What the same scans, given again, tell."""
-    if _named(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE) or where in SINGULAR:
+    if fault_of_error(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE) or where in SINGULAR:
         return None
     if (angle := jumping_angle(tracker.make, failure)) is not None:
         return angle
@@ -289,7 +294,7 @@ def circumstances(make: Make, failure: StepFailed) -> Circumstances | None:
 
     None where that tells nothing, or the tracker fails at another scan this time.
     """
-    if _named(failure) in ("not_deterministic", "process_ended"):
+    if fault_of_error(failure) in ("not_deterministic", "process_ended"):
         return None
     session, before = TrackerSession(make), None
     try:
