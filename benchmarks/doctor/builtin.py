@@ -137,6 +137,6 @@ def turning(subject: ExaminedTracker) -> Iterator[Mutant]:
     start = {"start": "two_measurements"}
     yield subject.behind("arctan_quadrant", "first_course", _with_motion, wrong.CourseByArctan, options=start)
     subtracting = wrong.subtracts_too_much
-    yield subject.behind("covariance_not_psd", "subtracts_too_much", _with_correction, subtracting)
+    yield subject.behind("covariance_update_wrong", "subtracts_too_much", _with_correction, subtracting)
     yield subject.behind("nonfinite", "yaw_rate", _with_motion, wrong.TurnNotGuarded)
     yield subject.behind("course_not_wrapped", "spread", _with_motion, wrong.CourseNotWrapped)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import builtin, step_faults, wrapper_faults
+from . import builtin, people_faults, step_faults, wrapper_faults
 from . import method_faults as methods
 from .cholesky_ukf import CholeskyUkf
 from .correct import CORRECT, ONE_SENSOR
@@ -59,6 +59,11 @@ def _mutants() -> Iterator[Mutant]:
     yield methods.raising(CHOLESKY_UKF)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF, FILTERPY_EKF, FILTERPY_UKF):
         yield from step_faults.steps(subject)
+    for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
+        yield from people_faults.mutants(subject)
+    for subject in (PLAIN_UKF, FILTERPY_UKF):
+        yield from people_faults.sigma_points(subject)
+    yield from people_faults.motion(people_faults.TURNING_EKF)
 
 
 MUTANTS: list[Mutant] = list(_mutants())

@@ -45,7 +45,7 @@ CORRECTIONS = [
     ("covariance_asymmetric", "update", filtering.UnsymmetricUpdate, None),
     ("predicted_covariance_asymmetric", "one_sided_noise", filtering.OneSidedNoise, None),
     ("predicted_covariance_asymmetric", "one_entry", filtering.EntryAdded, None),
-    ("covariance_not_psd", "subtracts_too_much", filtering.SubtractsTooMuch, None),
+    ("covariance_update_wrong", "subtracts_too_much", filtering.SubtractsTooMuch, None),
     ("predicted_covariance_not_psd", "correlation_beyond_one", filtering.NoiseTooCorrelated, None),
     ("covariance_update_wrong", "twice", filtering.CovarianceUpdatedTwice, None),
     ("covariance_update_wrong", "other_gain", filtering.OtherGainInCovariance, None),

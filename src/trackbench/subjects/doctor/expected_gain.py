@@ -81,6 +81,10 @@ def _gain(cross: Array, innovation_covariance: Array, used: Mask | None) -> Arra
 OUTSIDE = 0.05
 
 
+#: Correlation of the implied noise of two components from which on it is not that of a diagonal one.
+MIXED = 0.1
+
+
 class ImpliedModel(NamedTuple):
     """The measurement model and noise that one update implies, for each component of the measurement."""
 
@@ -94,6 +98,10 @@ class ImpliedModel(NamedTuple):
     """``(m,)`` length of the implied row along the right one, over the right length."""
     jacobian: Array
     """``(m, 4)`` the implied Jacobian."""
+    own_noise: Array
+    """``(m,)`` variances over the stated ones with which the implied Jacobian, right or wrong, gives the gain."""
+    mixed: float = 0.0
+    """Largest correlation of that noise: 0 where stated."""
 
     @property
     def direction(self) -> Array:
@@ -134,12 +142,26 @@ def implied(trial: Trial) -> ImpliedModel | None:
     added = np.linalg.inv(linalg.symmetrise(update.estimate.covariance)) - np.linalg.inv(before)
     used = update.used
     jacobian[used] = np.linalg.pinv(update.information[:, used], rcond=1e-9) @ added
+    precision = np.linalg.pinv(jacobian[used].T * spread[:, None], rcond=1e-9) @ rows[used].T
+    found: Array = np.asarray(np.linalg.pinv(precision, rcond=1e-12), dtype=float)
+    own_noise = np.full(len(sigma), np.nan)
+    own_noise[used] = np.diag(found) / sigma[used] ** 2
+    mixed = float(np.abs(np.triu(_to_unit(found), 1)).max())
+    if mixed > MIXED:
+        # The columns of H^T R^-1 are mixtures of the rows of H.
+        rows = jacobian * spread
     for i in np.flatnonzero(used):
         apart[i] = rows[i] / np.linalg.norm(rows[i]) - scaled[i] / np.sqrt(length[i])
         size[i] = float((jacobian[i] * spread) @ scaled[i] / length[i])
         if along[i] > 0.0:
             noise[i] = length[i] / along[i] / sigma[i] ** 2
-    return ImpliedModel(trial, used, noise, apart, size, jacobian)
+    return ImpliedModel(trial, used, noise, apart, size, jacobian, own_noise, mixed)
+
+
+def _to_unit(matrix: Array) -> Array:
+    """With its diagonal as variances: 1 and correlations."""
+    sigma = np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
+    return np.asarray(matrix / np.outer(sigma, sigma))
 
 
 def averaged_models(
@@ -155,6 +177,7 @@ def averaged_models(
             (a.apart + b.apart) / 2,
             (a.size + b.size) / 2,
             (a.jacobian + b.jacobian) / 2,
+            np.sqrt(np.abs(a.own_noise * b.own_noise)),
         )
         for a, b in pairs
     ]

@@ -15,6 +15,7 @@ import numpy as np
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.driving.drive import empty_scan
+from trackbench.subjects.doctor.checks.returned import another_covariance
 from trackbench.subjects.doctor.exhibits import Covariances, Panel, StatedBelief, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
@@ -51,7 +52,7 @@ def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
     fault = tracker.once(stated_covariance_fault)
     if fault is not None:
         return PartResult().add("stated_covariance", False, fault.evidence, fault)
-    text = "it changes, and neither a zero nor another order is told by the gains"
+    text = "it changes, and the gains tell of no zero, no other order and no other covariance"
     return PartResult().add("stated_covariance", True, text)
 
 
@@ -64,7 +65,7 @@ def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
         for name, trials in tracker.trials.items()
     }
     known = {name: of for name, of in updates.items() if len(of) >= 3}
-    return (_diagonal(known) or _ordered(known)) if known else None
+    return (_diagonal(known) or _ordered(known) or another_covariance(tracker)) if known else None
 
 
 def _constant(tracker: TrackerUnderTest) -> Finding | None:
@@ -308,6 +309,18 @@ STATED_COVARIANCE_CHECK = DoctorCheck(
             "Where the estimate is returned.",
             "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
             Role("step", rank=36, causes="stepped", drive="manoeuvre"),
+        ),
+        "wrong_covariance_returned": KnownFault(
+            "another matrix is returned for the covariance",
+            "Where the estimate is returned.",
+            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not that before.",
+            Role(
+                "step",
+                rank=14,
+                causes="stepped",
+                always="covariance_not_psd predicted_covariance_not_psd",
+                drive="own_model",
+            ),
         ),
     },
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +19,7 @@ from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.builtin import kf
 
 #: Time at the start of a drive that is not judged, s: with a state of speed and yaw a track that started from one
 #: measurement needs it to find its course.
@@ -32,6 +35,9 @@ NEAR = 0.6
 #: independent instants, of which chi-square allows 0.6 to 1.6 (99.9 %); the rest is for motion models that are not
 #: those of the target: constant turn rates at rest have 0.13, nearly constant accelerations on a straight path 8.
 NEES = (0.03, 15.0)
+#: Ratio of the position errors to those of a filter with the same measurements, and of the NEES either way, from which
+#: on a gain is harmful.
+HARM, STATED = 1.2, 4.0
 #: Length of the interval of which an error is told, s.
 SHOWN = 1.0
 PARTS = {"position": slice(0, 2), "velocity": slice(2, 4)}
@@ -75,7 +81,17 @@ class JudgedDrive(NamedTuple):
         return own / max(FAR * other, NEAR)
 
     def nees(self, part: str) -> float:
+        """The mean where the covariance is judged."""
         return _mean(self.errors.nees[part][self.scored])
+
+    def nees_of_reference(self, part: str) -> float:
+        """The same of the reference."""
+        return _mean(self.reference.nees[part][self.scored])
+
+    @property
+    def believable(self) -> bool:
+        """Whether the position is not too far off, and both covariances fit the errors."""
+        return self.far <= 1.0 and all(self.unbelievable(part) <= 1.0 for part in PARTS)
 
     def unbelievable(self, part: str) -> float:
         """How many times beyond a bound of the NEES; below 1 where it is within."""
@@ -87,30 +103,75 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     """Run every test drive, with the measurements that the reference had."""
     result = PartResult()
     judged = []
+    for drive, one in tracker.once(driven):
+        if isinstance(one, StepFailed):
+            tracker.failures.append((drive.name, one))
+            text = f"the tracker failed at {one.scan.time:g} s: {one}"
+            # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
+            passed = None if drive.name in SINGULAR else False
+            result.add(drive.name, passed, text)
+        elif drive.name in SINGULAR:
+            text = "the tracker went through; a radar's range and azimuth have no linearisation there"
+            result.add(drive.name, True, text)
+        elif not np.isfinite(one.rms[0]):
+            result.add(drive.name, None, "there is no estimate to judge")
+        else:
+            result.add(drive.name, one.believable, _text(one))
+            judged.append(one)
+    findings = (_too_far_off(judged), _covariance_unbelievable(judged))
+    result.findings += [finding for finding in findings if finding is not None]
+    return result
+
+
+def driven(tracker: TrackerUnderTest) -> list[tuple[TestDrive, JudgedDrive | StepFailed]]:
+    """Every test drive, judged, or with the step that failed in it."""
+    found: list[tuple[TestDrive, JudgedDrive | StepFailed]] = []
     for drive, reference in tracker.drives:
         try:
             estimates = rollout(tracker.make, drive.scans, tracker.output_checks, drive.name)
         except StepFailed as failure:
-            tracker.failures.append((drive.name, failure))
-            text = f"the tracker failed at {failure.scan.time:g} s: {failure}"
-            # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
-            passed = None if drive.name in SINGULAR else False
-            result.add(drive.name, passed, text)
+            found.append((drive, failure))
             continue
-        if drive.name in SINGULAR:
-            text = "the tracker went through; a radar's range and azimuth have no linearisation there"
-            result.add(drive.name, True, text)
-            continue
-        one = _judged(drive, estimates, reference)
-        if not np.isfinite(one.rms[0]):
-            result.add(drive.name, None, "there is no estimate to judge")
-            continue
-        passed = one.far <= 1.0 and all(one.unbelievable(part) <= 1.0 for part in PARTS)
-        result.add(drive.name, passed, _text(one))
-        judged.append(one)
-    findings = (_too_far_off(judged), _covariance_unbelievable(judged))
-    result.findings += [finding for finding in findings if finding is not None]
-    return result
+        found.append((drive, _judged(drive, estimates, reference)))
+    return found
+
+
+def harmless(tracker: TrackerUnderTest) -> str | None:
+    """That the drives show no harm, with its numbers; None where they do, or nothing was driven.
+
+    A gain that does not follow from the returned covariance is no fault without harm: a position error of `HARM` times
+    that of a Kalman filter which uses the same components of the measurements, or a covariance that does not fit the
+    errors.
+    """
+    judged = [one for drive, one in tracker.once(driven) if drive.name not in SINGULAR]
+    if not judged or not all(isinstance(one, JudgedDrive) and one.believable for one in judged):
+        return None
+    known = [one for one in judged if isinstance(one, JudgedDrive)]
+    twins = _of_positions(known) if _positions_alone(tracker) else known
+    error = float(np.exp(np.mean([np.log(one.rms[0] / twin.rms[1]) for one, twin in zip(known, twins, strict=True)])))
+    nees = float(
+        np.exp(np.mean([np.log(one.nees(part) / one.nees_of_reference(part)) for one in known for part in PARTS]))
+    )
+    if error > HARM or not 1.0 / STATED < nees < STATED:
+        return None
+    return (
+        f"in {len(known)} drives its position errors are {error:.3g} times those of a Kalman filter with the same "
+        f"measurements, and its NEES {nees:.3g} times"
+    )
+
+
+def _positions_alone(tracker: TrackerUnderTest) -> bool:
+    """Whether no component that depends on the velocity moves the estimate."""
+    updates = [trial.linear_update() for trials in tracker.trials.values() for trial in trials]
+    return not any(np.any(one.used & np.any(one.trial.jacobian[:, 2:], axis=1)) for one in updates if one is not None)
+
+
+def _of_positions(judged: Sequence[JudgedDrive]) -> list[JudgedDrive]:
+    """The drives, with a reference that uses positions alone."""
+    twins = [
+        rollout(partial(kf, motion="cv", acceleration_sigma_mps2=3.0, late="drop"), one.drive.scans) for one in judged
+    ]
+    return [one._replace(reference=_errors(twin, one.drive)) for one, twin in zip(judged, twins, strict=True)]
 
 
 def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:
@@ -124,7 +185,7 @@ def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedD
 
 def _text(one: JudgedDrive) -> str:
     own, other = one.rms
-    theirs = {part: _mean(one.reference.nees[part][one.scored]) for part in PARTS}
+    theirs = {part: one.nees_of_reference(part) for part in PARTS}
     return (
         f"position RMSE {own:.3g} m, reference {other:.3g} m; NEES of position {one.nees('position'):.3g} and of "
         f"velocity {one.nees('velocity'):.3g} (expected: 2), reference {theirs['position']:.3g} and "
@@ -162,7 +223,7 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
     run = int(np.argmax(within.any(axis=0)))
     text = (
         f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), "
-        f"the reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: {_compared(nees)}; most from "
+        f"the reference's {worst.nees_of_reference(part):.3g}: {_compared(nees)}; most from "
         f"{begin:.1f} to {begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
         f" ({len({one.drive.name for one, _ in off})} of {len(judged)} drives)"
     )

@@ -5,20 +5,21 @@ Wrong innovations are explained by models with a known fault, and by constant er
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Mask, Scan
+from trackbench.base.types import Array, Mask
 from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.expected_gain import linearised_gain
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
+from trackbench.subjects.doctor.right_answers import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
 from trackbench.subjects.doctor.trial import ZERO, Trial
+from trackbench.subjects.doctor.wrong_models import WrongModel, right_measurement, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
@@ -30,19 +31,11 @@ MOST = 0.85
 #: Distance from the fitted error in the median of the trials, in standard deviations of the measurement, and besides
 #: as a share of that error.
 SPREAD, SHARE = 0.5, 0.1
+#: Share of the largest singular value of a gain that is none, and one that has to be there; in how many trials.
+NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
 #: Time over which a target's measurement is differentiated, s.
 SHORT = 1e-3
-DEGREE = 180.0 / np.pi
-
-#: Fault, description, and the azimuth that the wrong model gives for the right one.
-AZIMUTHS: tuple[tuple[str, str, Callable[[float], float]], ...] = (
-    ("arctan_quadrant", "azimuths behind the sensor are predicted ahead of it", lambda a: np.arctan(np.tan(a))),
-    ("axis_mirrored", "the azimuth is measured clockwise", lambda a: -a),
-    ("axis_mirrored", "the x axis points backward", lambda a: np.pi - a),
-    ("axis_swapped", "the azimuth is measured from the y axis", lambda a: np.pi / 2 - a),
-    ("degrees_for_radians", "the azimuth is predicted in degrees", lambda a: a * DEGREE),
-    ("degrees_for_radians", "the azimuth in radians is converted to radians again", lambda a: a / DEGREE),
-)
+EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
 
 
 def expectation(tracker: TrackerUnderTest) -> PartResult:
@@ -50,15 +43,14 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult()
     for sensor, trials in tracker.trials.items():
         zero = ZERO + ERRORS * tracker.once(sampling_noise) if trials else ZERO
-        result.add(f"expectation.{sensor}", *_examined(sensor, trials, zero))
-    ego_motion = [finding for finding in result.findings if finding.fault == "ego_motion_ignored"]
+        result.add(f"expectation.{sensor}", *_examined(tracker, sensor, trials, zero))
+    ego_motion = [finding for finding in result.findings if finding.fault in EGO_MOTION]
     if tracker.assumptions.still:
         # Of a sensor that stands still the pose alone can be left out.
-        for finding in ego_motion:
+        for finding in (one for one in ego_motion if one.fault == "ego_motion_ignored"):
             result.findings[result.findings.index(finding)] = replace(finding, fault="sensor_pose_ignored")
         return result
-    moving = {probe.name for probe in tracker.probes.regular if probe.observer.moves}
-    trials = [trial for of in tracker.trials.values() for trial in of if trial.name in moving]
+    trials = [trial for of in tracker.trials.values() for trial in of if trial.name in _moving(tracker)]
     if not trials:
         return result.add("ego_motion", None, "there was no estimate")
     largest = max(_innovation(trial, trial.predicted_measurement) for trial in trials)
@@ -66,7 +58,14 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     return result.add("ego_motion", not ego_motion, text)
 
 
-def _examined(sensor: str, trials: Sequence[Trial], zero: float) -> tuple[bool | None, str, Finding | None]:
+def _moving(tracker: TrackerUnderTest) -> set[str]:
+    """The names of the probes whose observer moves."""
+    return {probe.name for probe in tracker.probes.regular if probe.observer.moves}
+
+
+def _examined(
+    tracker: TrackerUnderTest, sensor: str, trials: Sequence[Trial], zero: float
+) -> tuple[bool | None, str, Finding | None]:
     if not trials:
         return None, "there was no estimate", None
     kind = trials[0].scan.kind
@@ -78,21 +77,70 @@ def _examined(sensor: str, trials: Sequence[Trial], zero: float) -> tuple[bool |
     ]
     if not answered:
         return None, f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials", None
-    if not any(_moves(trial, kind) for trial in answered):
+    # One whose estimate no measurement moves says nothing, unless none does.
+    moved = [trial for trial in answered if _moves(trial, kind)]
+    if not moved:
         text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
         exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
         return False, text, Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit)
-    innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
-    if float(np.mean(innovations < zero)) >= MOST:
+    if (unused := _one_direction(sensor, moved)) is not None:
+        return False, unused.evidence, unused
+    innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in moved])
+    right, moving = innovations < zero, np.array([trial.name in _moving(tracker) for trial in moved])
+    groups = [group for group in (right, right[moving]) if len(group)]
+    if min(float(np.mean(group)) for group in groups) >= MOST:
         return True, f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma", None
-    finding = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
-    worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
-    has_one = ~(innovations < zero)
+    worst = moved[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
-        f"in {np.sum(has_one)} of {len(trials)} trials the predicted measurement has an innovation, of "
-        f"{np.nanmedian(innovations[has_one]):.3g} sigma in their median (largest: {worst.description})"
+        f"in {np.sum(~right)} of {len(moved)} trials the predicted measurement has an innovation, of "
+        f"{np.nanmedian(innovations[~right]):.3g} sigma in their median (largest: {worst.description})"
     )
+    finding = _wrong_model(sensor, kind, moved, zero) or systematic_error(sensor, moved, zero)
+    if finding is None and moving.any() and np.mean(right[moving]) < MOST <= np.mean(right[~moving]):
+        finding = _while_moving(sensor, [one for one, of in zip(moved, moving, strict=True) if of], right, moving)
     return False, text, finding
+
+
+def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
+    """That of the two components of the position one does not count, or a direction in the fixed frame."""
+    lost = []
+    for trial in trials:
+        update, of_position = trial.update(trial.predicted_measurement), ~np.any(trial.jacobian[:, 2:], axis=1)
+        if update is not None and np.sum(of_position) == 2:
+            expected = (linearised_gain(trial) * trial.gain_scale)[:, of_position]
+            shares = [_least_share(gain) for gain in (update.relative_gain[:, of_position], expected)]
+            lost.append((shares[0] < NO_GAIN and shares[1] > CLEAR_GAIN, trial, update))
+    if len(lost) < LEAST or np.mean([one for one, *_ in lost]) < MOST:
+        return None
+    trial, update = next((trial, update) for one, trial, update in lost if one)
+    of_position = ~np.any(trial.jacobian[:, 2:], axis=1)
+    # The measured direction that moves nothing, in the fixed frame.
+    direction = np.linalg.svd(update.gain[:, of_position])[2][-1]
+    unit = np.linalg.solve(trial.jacobian[of_position, :2], direction)
+    unit = unit / np.linalg.norm(unit)
+    text = (
+        f"of the position that {sensor} measures one component moves nothing, that along ({unit[0]:.3g}, "
+        f"{unit[1]:.3g}) for {trial.description}: the gain has one direction alone ({len(lost)} trials)"
+    )
+    exhibit = gain_shown(trial, update.gain, linearised_gain(trial))
+    return Finding("measurement_ignored", 0.96, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
+
+
+def _least_share(gain: Array) -> float:
+    """The least singular value over the largest."""
+    values = np.linalg.svd(gain, compute_uv=False)
+    return float(values[-1] / max(values[0], np.finfo(float).tiny))
+
+
+def _while_moving(sensor: str, trials: Sequence[Trial], right: Mask, moving: Mask) -> Finding:
+    """Wrong from moving observers alone."""
+    worst = max(trials, key=lambda trial: _innovation(trial, trial.predicted_measurement))
+    text = (
+        f"from moving observers the predicted measurement of {sensor} has an innovation in {np.sum(~right[moving])} of "
+        f"{np.sum(moving)} trials, and from standing ones in {np.sum(~right[~moving])} of {np.sum(~moving)}"
+    )
+    exhibit = update_shown(worst, worst.predicted_measurement)
+    return Finding("ego_motion_wrong", 0.9, text, sensor=sensor, shown_by=worst.name, exhibit=exhibit)
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
@@ -146,80 +194,6 @@ def _moves(trial: Trial, kind: str) -> bool:
     return any(
         update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
     )
-
-
-class WrongModel(NamedTuple):
-    """A measurement model with one known fault."""
-
-    fault: str
-    description: str
-    """What the tracker does."""
-    measure: Callable[[Array, Scan], Array]
-    """The predicted measurement ``(m,)`` of a target ``(4,)`` at a scan."""
-
-
-def wrong_models(kind: str) -> Iterator[WrongModel]:
-    """The wrong models of a kind of sensor, simple ones first."""
-    if kind == "lidar":
-        rotated = "x and y are swapped, and one has the other sign"
-        for fault, description, order, signs in (
-            ("axis_swapped", "x and y are swapped", -1, [1, 1]),
-            ("axis_mirrored", "y has the other sign", 1, [1, -1]),
-            ("axis_mirrored", "x has the other sign", 1, [-1, 1]),
-            ("axis_swapped", rotated, -1, [1, -1]),
-            ("axis_swapped", rotated, -1, [-1, 1]),
-        ):
-            yield WrongModel(fault, description, partial(_reordered, order=order, signs=signs))
-    if kind == "radar":
-        description = "the range rate has the other sign"
-        yield WrongModel("doppler_sign", description, partial(_reordered, order=1, signs=[1, 1, -1]))
-        for relative in (False, True):
-            description = "the range rate is predicted as the speed"
-            yield WrongModel("speed_for_range_rate", description, partial(_speed, relative=relative))
-        description = "the range rate leaves out the sensor's own velocity"
-        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=(1, 1, 1), velocity=0))
-    for fixed in (False, True) if kind != "lidar" else ():
-        for fault, description, change in AZIMUTHS:
-            yield WrongModel(fault, description, partial(_azimuth, change=change, fixed=fixed))
-    for description, pose, velocity in (
-        ("the sensor's pose is left out", (0, 0, 0), 1),
-        ("the sensor's position is left out", (0, 0, 1), 1),
-        ("the sensor's yaw is left out", (1, 1, 0), 1),
-        ("the sensor's pose and velocity are left out", (0, 0, 0), 0),
-        ("the sensor's position and velocity are left out", (0, 0, 1), 0),
-        ("the sensor's yaw and velocity are left out", (1, 1, 0), 0),
-    ):
-        yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=pose, velocity=velocity))
-    for description, factor in (("in degrees", DEGREE), ("converted to radians twice", 1 / DEGREE)):
-        measure = partial(_posed, pose=(1, 1, factor), velocity=1)
-        yield WrongModel("degrees_for_radians", f"the sensor's yaw is {description}", measure)
-
-
-def _right(target: Array, scan: Scan) -> Array:
-    return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
-
-
-def _reordered(target: Array, scan: Scan, order: int, signs: list[int]) -> Array:
-    return _right(target, scan)[::order] * signs
-
-
-def _azimuth(target: Array, scan: Scan, change: Callable[[float], float], fixed: bool) -> Array:
-    """The azimuth changed in the sensor's frame, or in the fixed frame before the yaw is subtracted."""
-    z, yaw = _right(target, scan).copy(), scan.sensor_pose[2] if fixed else 0.0
-    z[1] = change(float(z[1] + yaw)) - yaw
-    return z
-
-
-def _posed(target: Array, scan: Scan, pose: tuple[float, float, float], velocity: float) -> Array:
-    """With the sensor's pose and velocity multiplied by factors."""
-    pose_used, velocity_used = scan.sensor_pose * np.array(pose, dtype=float), scan.sensor_velocity * velocity
-    return SENSOR_MODELS[scan.kind].measure(target, pose_used, velocity_used)
-
-
-def _speed(target: Array, scan: Scan, relative: bool) -> Array:
-    z = _right(target, scan).copy()
-    z[2] = float(np.hypot(*(target[2:] - (scan.sensor_velocity if relative else 0.0))))
-    return z
 
 
 class SystematicFit(NamedTuple):
@@ -280,7 +254,9 @@ def _time(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
 def _rate(trial: Trial) -> Array:
     """``(m,)`` change of the measurement by the target's motion, per second."""
     mean = trial.prediction.mean
-    ahead, behind = (_right(mean + np.array([*side * SHORT * mean[2:], 0.0, 0.0]), trial.scan) for side in (0.5, -0.5))
+    ahead, behind = (
+        right_measurement(mean + np.array([*side * SHORT * mean[2:], 0.0, 0.0]), trial.scan) for side in (0.5, -0.5)
+    )
     return np.asarray(difference(ahead, behind, SENSOR_MODELS[trial.scan.kind].angular) / SHORT)
 
 
@@ -340,7 +316,7 @@ EXPECTATION_CHECK = DoctorCheck(
             "ego_motion",
             "Do the measurements of a moving observer count for where it is and how it moves?",
             motion=True,
-            finds=("ego_motion_ignored",),
+            finds=EGO_MOTION,
         ),
     ),
     of_filters=True,
@@ -370,6 +346,13 @@ EXPECTATION_CHECK = DoctorCheck(
             "target's velocity.",
             Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
         ),
+        "ego_motion_wrong": KnownFault(
+            "the sensor's own pose or velocity is applied wrongly",
+            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
+            "Subtract scan.sensor_velocity from the target's velocity, both in the fixed frame, and take the component "
+            "along the line of sight: u @ (v - scan.sensor_velocity); turn positions by scan.sensor_pose[2].",
+            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
+        ),
         "sensor_pose_ignored": KnownFault(
             "the pose of a sensor that stands still is left out",
             "Where measurements are converted to the fixed frame, and where they are predicted.",
@@ -378,11 +361,17 @@ EXPECTATION_CHECK = DoctorCheck(
             Role("exact ego", rank=11, causes="measured noise angle polar_start arctan_quadrant", drive="stationary"),
         ),
         "measurement_ignored": KnownFault(
-            "the measurements of a sensor are never used",
-            "Where the tracker chooses its update by the sensor's name or kind.",
-            "Check that scan.kind is compared with the right word, that the gain is not zero, and that no gate rejects "
-            "all.",
-            Role("exact", rank=44, causes="nonfinite", drive="manoeuvre"),
+            "the measurements of a sensor, or a component of them, are never used",
+            "Where the tracker chooses its update by the sensor's name or kind, and where the gain is computed.",
+            "Check that scan.kind is compared with the right word, that no column of the gain is zero, and that no "
+            "gate rejects all.",
+            Role(
+                "exact",
+                rank=28,
+                causes="nonfinite gain noise growth covariance_update_wrong",
+                always="covariance_not_psd",
+                drive="manoeuvre",
+            ),
         ),
         "sensor_bias": KnownFault(
             "the measurements of a sensor have a constant bias",

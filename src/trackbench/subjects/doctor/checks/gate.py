@@ -1,4 +1,4 @@
-"""Does a tracker that rejects a measurement take the target up again?"""
+"""Does a tracker take what is well within a gate, and take a target up again that it has lost?"""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base import linalg
+from trackbench.base.units import difference
 from trackbench.driving.drive import empty_scan
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.probes import Probe, with_noise
+from trackbench.subjects.doctor.right_answers import update_shown
+from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial
 
 #: Time without a measurement, and time of measurements after it, s: with a white acceleration of 1.5 m/s^2 the standard
 #: deviation of the position is 4 m after 7 s of these, so that a gate of four opens.
@@ -21,6 +26,12 @@ GAP, AFTER = 3.0, 10.0
 LEAST, FAR = 15.0, 8.0
 #: Share of that distance by which the estimate has to come nearer.
 TAKEN_UP = 0.3
+#: Share of the measurements near their prediction that have to be rejected, and least number of these: near are those
+#: whose squared distance is at most its expectation, as 58 to 63 % are, and every gate is larger.
+MOST, LEAST_NEAR = 0.2, 10
+#: Change of a mean that is rounding, in standard deviations. A robust filter takes less of a far measurement, and not
+#: nothing.
+NOTHING = 1e-9
 
 
 class Return(NamedTuple):
@@ -63,6 +74,58 @@ def gate(tracker: TrackerUnderTest) -> PartResult:
     evidence = f"{text}; its prediction stated a standard deviation of {worst.sigma:.3g} m"
     finding = Finding("gate_never_reopens", 0.95, evidence, shown_by="gap_in_a_turn", exhibit=exhibit)
     return PartResult().add("gate", False, text, finding)
+
+
+def gate_width(tracker: TrackerUnderTest) -> PartResult:
+    """Follow targets with noise, and count the measurements near their prediction that move nothing."""
+    near: dict[str, list[tuple[bool, Trial]]] = {name: [] for name in tracker.sensors}
+    random = np.random.default_rng([tracker.seed, 3])
+    for probe in tracker.probes.general[:3]:
+        session = TrackerSession(tracker.make)
+        with tracker.recording_failures(probe.name):
+            for scan in tracker.approach(probe, tracker.sensor_sets()[-1]):
+                noisy = with_noise(scan, random)
+                before = session.predict(noisy) if session.given else None
+                trial = None if before is None else Trial(probe.name, probe.description, noisy, before, session)
+                if trial is not None and trial.usable and _near(trial):
+                    near[scan.sensor] += [(lost, trial) for lost in _lost(trial)]
+                session.step(noisy)
+    result = PartResult()
+    for name, of in near.items():
+        rejected = [trial for lost, trial in of if lost]
+        if len(of) < LEAST_NEAR:
+            result.add(f"gate_width.{name}", None, "too few measurements are used, or near their predictions")
+            continue
+        share = len(rejected) / len(of)
+        text = (
+            f"of {len(of)} measurements of {name} that are near their predictions (y^T S^-1 y not above its "
+            f"expectation) {share:.0%} move nothing"
+        )
+        finding = None
+        if share > MOST:
+            shown = update_shown(rejected[0], rejected[0].scan.measurement)
+            finding = Finding("gate_too_small", 0.96, text, sensor=name, shown_by="manoeuvre", exhibit=shown)
+        result.add(f"gate_width.{name}", finding is None, text, finding)
+    return result
+
+
+def _lost(trial: Trial) -> list[bool]:
+    """Whether the measurement moves nothing; not known where one without an innovation is not used either."""
+    after = trial.posterior(trial.scan.measurement)
+    if after is None:
+        return []
+    if np.abs((after.mean - trial.prediction.mean) / trial.state_sigma).max() > NOTHING:
+        return [False]
+    update = trial.update(trial.predicted_measurement)
+    return [] if update is None or np.abs(update.relative_gain).max() < NOTHING else [True]
+
+
+def _near(trial: Trial) -> bool:
+    """Whether the squared distance of the measurement is at most its expectation."""
+    angular = SENSOR_MODELS[trial.scan.kind].angular
+    apart = difference(trial.scan.measurement, trial.predicted_measurement, angular)
+    covariance = linalg.quadratic(trial.jacobian, linalg.symmetrise(trial.prediction.covariance))
+    return bool(apart @ np.linalg.solve(covariance + trial.scan.noise_covariance, apart) <= len(apart))
 
 
 def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
@@ -118,6 +181,29 @@ GATE_CHECK = DoctorCheck(
             "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
             "again.",
             Role("step", drive="gap_in_a_turn"),
+        )
+    },
+)
+
+GATE_WIDTH_CHECK = DoctorCheck(
+    gate_width,
+    place=132,
+    questions=(
+        Question(
+            "gate_width",
+            "Are measurements used that are near their prediction?",
+            "Are measurements of {sensor} used that are near their prediction?",
+            each_sensor=True,
+        ),
+    ),
+    of_filters=True,
+    faults={
+        "gate_too_small": KnownFault(
+            "the gate is too small",
+            "Where the squared distance of a measurement is held against a threshold.",
+            "Take y^T S^-1 y with S = H P H^T + R, and the point of chi-square with as many degrees of freedom as the "
+            "measurement has, at 0.99 or more.",
+            Role("exact", rank=12, causes="measured noise growth offset", always="gate_never_reopens"),
         )
     },
 )

@@ -236,7 +236,7 @@ INSTANTS_CHECK = DoctorCheck(
             "of two measurements at one instant only the first is used",
             "Where a scan with the time of the last one (a time step of zero) returns early.",
             "With a time step of zero leave out the prediction alone, and make the update.",
-            Role("exact", rank=28, always="measurement_ignored", drive="uneven_steps"),
+            Role("exact", rank=27, always="measurement_ignored", drive="uneven_steps"),
         ),
         "time_offset": KnownFault(
             "the time of a sensor's measurements is off by a constant",

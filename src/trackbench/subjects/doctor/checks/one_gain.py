@@ -294,7 +294,13 @@ ONE_GAIN_CHECK = DoctorCheck(
             "Where the covariance is updated after a measurement.",
             "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
             "moves the mean.",
-            Role("step", rank=39, causes="numerical noise growth angle overconfident_start", drive="own_model"),
+            Role(
+                "step",
+                rank=28,
+                causes="numerical noise growth angle overconfident_start",
+                always="covariance_not_psd nonfinite",
+                drive="own_model",
+            ),
         ),
     },
 )

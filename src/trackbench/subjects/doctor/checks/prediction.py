@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, line
 from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion
 
 #: Time steps of the predictions, s.
-STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
+STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0, 2.5)
 #: Error of a time step, relative to it.
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
@@ -28,6 +29,10 @@ SHORT = 0.01
 TOO_FAR = 10.0
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
+#: Turn of the velocity, rad, and change of the speed, relative to it, up to which a prediction is straight.
+STRAIGHT = 0.05
+#: Share of the predictions that have to be.
+MOST = 0.8
 #: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
 #: which the estimate may be off then.
 LATER, MISSED = 0.4, 0.25
@@ -55,6 +60,15 @@ class PredictedStep(NamedTuple):
     after: Estimate
 
     @property
+    def straight(self) -> bool:
+        """Whether the velocity stays as it is, and the estimate moves along it."""
+        velocity, later = self.before.mean[2:], self.after.mean[2:]
+        across = np.array([-velocity[1], velocity[0]]) / (velocity @ velocity)
+        aside = abs(float(across @ (self.after.mean - self.before.mean)[:2]))
+        apart = np.linalg.norm(later - velocity) / np.linalg.norm(velocity)
+        return bool(apart < STRAIGHT and aside < STRAIGHT * max(abs(self.moved), STILL))
+
+    @property
     def shown(self) -> Predictions:
         """The prediction beside the right one."""
         return Predictions(
@@ -70,7 +84,7 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
     steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
     if len(steps) < len(STEPS):
         return PartResult().add("prediction", None, "there was no moving estimate to predict")
-    step, moved, previous = (np.array([one[i] for one in steps]) for i in range(3))
+    step, moved = (np.array([one[i] for one in steps]) for i in range(2))
     wrong = np.abs(moved - step) > TOLERANCE * np.maximum(step, 0.02)
     ratios = moved / step
     text = (
@@ -78,15 +92,16 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
         "times as far as its velocity says"
     )
     passed = float(np.mean(wrong)) < 0.1
-    finding = None if passed else _explained(tracker, step, moved, previous)
+    finding = None if passed else _explained(tracker, steps)
     if finding is not None:
         shown = steps[-1] if abs(steps[-1].moved) < TOO_FAR else steps[0]
         finding = replace(finding, exhibit=shown.shown)
     return PartResult().add("prediction", passed, text, finding)
 
 
-def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: Array) -> Finding | None:
+def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Finding | None:
     """What fits the displacements of all predictions."""
+    step, moved, previous = (np.array([one[i] for one in steps]) for i in range(3))
     ratios, shown_by = moved / step, tracker.probes.general[0].name
     ratio = float(np.median(ratios))
     # Over a step that is far too long a turning model goes round in circles.
@@ -96,6 +111,12 @@ def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: A
             f"the tracker uses the previous time step: after steps of "
             f"{' and '.join(f'{b:g}' for b in np.unique(previous))} s, a prediction over {step[-1]:g} s moves the "
             f"estimate by {moved[-1]:.3g} s times its velocity"
+        )
+        return Finding("wrong_dt", 0.97, text, shown_by=shown_by)
+    if np.allclose(moved, step + previous, rtol=TOLERANCE, atol=2e-3):
+        text = (
+            f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity: the "
+            f"{previous[-1]:g} s before it, which were predicted at a missed scan, are predicted again"
         )
         return Finding("wrong_dt", 0.97, text, shown_by=shown_by)
     error = _error_at_measurements(tracker) if float(np.abs(moved).max()) < STILL else None
@@ -118,7 +139,7 @@ def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: A
         )
         return Finding("wrong_dt", 0.97, text, factor=time.exact, shown_by=shown_by)
     if not float(np.std(ratios)) < TOLERANCE * abs(ratio):
-        return None
+        return _other_time(steps)
     velocity = conversion(1 / ratio, float(np.std(ratios)) / abs(ratio), quantities=("speed", "length"))
     if velocity is not None:
         text = (
@@ -128,6 +149,16 @@ def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: A
         return Finding("velocity_unit", 0.97, text, factor=1 / ratio, shown_by=shown_by)
     text = f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
     return Finding("wrong_dt", 0.97, text, factor=ratio, shown_by=shown_by)
+
+
+def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
+    """Straight motion along the velocity, over other times than the steps: cut, rounded, or in whole seconds."""
+    off = [one for one in steps if abs(one.moved - one.step) > TOLERANCE * max(one.step, 0.02)]
+    if np.mean([one.straight for one in steps]) < MOST:
+        return None
+    moved = {one.step: f"{one.step:g} s by {one.moved:.3g} s" for one in off}
+    text = f"predictions move the estimate along its velocity, and over other times: over {', '.join(moved.values())}"
+    return Finding("wrong_dt", 0.95, text, shown_by="uneven_steps")
 
 
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
@@ -192,7 +223,8 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     if len(off) < 0.3 * len(ratios):
         return PartResult().add("spreading", True, text)
     low, high, block, probe = min(off, key=lambda r: r[0])
-    where = "an entry of the transition's Jacobian" if tracker.once(linearises) is not False else "a moved sigma point"
+    points = tracker.once(linearises) is False
+    where = "a moved sigma point" if points else "an entry of the transition's Jacobian"
     evidence = (
         f"the covariance of position and velocity grows {low:.2g} to {high:.2g} times as much as the uncertain "
         f"velocity causes: {where} (d px / d vx = dt) is wrong"
@@ -206,7 +238,8 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
         (Panel("implied by the covariances", block), Panel("right", right, "right")),
         ((int(i), int(j)),),
     )
-    finding = Finding("jacobian_wrong", 0.9, evidence, shown_by=probe.name, exhibit=exhibit)
+    fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
+    finding = Finding(fault, 0.9, evidence, shown_by=probe.name, exhibit=exhibit)
     return PartResult().add("spreading", False, text, finding)
 
 

@@ -157,7 +157,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         variances = np.full(len(estimates), np.nan)
         for k, estimate in enumerate(estimates):
             if estimate is not None and finite(estimate):
-                direction = estimate.mean[2:] / max(float(np.hypot(*estimate.mean[2:])), 1e-9)
+                speed = float(np.hypot(*estimate.mean[2:]))
+                direction = estimate.mean[2:] / speed if speed > 0.0 else np.array([1.0, 0.0])
                 variances[k] = direction @ estimate.covariance[2:, 2:] @ direction
         if np.isfinite(variances[[0, -1]]).all():
             return np.asarray(np.sqrt(np.maximum(0.0, variances - variances[0])))

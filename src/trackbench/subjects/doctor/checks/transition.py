@@ -1,0 +1,237 @@
+"""Does the predicted covariance follow from the one before, and move as the tracker's own prediction moves the mean?
+
+The same prediction of two estimates with one mean adds the same process noise, so that the difference of their
+covariances is moved by the transition's Jacobian alone: ``F (P1 - P2) F^T``. A measurement where it is predicted leaves
+the mean, and takes ``K S K^T`` from the covariance of a missed one (Bar-Shalom, Li and Kirubarajan 2001, section
+5.2.3). ``F K`` is what a change of that measurement does to the predicted mean, hidden states included.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate
+from trackbench.driving.drive import empty_scan
+from trackbench.subjects.doctor.exhibits import Panel, state_matrices
+from trackbench.subjects.doctor.expected_gain import OUTSIDE
+from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.right_answers import straight
+from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises, sampling_noise
+from trackbench.subjects.doctor.trial import GAIN_STEP, Trial
+
+#: Targets that turn all the time.
+TURNING = (
+    Probe("turning_left", "a target ahead that turns to the left", (18.0, 13.0, -4.0, 9.0), turn_rate=0.4),
+    Probe("turning_right", "a target ahead that turns to the right", (22.0, -12.0, 5.0, -8.0), turn_rate=-0.4),
+)
+#: Time of the prediction, s.
+STEP = 0.5
+#: Difference from what the mean's motion makes of the covariance, relative to it.
+WRONG = 0.07
+#: Innovation, in standard deviations of the measurement, and the share of the difference from which on the covariance
+#: depends on it: by the geometry, and by an adaptive noise or the weights of several models.
+ASIDE, LEARNED, ADAPTIVE = 1.5, 0.1, 0.3
+#: Gap after which a covariance is larger, s; how much larger, and the difference of two covariances that is rounding.
+GAP, GROWN, SAME = 1.0, 1.1, 1e-6
+#: Share of the square of its motion by which a position's variance grows, and the speed from which on it is clear, m/s:
+#: a white acceleration of 30 m/s^2 makes 0.3 of a motion with 10 m/s.
+SQUARED, MOVING = 0.3, 3.0
+#: Least number of trials, and least change of a covariance by a measurement, in its variances.
+LEAST, TAKEN = 3, 1e-3
+
+
+class Moved(NamedTuple):
+    """What a prediction makes of the difference of two covariances."""
+
+    trial: Trial
+    stated: Array
+    """``(4, 4)`` after the prediction."""
+    expected: Array
+    """``(4, 4)`` of the difference before, moved as the mean is."""
+    error: float
+    """Of the former, relative to the latter; both in variances of the prediction."""
+    learned: float
+    """By how much it depends on the innovation, relative to it."""
+
+
+def transition(tracker: TrackerUnderTest) -> PartResult:
+    """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
+    if (wrong := _forgets(tracker) or _about_another_mean(tracker)) is not None:
+        return PartResult().add("transition", False, wrong.evidence, wrong)
+    if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
+        return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
+    found = [
+        moved
+        for probe in (one.placed(tracker.probes.site) for one in TURNING)
+        for name in tracker.sensors
+        if (moved := _moved(tracker, probe, name)) is not None
+    ]
+    if any(one.learned > ADAPTIVE for one in found):
+        return PartResult().add("transition", None, "the covariance depends on the innovations")
+    found = [one for one in found if one.learned < LEARNED]
+    if len(found) < LEAST:
+        return PartResult().add("transition", None, "the measurements do not change the covariance by their gain alone")
+    errors = [one.error for one in found]
+    text = (
+        f"over {STEP:g} s of a turn the difference of two covariances is {np.median(errors):.2g} (relative, median of "
+        f"{len(found)}) from that which the motion of the mean makes of it"
+    )
+    if np.median(errors) < WRONG:
+        return PartResult().add("transition", True, text)
+    worst = max(found, key=lambda one: one.error)
+    apart = np.abs(worst.stated - worst.expected)
+    i, j = np.unravel_index(int(np.argmax(apart / np.sqrt(np.outer(*[np.diag(np.abs(worst.expected))] * 2)))), (4, 4))
+    panels = (Panel("tracker", worst.stated), Panel("as the mean moves", worst.expected, "right"))
+    title = f"Part of the covariance that a measurement takes away, {STEP:g} s later: {worst.trial.description}"
+    exhibit = state_matrices(title, panels, ((int(i), int(j)),))
+    points = tracker.once(linearises) is False
+    words = "the spread of the moved sigma points" if points else "the transition's Jacobian"
+    fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
+    evidence = f"{text}: {words} is not that of the motion that the mean makes"
+    finding = Finding(fault, 0.94, evidence, shown_by="manoeuvre", exhibit=exhibit)
+    return PartResult().add("transition", False, text, finding)
+
+
+def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
+    trial = tracker.trial(probe, name, tracker.sensor_sets()[-1])
+    if trial is None or not trial.usable:
+        return None
+    steps, aside = np.diag(GAIN_STEP * trial.sigma), ASIDE * trial.sigma
+    around = [*(trial.predicted_measurement + step for step in (*steps, *-steps, aside, -aside))]
+    measurements = [None, trial.predicted_measurement, *around]
+    answers: list[tuple[Estimate, Estimate]] = []
+    with tracker.recording_failures(probe.name):
+        for measurement in measurements:
+            now, later = _two_steps(trial, measurement)
+            if now is None or later is None or not (finite(now) and finite(later)):
+                return None
+            answers.append((now, later))
+    if len(answers) < len(measurements):
+        return None
+    (missed, measured), sides, (farther, nearer) = answers[:2], answers[2:-2], answers[-2:]
+    count, sigma = len(steps), [np.sqrt(np.maximum(np.diag(one.covariance), 1e-12)) for one in missed]
+    # In standard deviations, before and after the prediction.
+    gain, moved_gain = (
+        np.stack(
+            [ahead[k].mean - behind[k].mean for ahead, behind in zip(sides[:count], sides[count:], strict=True)], 1
+        )
+        / (2.0 * GAIN_STEP * sigma[k][:, None])
+        for k in (0, 1)
+    )
+    taken, left = ((missed[k].covariance - measured[k].covariance) / np.outer(sigma[k], sigma[k]) for k in (0, 1))
+    inverse = np.linalg.pinv(gain, rcond=1e-6)
+    innovation = inverse @ linalg.symmetrise(taken) @ inverse.T
+    size = float(np.linalg.norm(taken))
+    if not size > TAKEN or float(np.linalg.norm(taken - gain @ innovation @ gain.T)) > OUTSIDE * size:
+        return None
+    scale = np.outer(sigma[1], sigma[1])
+    learned = 0.5 * (farther[1].covariance + nearer[1].covariance) - measured[1].covariance
+    expected = moved_gain @ innovation @ moved_gain.T
+    # A memory may fade on purpose.
+    expected *= max(1.0, float(np.sum(left * expected) / np.sum(expected**2)))
+    error = float(np.linalg.norm(left - expected) / np.linalg.norm(expected))
+    share = float(np.linalg.norm(learned / scale) / np.linalg.norm(left))
+    return Moved(trial, left * scale, expected * scale, error, share)
+
+
+def _two_steps(trial: Trial, measurement: Array | None) -> tuple[Estimate | None, Estimate | None]:
+    """The estimate at a measurement, or at a missed scan, and the prediction from it."""
+    twin = trial.session.copy()
+    scan = empty_scan(trial.scan) if measurement is None else trial.scan._replace(measurement=measurement)
+    return twin.step(scan), twin.step(empty_scan(trial.scan._replace(time=trial.scan.time + STEP)))
+
+
+def _forgets(tracker: TrackerUnderTest) -> Finding | None:
+    """That a prediction makes the same covariance of a small and of a large one, if it does."""
+    found: list[tuple[Probe, Estimate, Estimate, Estimate]] = []
+    name = next(iter(tracker.sensors))
+    for probe in tracker.probes.general:
+        early, gap = tracker.predicted(probe, STEP), tracker.predicted(probe, GAP)
+        session = tracker.session_of_most(probe)
+        if early is None or gap is None or session is None:
+            continue
+        with tracker.recording_failures(probe.name):
+            twin = session.copy()
+            later = [
+                twin.step(empty_scan(probe.scan(name, tracker.sensors[name], time))) for time in (0.0, GAP, GAP + STEP)
+            ][-1]
+            if later is not None and finite(later):
+                found.append((probe, early[0], gap[1], early[1]))
+                if _apart(gap[1], early[0]) < GROWN - 1.0 or _apart(later, early[1]) > SAME:
+                    return None
+    if len(found) < LEAST:
+        return None
+    probe, small, large, after = found[0]
+    sigmas = [float(np.sqrt(np.trace(one.covariance[:2, :2]))) for one in (small, large, after)]
+    text = (
+        f"a prediction over {STEP:g} s makes the same covariance of any before it: the standard deviation of the "
+        f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, and {sigmas[2]:.3g} m after it ({len(found)} trials)"
+    )
+    panels = (Panel("before", small.covariance, "before"), Panel("predicted", after.covariance))
+    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ())
+    return Finding("predicted_covariance_wrong", 0.96, text, shown_by="long_gap", exhibit=exhibit)
+
+
+def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
+    """That the position's covariance grows by the square of its motion, as about the mean before, if it does."""
+    shares: list[tuple[float, Probe, Estimate, Estimate]] = []
+    for probe in tracker.probes.general:
+        over = tracker.predicted(probe, STEP)
+        if over is None:
+            continue
+        (now, later), motion = over, straight(STEP)
+        moved = (later.mean - now.mean)[:2]
+        length = float(np.hypot(*moved))
+        if length > MOVING * STEP:
+            grown = (later.covariance - motion @ now.covariance @ motion.T)[:2, :2]
+            shares.append((float(moved @ grown @ moved) / length**4, probe, now, later))
+    if len(shares) < LEAST or np.median([one[0] for one in shares]) < SQUARED:
+        return None
+    share, probe, now, later = max(shares, key=lambda one: one[0])
+    text = (
+        f"over {STEP:g} s the variance of the position along the motion grows by {share:.3g} times the square of the "
+        f"motion itself ({np.median([one[0] for one in shares]):.3g} in the median of {len(shares)} targets): the "
+        "spread is that about the mean before the prediction"
+    )
+    panels = (Panel("before", now.covariance, "before"), Panel("predicted", later.covariance))
+    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ((0, 0), (1, 1)))
+    return Finding("predicted_covariance_wrong", 0.95, text, shown_by="long_gap", exhibit=exhibit)
+
+
+def _apart(one: Estimate, other: Estimate) -> float:
+    """The largest difference of two covariances in variances of the latter."""
+    sigma = np.sqrt(np.maximum(np.diag(other.covariance), 1e-12))
+    return float(np.abs((one.covariance - other.covariance) / np.outer(sigma, sigma)).max())
+
+
+TRANSITION_CHECK = DoctorCheck(
+    transition,
+    place=102,
+    questions=(
+        Question(
+            "transition", "Does the covariance of a turning target move as its mean is predicted to?", misses=True
+        ),
+    ),
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "predicted_covariance_wrong": KnownFault(
+            "the predicted covariance does not follow from the one before",
+            "Where the covariance is predicted and stored.",
+            "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
+            "ones too.",
+            Role(
+                "step",
+                rank=13,
+                causes="stepped",
+                always="update_not_kept predicted_covariance_asymmetric covariance_asymmetric process_noise_omitted",
+                drive="long_gap",
+            ),
+        )
+    },
+)

@@ -1,0 +1,161 @@
+"""Faults as people make them, each named by the part of the examination that looks for it; sound trackers by none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.doctor.faults import MUTANTS
+from benchmarks.doctor.other_ekfs import AdaptiveEkf
+from benchmarks.doctor.people_faults import TurningEkf
+from benchmarks.doctor.plain import symmetric
+from benchmarks.doctor.plain_ekf import PlainEkf
+from benchmarks.doctor.plain_ukf import PlainUkf
+from benchmarks.faults.corpus import sound
+
+from trackbench.subjects.doctor.checks.covariance_update import stated_covariance
+from trackbench.subjects.doctor.checks.drives import harmless
+from trackbench.subjects.doctor.checks.expectation import expectation
+from trackbench.subjects.doctor.checks.gain import gain
+from trackbench.subjects.doctor.checks.gate import gate_width
+from trackbench.subjects.doctor.checks.noise_place import noise_place
+from trackbench.subjects.doctor.checks.one_gain import one_gain
+from trackbench.subjects.doctor.checks.prediction import prediction
+from trackbench.subjects.doctor.checks.transition import transition
+from trackbench.subjects.doctor.drives import simulate_drives
+from trackbench.subjects.doctor.examine import reference
+from trackbench.subjects.doctor.expected_gain import implied
+from trackbench.subjects.doctor.findings import Finding, PartResult, rank
+from trackbench.subjects.doctor.probes import Probes
+from trackbench.subjects.doctor.rollout import rollout
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+Part = Callable[[TrackerUnderTest], PartResult]
+FAULTY: list[tuple[Part, str]] = [
+    (one_gain, "covariance_update_wrong/plain_ekf/in_place"),
+    (gate_width, "gate_too_small/plain_ekf/five_percent"),
+    (gate_width, "gate_too_small/plain_kf/without_noise"),
+    (prediction, "wrong_dt/plain_ekf/whole_seconds"),
+    (prediction, "wrong_dt/plain_ekf/tenths"),
+    (prediction, "wrong_dt/plain_ekf/at_most_0.2"),
+    (prediction, "wrong_dt/plain_ekf/missed_not_stored"),
+    (expectation, "ego_motion_wrong/plain_ekf/added"),
+    (expectation, "ego_motion_wrong/plain_ekf/boresight"),
+    (expectation, "ego_motion_wrong/plain_ekf/turned_other_way"),
+    (expectation, "measurement_ignored/plain_ekf/lidar_y"),
+    (stated_covariance, "wrong_covariance_returned/plain_ekf/noise"),
+    (stated_covariance, "wrong_covariance_returned/plain_ekf/precision"),
+    (transition, "predicted_covariance_wrong/plain_ekf/transition_alone"),
+    (transition, "predicted_covariance_wrong/plain_ukf/about_old_mean"),
+    (transition, "jacobian_wrong/turning_ekf/after_the_move"),
+    (transition, "jacobian_wrong/turning_ekf/turn_rate_ignored"),
+    (noise_place, "q_depends_on_state/plain_ekf/px"),
+]
+
+
+def examined(make: Callable[[], Any], drives: Any = ()) -> TrackerUnderTest:
+    return TrackerUnderTest(make, SENSORS, drives, Probes(), 0, {})
+
+
+@pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
+def test_a_fault_is_named(part: Part, name: str) -> None:
+    injected = next(one for one in MUTANTS if one.name == name)
+    found = part(examined(injected.make)).findings
+    assert {one.fault for one in found} == {injected.fault}
+    assert injected.sensor is None or {one.sensor for one in found} == {injected.sensor}
+
+
+@pytest.mark.parametrize("make", [PlainEkf, PlainUkf, TurningEkf, AdaptiveEkf])
+def test_a_sound_tracker_has_none(make: Callable[[], Any]) -> None:
+    tracker = examined(make)
+    for part in (gate_width, transition, noise_place, stated_covariance):
+        result = part(tracker)
+        assert result.findings == []
+        assert all(check.passed is not False for check in result.checks)
+
+
+def test_a_noise_that_adapts_is_no_jacobian() -> None:
+    (check,) = transition(examined(AdaptiveEkf)).checks
+    assert (check.passed, check.result) == (None, "the covariance depends on the innovations")
+
+
+class Fading(PlainEkf):
+    """The covariance is multiplied in each prediction."""
+
+    def predict(self, x: Any, P: Any, dt: float) -> Any:
+        x, P = super().predict(x, P, dt)
+        return x, 1.2 * P
+
+
+def test_a_memory_that_fades_is_no_jacobian() -> None:
+    assert all(check.passed for check in transition(examined(Fading)).checks)
+
+
+def test_an_update_in_place_is_the_cause_of_an_indefinite_covariance() -> None:
+    found = [Finding("covariance_not_psd", 0.95, ""), Finding("covariance_update_wrong", 0.95, "", sensor="lidar")]
+    first, second = rank(found)
+    assert (first.fault, first.consequence_of) == ("covariance_update_wrong", None)
+    assert (second.fault, second.consequence_of) == ("covariance_not_psd", "covariance_update_wrong")
+
+
+class Converted(PlainEkf):
+    """A radar's range rate along the measured azimuth, whose noise it does not count: its Jacobian is right."""
+
+    def update(self, x: Any, P: Any, scan: Any) -> Any:
+        if scan.kind != "radar":
+            return super().update(x, P, scan)
+        position, R = self.position(scan)
+        bearing = scan.measurement[1] + scan.sensor_pose[2]
+        sight = np.array([np.cos(bearing), np.sin(bearing)])
+        H = np.zeros((3, 4))
+        H[0, 0] = H[1, 1] = 1.0
+        H[2, 2:] = sight
+        noise = np.pad(R, (0, 1))
+        noise[2, 2] = scan.noise_covariance[2, 2]
+        y = np.append(position, scan.measurement[2] + sight @ scan.sensor_velocity) - H @ x
+        S = H @ P @ H.T + noise
+        K = np.linalg.solve(S, H @ P).T
+        return x + K @ y, symmetric(P - K @ S @ K.T)
+
+
+def test_a_noise_that_is_correlated_is_no_jacobian() -> None:
+    tracker = examined(Converted)
+    models = [one for trial in tracker.trials["radar"] if trial.nearly_linear and (one := implied(trial))]
+    assert max(one.mixed for one in models) > 0.5
+    assert max(float(one.direction.max()) for one in models) < 0.05
+    assert all(check.passed for check in gain(tracker).checks)
+
+
+def test_a_wrong_jacobian_gives_the_gain_with_the_stated_noise() -> None:
+    injected = next(one for one in MUTANTS if one.name == "jacobian_wrong/plain_ekf/rate_term_missing")
+    models = [one for trial in examined(injected.make).trials["radar"] if (one := implied(trial))]
+    np.testing.assert_allclose([one.own_noise for one in models], 1.0, atol=0.02)
+
+
+@pytest.fixture(scope="module")
+def driven() -> Any:
+    drives = [one for one in simulate_drives(SENSORS, 0) if one.name in ("tangential_pass", "own_model", "stationary")]
+    return [(drive, rollout(reference, drive.scans)) for drive in drives]
+
+
+def test_a_gain_of_another_kind_without_harm_is_a_remark(driven: Any, tmp_path: Any, monkeypatch: Any) -> None:
+    program = next(one for one in sound("seen") if one.module == "sound_schmidt")
+    program.write(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    make = __import__(program.module).Tracker
+    result = gain(examined(make, driven))
+    assert result.findings == []
+    assert [check.passed for check in result.checks] == [True, True]
+    assert "not a Kalman gain" in next(check.result for check in result.checks if check.name == "gain.lidar")
+    # Without drives nothing shows that it does no harm.
+    assert [one.fault for one in gain(examined(make)).findings] == ["jacobian_wrong"]
+
+
+def test_harm_is_an_error_or_a_covariance_that_is_off(driven: Any) -> None:
+    assert harmless(examined(PlainEkf, driven)) is not None
+    for name in ("gate_too_small/plain_ekf/five_percent", "wrong_covariance_returned/plain_ekf/root"):
+        injected = next(one for one in MUTANTS if one.name == name)
+        assert harmless(examined(injected.make, driven)) is None
