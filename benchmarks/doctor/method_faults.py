@@ -38,7 +38,7 @@ SIGMA_POINTS = [
     ("sigma_points_misdrawn", "rows_for_columns", points.RowsForColumns, None),
     ("gain_inconsistent", "other_kappa_in_update", points.OtherKappaInUpdate, None),
     ("measurement_noise_omitted", "update", points.NoiseOmitted, None),
-    ("measurement_noise_twice", "update", points.NoiseTwice, None),
+    ("measurement_noise_twice", "update", points.NoiseTwice, "radar"),
     ("process_noise_omitted", "prediction", points.ProcessNoiseOmitted, None),
 ]
 CORRECTIONS = [

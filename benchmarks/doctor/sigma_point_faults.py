@@ -93,10 +93,10 @@ class NoiseOmitted:
 
 
 class NoiseTwice:
-    """The measurement noise added to the innovation covariance twice."""
+    """The measurement noise of a radar added to the innovation covariance twice."""
 
     def added_noise(self, scan: Any) -> Array:
-        return 2 * scan.noise_covariance
+        return (2 if scan.kind == "radar" else 1) * scan.noise_covariance
 
 
 class ProcessNoiseOmitted:

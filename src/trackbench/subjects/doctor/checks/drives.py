@@ -37,7 +37,7 @@ NEAR = 0.6
 NEES = (0.03, 15.0)
 #: Ratio of the position errors to those of a filter with the same measurements, and of the NEES either way, from which
 #: on a gain is harmful.
-HARM, STATED = 1.2, 4.0
+HARM, STATED = 1.5, 4.0
 #: Length of the interval of which an error is told, s.
 SHOWN = 1.0
 PARTS = {"position": slice(0, 2), "velocity": slice(2, 4)}

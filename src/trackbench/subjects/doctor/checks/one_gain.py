@@ -16,10 +16,10 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
-from trackbench.subjects.doctor.expected_gain import gain_error, joseph, relative_error
+from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials, sampling_noise
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
@@ -38,6 +38,8 @@ EQUAL = 0.03
 #: Error of the gain in the share `MOST` of the trials from which on another one is looked for: correct filters have up
 #: to 0.04.
 CLEAR, MOST = 0.05, 0.9
+#: Least number of trials.
+LEAST = 3
 #: How often one measurement is applied, at most.
 TIMES = 5
 
@@ -80,16 +82,20 @@ def one_gain(tracker: TrackerUnderTest) -> PartResult:
 def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
     """By sensor."""
     errors = {
-        name: [one for trial in trials if (one := _errors(trial)) is not None]
+        name: _known(trials) if len(_known(trials)) >= LEAST else _known(early_trials(tracker, name))
         for name, trials in tracker.trials.items()
     }
     found = {
         name: fault
         for name, of in errors.items()
-        if len(of) >= 3 and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
+        if len(of) >= LEAST and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
     }
     # Samples move both, each by itself.
     return {} if found and (tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0) else found
+
+
+def _known(trials: Sequence[Trial]) -> list[UpdateErrors]:
+    return [one for trial in trials if (one := _errors(trial)) is not None]
 
 
 def _errors(trial: Trial) -> UpdateErrors | None:
@@ -156,6 +162,7 @@ def _simpler(errors: Sequence[UpdateErrors]) -> tuple[str, float | None] | None:
         ("that of the diagonal of the innovation covariance alone", None, _of_diagonal)
     ]
     if not _optimal(errors):
+        ways.append(("that of the covariance after the update, not before it", None, _of_updated))
         ways += [
             (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
             for times in range(2, TIMES + 1)
@@ -185,6 +192,10 @@ def _repeated(one: UpdateErrors, times: int) -> Array:
     """The gain of so many updates of the mean, each with the gain of the first."""
     kept = np.eye(4) - one.right @ one.update.trial.jacobian
     return np.asarray(sum(np.linalg.matrix_power(kept, k) @ one.right for k in range(times)))
+
+
+def _of_updated(one: UpdateErrors) -> Array:
+    return linearised_gain(one.update.trial, one.update.used, one.right_covariance)
 
 
 def _of_diagonal(one: UpdateErrors) -> Array:
@@ -287,7 +298,13 @@ ONE_GAIN_CHECK = DoctorCheck(
             "points or samples.",
             "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
             "mean by K y once.",
-            Role("gain", rank=40, causes="numerical noise growth angle overconfident_start", drive="tangential_pass"),
+            Role(
+                "gain",
+                rank=40,
+                causes="numerical noise growth angle overconfident_start",
+                always="covariance_not_psd nonfinite invalid_estimate",
+                drive="tangential_pass",
+            ),
         ),
         "covariance_update_wrong": KnownFault(
             "the updated covariance is not that of the applied gain",
@@ -298,7 +315,7 @@ ONE_GAIN_CHECK = DoctorCheck(
                 "step",
                 rank=28,
                 causes="numerical noise growth angle overconfident_start",
-                always="covariance_not_psd nonfinite",
+                always="covariance_not_psd nonfinite invalid_estimate",
                 drive="own_model",
             ),
         ),

@@ -13,6 +13,7 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named, predicted
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -263,7 +264,12 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 
 
 def _known(estimate: Estimate) -> bool:
-    """Whether the direction of motion is known well enough for a turning model to be nearly linear."""
+    """Whether the direction of motion is known well enough for a turning model to be nearly linear.
+
+    Nothing follows from a covariance that is indefinite.
+    """
+    if least_eigenvalue(scaled(estimate.covariance)) < 0.0:
+        return False
     variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
     return variances.min() > 0.0 and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
 

@@ -18,6 +18,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
@@ -41,6 +42,8 @@ GAP, GROWN, SAME = 1.0, 1.1, 1e-6
 #: Share of the square of its motion by which a position's variance grows, and the speed from which on it is clear, m/s:
 #: a white acceleration of 30 m/s^2 makes 0.3 of a motion with 10 m/s.
 SQUARED, MOVING = 0.3, 3.0
+#: Share of the trials that has to be known.
+MOST = 0.7
 #: Least number of trials, and least change of a covariance by a measurement, in its variances.
 LEAST, TAKEN = 3, 1e-3
 
@@ -61,7 +64,7 @@ class Moved(NamedTuple):
 
 def transition(tracker: TrackerUnderTest) -> PartResult:
     """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
-    if (wrong := _forgets(tracker) or _about_another_mean(tracker)) is not None:
+    if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
         return PartResult().add("transition", False, wrong.evidence, wrong)
     if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
@@ -74,7 +77,7 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     if any(one.learned > ADAPTIVE for one in found):
         return PartResult().add("transition", None, "the covariance depends on the innovations")
     found = [one for one in found if one.learned < LEARNED]
-    if len(found) < LEAST:
+    if len(found) < MOST * len(TURNING) * len(tracker.sensors):
         return PartResult().add("transition", None, "the measurements do not change the covariance by their gain alone")
     errors = [one.error for one in found]
     text = (
@@ -112,6 +115,8 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
                 return None
             answers.append((now, later))
     if len(answers) < len(measurements):
+        return None
+    if any(least_eigenvalue(scaled(later.covariance)) < 0.0 for _, later in answers):
         return None
     (missed, measured), sides, (farther, nearer) = answers[:2], answers[2:-2], answers[-2:]
     count, sigma = len(steps), [np.sqrt(np.maximum(np.diag(one.covariance), 1e-12)) for one in missed]
@@ -175,6 +180,31 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
     panels = (Panel("before", small.covariance, "before"), Panel("predicted", after.covariance))
     exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ())
     return Finding("predicted_covariance_wrong", 0.96, text, shown_by="long_gap", exhibit=exhibit)
+
+
+def _stays(tracker: TrackerUnderTest) -> Finding | None:
+    """That at missed scans the mean moves and the covariance stays, and grows between measurements, if it does."""
+    found = []
+    for probe in tracker.probes.general:
+        over, session = tracker.predicted(probe, GAP), tracker.session_of_most(probe)
+        if over is None or session is None or not np.any(over[0].mean != over[1].mean):
+            continue
+        if _apart(over[1], over[0]) > SAME:
+            return None
+        found.append((probe, *over))
+    changed = [trial.posterior(trial.predicted_measurement) for trials in tracker.trials.values() for trial in trials]
+    known = [one for one in changed if one is not None]
+    if len(found) < LEAST or not any(_apart(one, known[0]) > GROWN - 1.0 for one in known):
+        return None
+    probe, now, later = found[0]
+    text = (
+        f"{GAP:g} s without a measurement leave the covariance as it is, while the mean moves by "
+        f"{np.hypot(*(later.mean - now.mean)[:2]):.3g} m: the standard deviation of the position is "
+        f"{np.sqrt(np.trace(now.covariance[:2, :2])):.3g} m before and after it ({len(found)} targets)"
+    )
+    panels = (Panel("before", now.covariance, "before"), Panel(f"{GAP:g} s later", later.covariance))
+    exhibit = state_matrices(f"Covariance over {GAP:g} s: {probe.description}", panels, ())
+    return Finding("predicted_covariance_wrong", 0.97, text, shown_by="long_gap", exhibit=exhibit)
 
 
 def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:

@@ -285,13 +285,18 @@ VALIDITY_CHECK = DoctorCheck(
             "In the prediction, where Q is written out and where F P F^T is computed.",
             "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 only "
             "hides a wrong entry.",
-            Role(rank=24, causes="numerical gain azimuth_not_wrapped covariance_asymmetric", drive="long_run"),
+            Role(
+                rank=23,
+                causes="numerical gain azimuth_not_wrapped covariance_asymmetric",
+                always="predicted_covariance_not_psd covariance_not_psd",
+                drive="long_run",
+            ),
         ),
         "covariance_not_psd": KnownFault(
             "the covariance is not positive definite",
             "In the update of the covariance, and in the weights of sigma points.",
             "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
-            Role("exact numerical", rank=30, causes="covariance", always="nonfinite", drive="long_run"),
+            Role("exact numerical", rank=41, causes="covariance", always="nonfinite", drive="long_run"),
         ),
         "predicted_covariance_not_psd": KnownFault(
             "the prediction makes the covariance indefinite",
@@ -300,7 +305,7 @@ VALIDITY_CHECK = DoctorCheck(
             "entry, and the central weight. Symmetrising does not mend it.",
             Role(
                 "exact numerical",
-                rank=23,
+                rank=24,
                 causes="covariance points",
                 always="nonfinite covariance_not_psd",
                 drive="long_run",
