@@ -21,7 +21,7 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, line
 from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion
 
 #: Time steps of the predictions, s.
-STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0, 2.5)
+STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 #: Error of a time step, relative to it.
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.

@@ -39,9 +39,9 @@ WRONG = 0.07
 ASIDE, LEARNED, ADAPTIVE = 1.5, 0.1, 0.3
 #: Gap after which a covariance is larger, s; how much larger, and the difference of two covariances that is rounding.
 GAP, GROWN, SAME = 1.0, 1.1, 1e-6
-#: Share of the square of its motion by which a position's variance grows, and the speed from which on it is clear, m/s:
-#: a white acceleration of 30 m/s^2 makes 0.3 of a motion with 10 m/s.
-SQUARED, MOVING = 0.3, 3.0
+#: Share of the square of its motion by which a position's variance grows, at a short step too, s; how much larger it
+#: may be at a long one, and the speed from which on it is clear, m/s. With a white acceleration it is 5 to 25 times larger.
+SQUARED, SHORT, FASTER, MOVING = 0.3, 0.1, 2.0, 3.0
 #: Share of the trials that has to be known.
 MOST = 0.7
 #: Least number of trials, and least change of a covariance by a measurement, in its variances.
@@ -208,29 +208,38 @@ def _stays(tracker: TrackerUnderTest) -> Finding | None:
 
 
 def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
-    """That the position's covariance grows by the square of its motion, as about the mean before, if it does."""
-    shares: list[tuple[float, Probe, Estimate, Estimate]] = []
+    """That the position's covariance grows by the square of its motion, as about the mean before, if it does.
+
+    That of a process noise grows faster.
+    """
+    known = []
     for probe in tracker.probes.general:
-        over = tracker.predicted(probe, STEP)
-        if over is None:
-            continue
-        (now, later), motion = over, straight(STEP)
-        moved = (later.mean - now.mean)[:2]
-        length = float(np.hypot(*moved))
-        if length > MOVING * STEP:
-            grown = (later.covariance - motion @ now.covariance @ motion.T)[:2, :2]
-            shares.append((float(moved @ grown @ moved) / length**4, probe, now, later))
-    if len(shares) < LEAST or np.median([one[0] for one in shares]) < SQUARED:
+        shares = [_squared(*over, step) for step in (SHORT, STEP) if (over := tracker.predicted(probe, step))]
+        if len(shares) == 2 and np.isfinite(shares).all():
+            known.append((shares, probe))
+    if len(known) < LEAST:
         return None
-    share, probe, now, later = max(shares, key=lambda one: one[0])
+    short, long = np.median([shares for shares, _ in known], axis=0)
+    if min(short, long) < SQUARED or long > FASTER * short:
+        return None
+    probe = known[0][1]
     text = (
-        f"over {STEP:g} s the variance of the position along the motion grows by {share:.3g} times the square of the "
-        f"motion itself ({np.median([one[0] for one in shares]):.3g} in the median of {len(shares)} targets): the "
-        "spread is that about the mean before the prediction"
+        f"the variance of the position along the motion grows by the square of the motion itself, times {short:.3g} "
+        f"over {SHORT:g} s and {long:.3g} over {STEP:g} s (medians of {len(known)} targets): the spread is that about "
+        "the mean before the prediction"
     )
-    panels = (Panel("before", now.covariance, "before"), Panel("predicted", later.covariance))
-    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ((0, 0), (1, 1)))
+    over = tracker.predicted(probe, STEP)
+    panels = [Panel(name, one.covariance) for name, one in zip(("before", "predicted"), over or (), strict=False)]
+    exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", tuple(panels), ((0, 0), (1, 1)))
     return Finding("predicted_covariance_wrong", 0.95, text, shown_by="long_gap", exhibit=exhibit)
+
+
+def _squared(now: Estimate, later: Estimate, step: float) -> float:
+    """The growth of the position's variance along its motion over the square of that; NaN where it hardly moves."""
+    moved, motion = (later.mean - now.mean)[:2], straight(step)
+    length = float(np.hypot(*moved))
+    grown = (later.covariance - motion @ now.covariance @ motion.T)[:2, :2]
+    return float(moved @ grown @ moved) / length**4 if length > MOVING * step else np.nan
 
 
 def _apart(one: Estimate, other: Estimate) -> float:
