@@ -40,7 +40,7 @@ ASIDE, LEARNED, ADAPTIVE = 1.5, 0.1, 0.3
 #: Gap after which a covariance is larger, s; how much larger, and the difference of two covariances that is rounding.
 GAP, GROWN, SAME = 1.0, 1.1, 1e-6
 #: Share of the square of its motion by which a position's variance grows, at a short step too, s; how much larger it
-#: may be at a long one, and the speed from which on it is clear, m/s. With a white acceleration it is 5 to 25 times larger.
+#: may be at a long one, and the speed from which on it is clear, m/s. A white acceleration makes it 5 to 25 times larger.
 SQUARED, SHORT, FASTER, MOVING = 0.3, 0.1, 2.0, 3.0
 #: Share of the trials that has to be known.
 MOST = 0.7
