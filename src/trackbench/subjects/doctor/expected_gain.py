@@ -143,10 +143,10 @@ def implied(trial: Trial) -> ImpliedModel | None:
     used = update.used
     jacobian[used] = np.linalg.pinv(update.information[:, used], rcond=1e-9) @ added
     precision = np.linalg.pinv(jacobian[used].T * spread[:, None], rcond=1e-9) @ rows[used].T
-    found: Array = np.asarray(np.linalg.pinv(precision, rcond=1e-12), dtype=float)
+    implied_noise: Array = np.asarray(np.linalg.pinv(precision, rcond=1e-12), dtype=float)
     own_noise = np.full(len(sigma), np.nan)
-    own_noise[used] = np.diag(found) / sigma[used] ** 2
-    mixed = float(np.abs(np.triu(_to_unit(found), 1)).max())
+    own_noise[used] = np.diag(implied_noise) / sigma[used] ** 2
+    mixed = float(np.abs(np.triu(_to_unit(implied_noise), 1)).max())
     if mixed > MIXED:
         # The columns of H^T R^-1 are mixtures of the rows of H.
         rows = jacobian * spread

@@ -337,7 +337,7 @@ def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: Track
 
 def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
     """Those after the first scans of a track, where a filter that diverges is still near its target."""
-    found = []
+    trials = []
     for probe in tracker.probes.general:
         for sensor_set in tracker.sensor_sets():
             session, scans = TrackerSession(tracker.make), tracker.approach(probe, sensor_set)
@@ -348,8 +348,8 @@ def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
                 prediction = session.predict(at)
                 if prediction is not None:
                     trial = Trial(probe.name, probe.description, at, prediction, session)
-                    found += [trial] if trial.usable else []
-    return found
+                    trials += [trial] if trial.usable else []
+    return trials
 
 
 def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:

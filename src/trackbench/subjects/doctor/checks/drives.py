@@ -103,21 +103,21 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     """Run every test drive, with the measurements that the reference had."""
     result = PartResult()
     judged = []
-    for drive, one in tracker.once(driven):
-        if isinstance(one, StepFailed):
-            tracker.failures.append((drive.name, one))
-            text = f"the tracker failed at {one.scan.time:g} s: {one}"
+    for drive, outcome in tracker.once(driven):
+        if isinstance(outcome, StepFailed):
+            tracker.failures.append((drive.name, outcome))
+            text = f"the tracker failed at {outcome.scan.time:g} s: {outcome}"
             # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
             passed = None if drive.name in SINGULAR else False
             result.add(drive.name, passed, text)
         elif drive.name in SINGULAR:
             text = "the tracker went through; a radar's range and azimuth have no linearisation there"
             result.add(drive.name, True, text)
-        elif not np.isfinite(one.rms[0]):
+        elif not np.isfinite(outcome.rms[0]):
             result.add(drive.name, None, "there is no estimate to judge")
         else:
-            result.add(drive.name, one.believable, _text(one))
-            judged.append(one)
+            result.add(drive.name, outcome.believable, _text(outcome))
+            judged.append(outcome)
     findings = (_too_far_off(judged), _covariance_unbelievable(judged))
     result.findings += [finding for finding in findings if finding is not None]
     return result
@@ -125,15 +125,15 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
 
 def driven(tracker: TrackerUnderTest) -> list[tuple[TestDrive, JudgedDrive | StepFailed]]:
     """Every test drive, judged, or with the step that failed in it."""
-    found: list[tuple[TestDrive, JudgedDrive | StepFailed]] = []
+    outcomes: list[tuple[TestDrive, JudgedDrive | StepFailed]] = []
     for drive, reference in tracker.drives:
         try:
             estimates = rollout(tracker.make, drive.scans, tracker.output_checks, drive.name)
         except StepFailed as failure:
-            found.append((drive, failure))
+            outcomes.append((drive, failure))
             continue
-        found.append((drive, _judged(drive, estimates, reference)))
-    return found
+        outcomes.append((drive, _judged(drive, estimates, reference)))
+    return outcomes
 
 
 def harmless(tracker: TrackerUnderTest) -> str | None:
@@ -143,19 +143,19 @@ def harmless(tracker: TrackerUnderTest) -> str | None:
     that of a Kalman filter which uses the same components of the measurements, or a covariance that does not fit the
     errors.
     """
-    judged = [one for drive, one in tracker.once(driven) if drive.name not in SINGULAR]
-    if not judged or not all(isinstance(one, JudgedDrive) and one.believable for one in judged):
+    outcomes = [outcome for drive, outcome in tracker.once(driven) if drive.name not in SINGULAR]
+    judged = [outcome for outcome in outcomes if isinstance(outcome, JudgedDrive) and outcome.believable]
+    if not judged or len(judged) < len(outcomes):
         return None
-    known = [one for one in judged if isinstance(one, JudgedDrive)]
-    twins = _of_positions(known) if _positions_alone(tracker) else known
-    error = float(np.exp(np.mean([np.log(one.rms[0] / twin.rms[1]) for one, twin in zip(known, twins, strict=True)])))
+    twins = _of_positions(judged) if _positions_alone(tracker) else judged
+    error = float(np.exp(np.mean([np.log(own.rms[0] / twin.rms[1]) for own, twin in zip(judged, twins, strict=True)])))
     nees = float(
-        np.exp(np.mean([np.log(one.nees(part) / one.nees_of_reference(part)) for one in known for part in PARTS]))
+        np.exp(np.mean([np.log(own.nees(part) / own.nees_of_reference(part)) for own in judged for part in PARTS]))
     )
     if error > HARM or not 1.0 / STATED < nees < STATED:
         return None
     return (
-        f"in {len(known)} drives its position errors are {error:.3g} times those of a Kalman filter with the same "
+        f"in {len(judged)} drives its position errors are {error:.3g} times those of a Kalman filter with the same "
         f"measurements, and its NEES {nees:.3g} times"
     )
 
@@ -163,15 +163,17 @@ def harmless(tracker: TrackerUnderTest) -> str | None:
 def _positions_alone(tracker: TrackerUnderTest) -> bool:
     """Whether no component that depends on the velocity moves the estimate."""
     updates = [trial.linear_update() for trials in tracker.trials.values() for trial in trials]
-    return not any(np.any(one.used & np.any(one.trial.jacobian[:, 2:], axis=1)) for one in updates if one is not None)
+    return not any(
+        np.any(update.used & np.any(update.trial.jacobian[:, 2:], axis=1)) for update in updates if update is not None
+    )
 
 
 def _of_positions(judged: Sequence[JudgedDrive]) -> list[JudgedDrive]:
     """The drives, with a reference that uses positions alone."""
     twins = [
-        rollout(partial(kf, motion="cv", acceleration_sigma_mps2=3.0, late="drop"), one.drive.scans) for one in judged
+        rollout(partial(kf, motion="cv", acceleration_sigma_mps2=3.0, late="drop"), own.drive.scans) for own in judged
     ]
-    return [one._replace(reference=_errors(twin, one.drive)) for one, twin in zip(judged, twins, strict=True)]
+    return [own._replace(reference=_errors(twin, own.drive)) for own, twin in zip(judged, twins, strict=True)]
 
 
 def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:

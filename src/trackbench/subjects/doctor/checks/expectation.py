@@ -47,7 +47,7 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
     ego_motion = [finding for finding in result.findings if finding.fault in EGO_MOTION]
     if tracker.assumptions.still:
         # Of a sensor that stands still the pose alone can be left out.
-        for finding in (one for one in ego_motion if one.fault == "ego_motion_ignored"):
+        for finding in (item for item in ego_motion if item.fault == "ego_motion_ignored"):
             result.findings[result.findings.index(finding)] = replace(finding, fault="sensor_pose_ignored")
         return result
     trials = [trial for of in tracker.trials.values() for trial in of if trial.name in _moving(tracker)]
@@ -97,7 +97,9 @@ def _examined(
     )
     finding = _wrong_model(sensor, kind, moved, zero) or systematic_error(sensor, moved, zero)
     if finding is None and moving.any() and np.mean(right[moving]) < MOST <= np.mean(right[~moving]):
-        finding = _while_moving(sensor, [one for one, of in zip(moved, moving, strict=True) if of], right, moving)
+        finding = _while_moving(
+            sensor, [trial for trial, moves in zip(moved, moving, strict=True) if moves], right, moving
+        )
     return False, text, finding
 
 
@@ -110,9 +112,9 @@ def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
             expected = (linearised_gain(trial) * trial.gain_scale)[:, of_position]
             shares = [_least_share(gain) for gain in (update.relative_gain[:, of_position], expected)]
             lost.append((shares[0] < NO_GAIN and shares[1] > CLEAR_GAIN, trial, update))
-    if len(lost) < LEAST or np.mean([one for one, *_ in lost]) < MOST:
+    if len(lost) < LEAST or np.mean([unused for unused, *_ in lost]) < MOST:
         return None
-    trial, update = next((trial, update) for one, trial, update in lost if one)
+    trial, update = next((trial, update) for unused, trial, update in lost if unused)
     of_position = ~np.any(trial.jacobian[:, 2:], axis=1)
     # The measured direction that moves nothing, in the fixed frame.
     direction = np.linalg.svd(update.gain[:, of_position])[2][-1]

@@ -66,7 +66,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             passed, findings = None, []
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
         elif (
-            any(one.fault == "jacobian_wrong" for one in findings)
+            any(finding.fault == "jacobian_wrong" for finding in findings)
             and not _of_another_model(rows)
             and (harm := tracker.once(harmless)) is not None
         ):
@@ -85,13 +85,14 @@ def _inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
 
     The gains are then those of the stated noise, and the returned covariance is larger than that which they are of.
     """
-    factors = [one.factor for one in result.findings if one.fault in ("r_too_large", "measurement_noise_twice")]
-    known = np.array([factor for factor in factors if factor is not None])
-    everywhere = len(known) == len(result.findings) == len(tracker.sensors) > 1
-    if not everywhere or np.ptp(known) > SAME_FACTOR * known.min() or (harm := tracker.once(harmless)) is None:
+    large = [finding for finding in result.findings if finding.fault in ("r_too_large", "measurement_noise_twice")]
+    factors = [finding.factor for finding in large]
+    sizes = np.array([factor for factor in factors if factor is not None])
+    everywhere = len(sizes) == len(result.findings) == len(tracker.sensors) > 1
+    if not everywhere or np.ptp(sizes) > SAME_FACTOR * sizes.min() or (harm := tracker.once(harmless)) is None:
         return result
     text = (
-        f"the returned covariance is {np.median(known):.3g} times that of which the gains are made, and no harm: {harm}"
+        f"the returned covariance is {np.median(sizes):.3g} times that of which the gains are made, and no harm: {harm}"
     )
     return PartResult([replace(check, passed=True, result=text) for check in result.checks])
 

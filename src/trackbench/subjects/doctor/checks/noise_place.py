@@ -30,7 +30,7 @@ def noise_place(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("noise_place", None, "the tracker's own samples move the covariance")
     growths = []
     for probe in tracker.probes.general[:3]:
-        here, there = (tracker.predicted(one, STEP) for one in (probe, _moved(probe)))
+        here, there = (tracker.predicted(place, STEP) for place in (probe, _moved(probe)))
         if here is not None and there is not None and _alike(here[0], there[0]):
             pair = np.array([_growth(*here), _growth(*there)])
             if pair.min() > 0.0:
@@ -39,8 +39,8 @@ def noise_place(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("noise_place", None, "there was no estimate that grows, or it was another elsewhere")
     ratios = [float(pair[1] / pair[0]) for pair, _ in growths]
     where = f"{SHIFT[0]:g}, {SHIFT[1]:g} m away"
-    said = ", ".join(f"{ratio:.3g}" for ratio in ratios)
-    text = f"over {STEP:g} s without a measurement the variance of the velocity grows {where} {said} times as much"
+    words = ", ".join(f"{ratio:.3g}" for ratio in ratios)
+    text = f"over {STEP:g} s without a measurement the variance of the velocity grows {where} {words} times as much"
     off = [(pair, probe) for pair, probe in growths if abs(np.log(pair[1] / pair[0])) > np.log(SAME)]
     if len(off) < LEAST:
         return PartResult().add("noise_place", True, text)

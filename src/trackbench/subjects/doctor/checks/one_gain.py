@@ -95,7 +95,7 @@ def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
 
 
 def _known(trials: Sequence[Trial]) -> list[UpdateErrors]:
-    return [one for trial in trials if (one := _errors(trial)) is not None]
+    return [errors for trial in trials if (errors := _errors(trial)) is not None]
 
 
 def _errors(trial: Trial) -> UpdateErrors | None:

@@ -154,10 +154,10 @@ def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Fin
 
 def _other_time(steps: Sequence[PredictedStep]) -> Finding | None:
     """Straight motion along the velocity, over other times than the steps: cut, rounded, or in whole seconds."""
-    off = [one for one in steps if abs(one.moved - one.step) > TOLERANCE * max(one.step, 0.02)]
-    if np.mean([one.straight for one in steps]) < MOST:
+    off = [step for step in steps if abs(step.moved - step.step) > TOLERANCE * max(step.step, 0.02)]
+    if np.mean([step.straight for step in steps]) < MOST:
         return None
-    moved = {one.step: f"{one.step:g} s by {one.moved:.3g} s" for one in off}
+    moved = {step.step: f"{step.step:g} s by {step.moved:.3g} s" for step in off}
     text = f"predictions move the estimate along its velocity, and over other times: over {', '.join(moved.values())}"
     return Finding("wrong_dt", 0.95, text, shown_by="uneven_steps")
 

@@ -45,18 +45,19 @@ def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
     """That the gains of all sensors are made of one covariance, and another is returned, if it is so."""
     if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return None
-    found = _own_covariances(list(tracker.trials.values()))
-    if len(found) < LEAST or np.median([one.gap for one in found]) > ONE:
+    targets = _own_covariances(list(tracker.trials.values()))
+    if len(targets) < LEAST or np.median([target.gap for target in targets]) > ONE:
         return None
-    apart = float(np.median([one.apart for one in found]))
+    gap = float(np.median([target.gap for target in targets]))
+    apart = float(np.median([target.apart for target in targets]))
     if apart < OTHER or tracker.once(harmless) is not None:
         return None
-    clearest = max(found, key=lambda one: one.apart)
+    clearest = max(targets, key=lambda target: target.apart)
     returned = clearest.trial.prediction.covariance[:, :2]
     sigmas = [float(np.sqrt(max(np.trace(of[:2]), 0.0))) for of in (returned, clearest.own)]
     text = (
-        f"the gains of two sensors are made of one covariance (within {np.median([one.gap for one in found]):.2g}), "
-        f"and another is returned: it is off by {apart:.0%} (medians of {len(found)} targets); for "
+        f"the gains of two sensors are made of one covariance (within {gap:.2g}), "
+        f"and another is returned: it is off by {apart:.0%} (medians of {len(targets)} targets); for "
         f"{clearest.trial.description} the standard deviation of the position is {sigmas[0]:.3g} m in it, and "
         f"{sigmas[1]:.3g} m by the gains"
     )
@@ -68,20 +69,20 @@ def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
 
 def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovariance]:
     """At each target that two sensors measure after the same scans."""
-    known: dict[tuple[str, tuple[str, ...]], list[tuple[Trial, Array]]] = {}
+    columns_of: dict[tuple[str, tuple[str, ...]], list[tuple[Trial, Array]]] = {}
     for trials in of_sensors:
         for trial in trials:
             columns = _by_gain(trial)
             if columns is not None:
-                known.setdefault((trial.name, trial.sensor_set), []).append((trial, columns))
-    found = []
-    for (trial, first), (_, second), *_ in (pair for pair in known.values() if len(pair) > 1):
+                columns_of.setdefault((trial.name, trial.sensor_set), []).append((trial, columns))
+    targets = []
+    for (trial, first), (_, second), *_ in (pair for pair in columns_of.values() if len(pair) > 1):
         own = 0.5 * (first + second)
         # Position and velocity count alike.
         scale = np.repeat([np.linalg.norm(own[:2]), np.linalg.norm(own[2:])], 2)[:, None] + np.finfo(float).tiny
         returned = trial.prediction.covariance[:, :2] / scale
         factor = float(np.sum(returned * own / scale) / max(np.sum(returned**2), np.finfo(float).tiny))
-        found.append(
+        targets.append(
             OwnCovariance(
                 trial,
                 own,
@@ -89,7 +90,7 @@ def _own_covariances(of_sensors: Sequence[Sequence[Trial]]) -> list[OwnCovarianc
                 float(np.linalg.norm(own / scale - factor * returned) / np.linalg.norm(own / scale)),
             )
         )
-    return found
+    return targets
 
 
 def _by_gain(trial: Trial) -> Array | None:

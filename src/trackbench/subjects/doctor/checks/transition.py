@@ -40,7 +40,8 @@ ASIDE, LEARNED, ADAPTIVE = 1.5, 0.1, 0.3
 #: Gap after which a covariance is larger, s; how much larger, and the difference of two covariances that is rounding.
 GAP, GROWN, SAME = 1.0, 1.1, 1e-6
 #: Share of the square of its motion by which a position's variance grows, at a short step too, s; how much larger it
-#: may be at a long one, and the speed from which on it is clear, m/s. A white acceleration makes it 5 to 25 times larger.
+#: may be at a long one, and the speed from which on it is clear, m/s. With a white acceleration it is 5 to 25 times as
+#: large.
 SQUARED, SHORT, FASTER, MOVING = 0.3, 0.1, 2.0, 3.0
 #: Share of the trials that has to be known.
 MOST = 0.7
@@ -68,25 +69,25 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("transition", False, wrong.evidence, wrong)
     if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
-    found = [
+    pairs = [
         moved
-        for probe in (one.placed(tracker.probes.site) for one in TURNING)
+        for probe in (target.placed(tracker.probes.site) for target in TURNING)
         for name in tracker.sensors
         if (moved := _moved(tracker, probe, name)) is not None
     ]
-    if any(one.learned > ADAPTIVE for one in found):
+    if any(pair.learned > ADAPTIVE for pair in pairs):
         return PartResult().add("transition", None, "the covariance depends on the innovations")
-    found = [one for one in found if one.learned < LEARNED]
-    if len(found) < MOST * len(TURNING) * len(tracker.sensors):
+    pairs = [pair for pair in pairs if pair.learned < LEARNED]
+    if len(pairs) < MOST * len(TURNING) * len(tracker.sensors):
         return PartResult().add("transition", None, "the measurements do not change the covariance by their gain alone")
-    errors = [one.error for one in found]
+    errors = [pair.error for pair in pairs]
     text = (
         f"over {STEP:g} s of a turn the difference of two covariances is {np.median(errors):.2g} (relative, median of "
-        f"{len(found)}) from that which the motion of the mean makes of it"
+        f"{len(pairs)}) from that which the motion of the mean makes of it"
     )
     if np.median(errors) < WRONG:
         return PartResult().add("transition", True, text)
-    worst = max(found, key=lambda one: one.error)
+    worst = max(pairs, key=lambda pair: pair.error)
     apart = np.abs(worst.stated - worst.expected)
     i, j = np.unravel_index(int(np.argmax(apart / np.sqrt(np.outer(*[np.diag(np.abs(worst.expected))] * 2)))), (4, 4))
     panels = (Panel("tracker", worst.stated), Panel("as the mean moves", worst.expected, "right"))
@@ -119,7 +120,7 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
     if any(least_eigenvalue(scaled(later.covariance)) < 0.0 for _, later in answers):
         return None
     (missed, measured), sides, (farther, nearer) = answers[:2], answers[2:-2], answers[-2:]
-    count, sigma = len(steps), [np.sqrt(np.maximum(np.diag(one.covariance), 1e-12)) for one in missed]
+    count, sigma = len(steps), [np.sqrt(np.maximum(np.diag(estimate.covariance), 1e-12)) for estimate in missed]
     # In standard deviations, before and after the prediction.
     gain, moved_gain = (
         np.stack(
@@ -153,7 +154,7 @@ def _two_steps(trial: Trial, measurement: Array | None) -> tuple[Estimate | None
 
 def _forgets(tracker: TrackerUnderTest) -> Finding | None:
     """That a prediction makes the same covariance of a small and of a large one, if it does."""
-    found: list[tuple[Probe, Estimate, Estimate, Estimate]] = []
+    trials: list[tuple[Probe, Estimate, Estimate, Estimate]] = []
     name = next(iter(tracker.sensors))
     for probe in tracker.probes.general:
         early, gap = tracker.predicted(probe, STEP), tracker.predicted(probe, GAP)
@@ -166,16 +167,16 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
                 twin.step(empty_scan(probe.scan(name, tracker.sensors[name], time))) for time in (0.0, GAP, GAP + STEP)
             ][-1]
             if later is not None and finite(later):
-                found.append((probe, early[0], gap[1], early[1]))
+                trials.append((probe, early[0], gap[1], early[1]))
                 if _apart(gap[1], early[0]) < GROWN - 1.0 or _apart(later, early[1]) > SAME:
                     return None
-    if len(found) < LEAST:
+    if len(trials) < LEAST:
         return None
-    probe, small, large, after = found[0]
-    sigmas = [float(np.sqrt(np.trace(one.covariance[:2, :2]))) for one in (small, large, after)]
+    probe, small, large, after = trials[0]
+    sigmas = [float(np.sqrt(np.trace(estimate.covariance[:2, :2]))) for estimate in (small, large, after)]
     text = (
         f"a prediction over {STEP:g} s makes the same covariance of any before it: the standard deviation of the "
-        f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, and {sigmas[2]:.3g} m after it ({len(found)} trials)"
+        f"position is {sigmas[0]:.3g} or {sigmas[1]:.3g} m before, {sigmas[2]:.3g} m after it ({len(trials)} trials)"
     )
     panels = (Panel("before", small.covariance, "before"), Panel("predicted", after.covariance))
     exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", panels, ())
@@ -184,23 +185,23 @@ def _forgets(tracker: TrackerUnderTest) -> Finding | None:
 
 def _stays(tracker: TrackerUnderTest) -> Finding | None:
     """That at missed scans the mean moves and the covariance stays, and grows between measurements, if it does."""
-    found = []
+    targets = []
     for probe in tracker.probes.general:
         over, session = tracker.predicted(probe, GAP), tracker.session_of_most(probe)
         if over is None or session is None or not np.any(over[0].mean != over[1].mean):
             continue
         if _apart(over[1], over[0]) > SAME:
             return None
-        found.append((probe, *over))
+        targets.append((probe, *over))
     changed = [trial.posterior(trial.predicted_measurement) for trials in tracker.trials.values() for trial in trials]
-    known = [one for one in changed if one is not None]
-    if len(found) < LEAST or not any(_apart(one, known[0]) > GROWN - 1.0 for one in known):
+    updated = [estimate for estimate in changed if estimate is not None]
+    if len(targets) < LEAST or not any(_apart(estimate, updated[0]) > GROWN - 1.0 for estimate in updated):
         return None
-    probe, now, later = found[0]
+    probe, now, later = targets[0]
     text = (
         f"{GAP:g} s without a measurement leave the covariance as it is, while the mean moves by "
         f"{np.hypot(*(later.mean - now.mean)[:2]):.3g} m: the standard deviation of the position is "
-        f"{np.sqrt(np.trace(now.covariance[:2, :2])):.3g} m before and after it ({len(found)} targets)"
+        f"{np.sqrt(np.trace(now.covariance[:2, :2])):.3g} m before and after it ({len(targets)} targets)"
     )
     panels = (Panel("before", now.covariance, "before"), Panel(f"{GAP:g} s later", later.covariance))
     exhibit = state_matrices(f"Covariance over {GAP:g} s: {probe.description}", panels, ())
@@ -212,24 +213,26 @@ def _about_another_mean(tracker: TrackerUnderTest) -> Finding | None:
 
     That of a process noise grows faster.
     """
-    known = []
+    targets = []
     for probe in tracker.probes.general:
         shares = [_squared(*over, step) for step in (SHORT, STEP) if (over := tracker.predicted(probe, step))]
         if len(shares) == 2 and np.isfinite(shares).all():
-            known.append((shares, probe))
-    if len(known) < LEAST:
+            targets.append((shares, probe))
+    if len(targets) < LEAST:
         return None
-    short, long = np.median([shares for shares, _ in known], axis=0)
+    short, long = np.median([shares for shares, _ in targets], axis=0)
     if min(short, long) < SQUARED or long > FASTER * short:
         return None
-    probe = known[0][1]
+    probe = targets[0][1]
     text = (
         f"the variance of the position along the motion grows by the square of the motion itself, times {short:.3g} "
-        f"over {SHORT:g} s and {long:.3g} over {STEP:g} s (medians of {len(known)} targets): the spread is that about "
-        "the mean before the prediction"
+        f"over {SHORT:g} s and {long:.3g} over {STEP:g} s (medians of {len(targets)} targets): the spread is that "
+        "about the mean before the prediction"
     )
     over = tracker.predicted(probe, STEP)
-    panels = [Panel(name, one.covariance) for name, one in zip(("before", "predicted"), over or (), strict=False)]
+    panels = [
+        Panel(name, estimate.covariance) for name, estimate in zip(("before", "predicted"), over or (), strict=False)
+    ]
     exhibit = state_matrices(f"Covariance over {STEP:g} s: {probe.description}", tuple(panels), ((0, 0), (1, 1)))
     return Finding("predicted_covariance_wrong", 0.95, text, shown_by="long_gap", exhibit=exhibit)
 
