@@ -80,13 +80,15 @@ class Host:
         traits = {"batched": alone.batched, "random": is_random(tracker), "methods": methods}
         return {**traits, "not_copied": alone.not_copied}, {}
 
-    def step(self, number: int, scan: list[Any]) -> tuple[dict[str, Any], Arrays]:
-        """The estimate after a scan, whose fields are given."""
+    def step(self, number: int, scan: list[Any], copied: bool = False) -> tuple[dict[str, Any], Arrays]:
+        """The estimate after a scan, whose fields are given; of a copy, if it is to be copied before."""
+        if copied:
+            number = self._keep(self._alone(number).copy())
         given = Scan(*scan)
         if given.field_of_view is not None:
             given = given._replace(field_of_view=FieldOfView(*given.field_of_view))
         estimate = self._stepped[number].step(given)
-        return {"given": estimate is not None}, {} if estimate is None else _arrays(estimate)
+        return {"given": estimate is not None, "number": number}, {} if estimate is None else _arrays(estimate)
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """An independent copy of a tracker and its state, or why there is none of one that follows a batch."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 
@@ -182,7 +183,11 @@ class RemoteStepper(Stepper):
 
 
 class RemoteTracker:
-    """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now."""
+    """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now.
+
+    Most copies are given one scan. So one is made as it is stepped, in the same request, or before what it is a copy of
+    is stepped.
+    """
 
     def __init__(
         self, process: TrackerProcess, number: int, batched: bool, random: bool, methods: frozenset[str]
@@ -191,6 +196,10 @@ class RemoteTracker:
         self._number = number
         self.batched, self.random = batched, random
         self._methods = methods
+        self._origin: RemoteTracker | None = None
+        """What it is to be a copy of; None once it is one."""
+        self._copies: WeakSet[RemoteTracker] = WeakSet()
+        """Those of it that are not made yet."""
 
     @classmethod
     def fresh(cls, process: TrackerProcess, config: PluginConfig, folder: Path | None) -> RemoteTracker:
@@ -201,30 +210,55 @@ class RemoteTracker:
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
-        return KEPT_THERE, _step(self._process, self._number, scan, SHAPED_FORM)
+        self._make_copies()
+        if self._origin is None:
+            return KEPT_THERE, _step(self._process, self._number, scan, SHAPED_FORM)
+        values, arrays = self._process.ask("step", number=self._origin._number, scan=scan, copied=True)
+        self._becomes(values.get("number"))
+        return KEPT_THERE, _checked(values, arrays, scan, SHAPED_FORM)
 
     @property
     def not_copied(self) -> str | None:
         """Why its process repeats it on the same scans instead of copying it; None while it has not."""
-        reason = self._process.ask("traits", number=self._number)[0].get("not_copied")
+        reason = self._process.ask("traits", number=self._made())[0].get("not_copied")
         return None if reason is None else str(reason)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
-        number, _ = self._process.start("copy", number=self._number)
-        return RemoteTracker(self._process, number, self.batched, self.random, self._methods)
+        twin = RemoteTracker(self._process, self._made(), self.batched, self.random, self._methods)
+        twin._origin = self
+        self._copies.add(twin)
+        return twin
+
+    def _make_copies(self) -> None:
+        """Before its state may change."""
+        for waiting in [*self._copies]:
+            waiting._made()
+
+    def _made(self) -> int:
+        """Its number, after it was made."""
+        if self._origin is not None:
+            self._becomes(self._process.start("copy", number=self._origin._number)[0])
+        return self._number
+
+    def _becomes(self, number: Any) -> None:
+        if self._origin is None or not isinstance(number, int):
+            raise TrackFault(NO_ANSWER, "died")
+        self._origin._copies.discard(self)
+        self._number, self._origin = number, None
 
     def __getattr__(self, name: str) -> Callable[..., Array]:
         if name.startswith("_") or name not in self._methods:
             raise AttributeError(name)
 
         def call(*arguments: Any) -> Array:
-            _, arrays = self._process.ask("call", number=self._number, method=name, arguments=arguments)
+            self._make_copies()
+            _, arrays = self._process.ask("call", number=self._made(), method=name, arguments=arguments)
             return arrays.get("returned", np.full(0, np.nan))
 
         return call
 
     def __del__(self) -> None:
-        if self._process.fault is None:
+        if self._process.fault is None and self._origin is None:
             self._process.dropped.append(self._number)
 
 
@@ -233,7 +267,10 @@ def _named(config: FilterConfig | PluginConfig, folder: Path | None) -> dict[str
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan, form: AnswerForm) -> Any:
-    answer, arrays = process.ask("step", number=number, scan=scan)
+    return _checked(*process.ask("step", number=number, scan=scan), scan, form)
+
+
+def _checked(answer: Mapping[str, Any], arrays: Mapping[str, Any], scan: Scan, form: AnswerForm) -> Any:
     try:
         return form.check(form.kind(**arrays) if answer.get("given") else None, scan)
     except (TypeError, TrackerFault) as error:

@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.checks.covariance_update import stated_covarianc
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, PartResult, checks_of, rank
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of, rank
 from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
@@ -122,6 +122,7 @@ class Doctor:
         self._probes = (probes.standing() if still else probes).placed(sites)
         self._setting = Setting(sites[0], bool(still), no_misses, observer is not None)
         self._seed = seed or 0
+        self._shown: tuple[Callable[[], Tracker] | None, dict[str, EvidenceRun]] = (None, {})
         self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
 
     @cached_property
@@ -150,6 +151,7 @@ class Doctor:
             make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
         )
         require_runnable(tracker)
+        self._shown = (make, tracker.shown)
         *checks, last = checks_of(CHECKS)
         results = []
         for number, check in enumerate(checks):
@@ -234,8 +236,16 @@ class Doctor:
         runs = [(*drives[name], of) for name, of in shown.items() if name in drives]
         count = StepCount(progress, evidence_steps([drive for drive, *_ in runs]))
         examined = Examined(make, self._assumptions.no_misses, count)
+        of, made = self._shown
+        again = made if of is make else {}
+
+        def run(drive: TestDrive, reference: Rollout, findings: list[Finding]) -> EvidenceRun:
+            if drive.name in again and not any(finding.run for finding in findings[:1]):
+                return replace(again[drive.name], findings=findings)
+            return evidence_run(examined, drive, reference, findings)
+
         try:
-            return [evidence_run(examined, *run) for run in runs]
+            return [run(*each) for each in runs]
         except TrackFault:
             # Its process has ended.
             return []

@@ -308,7 +308,8 @@ def innovations(tracker: TrackerUnderTest) -> PartResult:
             result.add(f"innovations.{name}", None, f"its drive {DRIVE} is skipped", question=question)
         return result
     drive, reference = found
-    for of in evidence_run(tracker.make, drive, reference, []).innovations:
+    tracker.shown[DRIVE] = evidence_run(tracker.make, drive, reference, [])
+    for of in tracker.shown[DRIVE].innovations:
         angular, mean = SENSOR_MODELS[of.kind].angular, np.nanmean(of.applied / of.sigma[:, None], axis=1)
         means = ", ".join(f"{name.replace('_', ' ')} {v:.2g}" for name, v in zip(of.components, mean, strict=True))
         nis = float(np.nanmean(np.sum(of.whitened**2, axis=0)))
