@@ -84,11 +84,23 @@ class Host:
         """The estimate after a scan, whose fields are given; of a copy, if it is to be copied before."""
         if copied:
             number = self._keep(self._alone(number).copy())
-        given = Scan(*scan)
-        if given.field_of_view is not None:
-            given = given._replace(field_of_view=FieldOfView(*given.field_of_view))
-        estimate = self._stepped[number].step(given)
+        estimate = self._stepped[number].step(_scan(scan))
         return {"given": estimate is not None, "number": number}, {} if estimate is None else _arrays(estimate)
+
+    def walk(self, number: int, scans: list[list[Any]]) -> tuple[dict[str, Any], Arrays]:
+        """The estimates after each of some scans, up to the first step that fails."""
+        estimates: list[Estimate | None] = []
+        failed = None
+        for scan in scans:
+            try:
+                estimates.append(self._alone(number).step(_scan(scan)))
+            except BaseException as error:
+                failed = _error_values(error)["fault"]
+                break
+        there = [estimate for estimate in estimates if estimate is not None]
+        arrays = {"mean": [each.mean for each in there], "covariance": [each.covariance for each in there]}
+        answer = {"given": [estimate is not None for estimate in estimates], "failed": failed}
+        return answer, {name: np.array(values, dtype=float) for name, values in arrays.items()}
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """An independent copy of a tracker and its state, or why there is none of one that follows a batch."""
@@ -113,6 +125,11 @@ class Host:
         self._numbers += 1
         self._stepped[self._numbers] = stepped
         return self._numbers
+
+
+def _scan(fields: list[Any]) -> Scan:
+    scan = Scan(*fields)
+    return scan if scan.field_of_view is None else scan._replace(field_of_view=FieldOfView(*scan.field_of_view))
 
 
 def _folder(path: str) -> Path | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -216,6 +216,23 @@ class RemoteTracker:
         values, arrays = self._process.ask("step", number=self._origin._number, scan=scan, copied=True)
         self._becomes(values.get("number"))
         return KEPT_THERE, _checked(values, arrays, scan, SHAPED_FORM)
+
+    def walk(self, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
+        """The estimates after each of some scans, and the fault of the step after them, where it fails.
+
+        Raises:
+            TrackFault: its process has ended, at one of the scans.
+        """
+        self._make_copies()
+        answer, arrays = self._process.ask("walk", number=self._made(), scans=list(scans))
+        failed = answer.get("failed")
+        try:
+            estimates, there = [], zip(arrays["mean"], arrays["covariance"], strict=True)
+            for scan, given in zip(scans, answer["given"], strict=False):
+                estimates.append(shaped(Estimate(*next(there)), scan) if given else None)
+            return estimates, None if failed is None else TrackFault(*failed)
+        except (KeyError, StopIteration, TypeError, ValueError, TrackerFault) as error:
+            raise TrackFault(NO_ANSWER, "died") from error
 
     @property
     def not_copied(self) -> str | None:

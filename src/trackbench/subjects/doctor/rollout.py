@@ -71,12 +71,9 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
 def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
     estimates = _empty(scans)
     for run in range(scans[0].valid.size):
-        session: TrackerSession | None = None
-        for k, scan in enumerate(scans):
-            if session is None and not scan.valid[run]:
-                continue
-            session = session or TrackerSession(make)
-            estimate = session.step(scan_of_member(scan, run))
+        first = next((k for k, scan in enumerate(scans) if scan.valid[run]), len(scans))
+        own = [scan_of_member(scan, run) for scan in scans[first:]]
+        for k, estimate in enumerate(TrackerSession(make).walk(own) if own else [], start=first):
             if estimate is not None:
                 estimates.mean[:, k, run], estimates.covariance[:, :, k, run] = estimate.mean, estimate.covariance
                 estimates.given[k, run] = True

@@ -11,14 +11,16 @@ import numpy as np
 from trackbench.base.types import Estimate, Scan, scan_of_member
 from trackbench.driving.alone import Alone
 from trackbench.driving.drive import empty_scan
-from trackbench.driving.faults import fault_of
+from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import RemoteTracker
-from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
+from trackbench.trackers.answers import KEPT_THERE, TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
 LARGEST = 1e9
 #: Beyond this a track has diverged: no target of a probe or drive is so far or so fast, m and m/s.
 FAR = 1e4
+#: Scans that a tracker in a process of its own is given at once.
+AT_ONCE = 25
 #: Why a check is not made.
 NO_PREDICTION = (
     "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
@@ -131,11 +133,7 @@ class TrackerSession:
         before = len(self._own.given)
         try:
             estimate = self._own.step(given)
-            if estimate is not None:
-                # No target of a probe can be so far or so little known.
-                parts = (estimate.mean, np.sqrt(np.abs(estimate.covariance)))
-                if LARGEST < max(float(np.abs(part).max(initial=0.0)) for part in parts) < np.inf:
-                    raise TrackerFault(TOO_LARGE)
+            _require_small(estimate)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -145,6 +143,35 @@ class TrackerSession:
         found = [self._of(estimate, column) for column in range(self.columns)]
         self._started = [had or one is not None for had, one in zip(self._started, found, strict=True)]
         return found
+
+    def walk(self, scans: Sequence[Scan]) -> list[Estimate | None]:
+        """The estimates after each of some scans, several at once where the tracker has a process of its own.
+
+        Raises:
+            StepFailed: as of ``step``; where its process ended, at the first of those scans.
+        """
+        tracker = self._own.tracker
+        if not isinstance(tracker, RemoteTracker) or self._batched or self._no_misses:
+            return [self.step(scan) for scan in scans]
+        estimates: list[Estimate | None] = []
+        for first in range(0, len(scans), AT_ONCE):
+            some = scans[first : first + AT_ONCE]
+            try:
+                answers, fault = tracker.walk(some)
+            except TrackFault as error:
+                raise StepFailed(error, some[0], self.given) from error
+            for scan, estimate in zip(some, answers, strict=False):
+                before = len(self.given)
+                self._own.took(scan, estimate, KEPT_THERE)
+                self._on_step()
+                try:
+                    _require_small(estimate)
+                except TrackerFault as error:
+                    raise StepFailed(error, scan, self.given[:before]) from error
+            if fault is not None:
+                raise StepFailed(fault, some[len(answers)], self.given)
+            estimates += answers
+        return estimates
 
     def peek(self, scan: Scan) -> Estimate | None:
         """What ``step`` would return, without changing the session.
@@ -217,6 +244,14 @@ class TrackerSession:
         if not self._started[column] and np.isnan(mean).all():
             return None
         return Estimate(mean, covariance, None if own is None else own[..., column])
+
+
+def _require_small(estimate: Estimate | None) -> None:
+    """Refuse one of no target: no target of a probe can be so far or so little known."""
+    if estimate is not None:
+        parts = (estimate.mean, np.sqrt(np.abs(estimate.covariance)))
+        if LARGEST < max(float(np.abs(part).max(initial=0.0)) for part in parts) < np.inf:
+            raise TrackerFault(TOO_LARGE)
 
 
 def finite(estimate: Estimate) -> bool:
