@@ -18,6 +18,8 @@ MOST = 6
 ROUNDED = 1e-6
 #: Values of one form in places that differ by one name, at most, of which some are taken for those of models.
 MOST_ALIKE = 8
+#: Before the way to logarithms of probabilities.
+LOGARITHM = "log "
 #: Sizes of a model's state.
 SIZES = range(2, 13)
 
@@ -54,9 +56,11 @@ class ModelWays(NamedTuple):
 
     def models(self, families: dict[str, Array]) -> Models | None:
         """Those of another instant; None where they are not there."""
-        if not {self.mean, self.covariance, self.probability} <= families.keys():
+        probability_way = self.probability.removeprefix(LOGARITHM)
+        if not {self.mean, self.covariance, probability_way} <= families.keys():
             return None
-        probability = families[self.probability].ravel()
+        probability = families[probability_way].ravel()
+        probability = probability if probability_way == self.probability else np.exp(probability)
         mean = families[self.mean].reshape(len(probability), -1)
         covariance = families[self.covariance].reshape(*mean.shape, -1)
         return Models(mean, covariance, probability)
@@ -127,21 +131,23 @@ def _form(value: Array) -> str | None:
     return None
 
 
-def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> tuple[ModelWays, bool] | None:
-    """The models whose mixture an estimate is, and whether its covariance is theirs too; None where there are none.
+def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> list[tuple[ModelWays, bool]]:
+    """The models whose mixture an estimate is, and whether its covariance is theirs too.
+
+    One where it is; else those that can be, of which only their steps tell which they are; none where the mean is none.
 
     Args:
         held_by: families after a step.
         estimate: of that step.
         count: of models.
     """
-    probabilities = {
-        way: value.reshape(count)
-        for way, value in held_by.items()
-        if value.size == count and (value >= 0.0).all() and value.max() > 0.0
+    rows = {way: value.reshape(count) for way, value in held_by.items() if value.size == count}
+    probabilities = {way: row for way, row in rows.items() if (row >= 0.0).all() and row.max() > 0.0}
+    probabilities |= {
+        LOGARITHM + way: np.exp(row) for way, row in rows.items() if abs(np.logaddexp.reduce(row)) < ROUNDED
     }
     means = {way: value.reshape(count, -1) for way, value in held_by.items() if value[0].size in SIZES}
-    best: tuple[ModelWays, bool] | None = None
+    possible: list[tuple[ModelWays, bool]] = []
     normalised = sorted(probabilities.items(), key=lambda entry: round(abs(float(entry[1].sum()) - 1.0), 6))
     for (pway, weights), (xway, mean) in product(normalised, means.items()):
         outputs = _places(weights @ mean, estimate.mean)
@@ -154,11 +160,11 @@ def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> t
             models = Models(mean, covariance.reshape(count, size, size), weights)
             _, mixed = models.mixed(weights)
             fits = np.allclose(mixed[np.ix_(outputs, outputs)], estimate.covariance, rtol=1e-7, atol=1e-12)
-            if (fits or best is None) and np.linalg.eigvalsh(models.covariance).min() > 0.0:
-                best = (ModelWays(xway, way, pway, outputs), fits)
-            if fits:
-                return best
-    return best
+            if np.linalg.eigvalsh(models.covariance).min() > 0.0:
+                possible.append((ModelWays(xway, way, pway, outputs), bool(fits)))
+                if fits:
+                    return possible[-1:]
+    return possible[:MOST_ALIKE]
 
 
 def _places(mixture: Array, mean: Array) -> Indices | None:

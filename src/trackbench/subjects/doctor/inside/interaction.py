@@ -8,7 +8,8 @@ weights, and ``mu_j`` becomes ``c_j L_j``, normalised, with the likelihood ``L_j
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -44,7 +45,8 @@ INSTANT, INSTANTLY = 1e-9, 1e-6
 IMPROBABLE = 0.02
 
 
-class Bank(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Bank:
     """The models of a tracker."""
 
     held: Held
@@ -139,6 +141,11 @@ class BankStep:
         return ModelInnovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
 
     @property
+    def mixes(self) -> bool:
+        """Whether the models start from the mixtures that the transition probabilities give."""
+        return self.starts_from(*self.mixed(self.bank.transition))
+
+    @property
     def gained(self) -> Array:
         """``(m,)`` logarithms of what the probabilities were multiplied by, but for a constant."""
         return np.log(self.after.probability) - np.log(self.prior(self.bank.transition))
@@ -158,11 +165,11 @@ def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
     session, random = TrackerSession(tracker.make), np.random.default_rng(tracker.seed)
     scans = tracker.approach(tracker.probes.course_turn, tracker.sensor_sets()[-1])
     constants: list[tuple[Held, Array]] = []
-    bank, steps = None, list[BankStep]()
+    banks = dict[Bank, list[BankStep]]()
     with tracker.recording_failures(tracker.probes.course_turn.name):
         for k, exact in enumerate(scans):
-            if len(scans) - k <= LOOKED and bank is not None and exact.time > session.given[-1].time:
-                steps += _looked_into(session, bank, exact, random)
+            if len(scans) - k <= LOOKED and banks and exact.time > session.given[-1].time:
+                _look_into(session, banks, exact, random)
             estimate = session.step(with_noise(exact, random))
             if k == EARLY:
                 constants = transition_matrices(_all_held(session))
@@ -170,8 +177,8 @@ def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
                     return None
             if len(scans) - k == LOOKED + 1 and estimate is not None:
                 values = _all_held(session)
-                bank = _found(stationary(constants, transition_matrices(values)), values, estimate)
-    return None if bank is None else (bank, steps)
+                banks = _possible(stationary(constants, transition_matrices(values)), values, estimate)
+    return max(banks.items(), key=lambda bank: sum(step.mixes for step in bank[1]), default=None)
 
 
 def _all_held(session: TrackerSession) -> list[Held]:
@@ -179,12 +186,15 @@ def _all_held(session: TrackerSession) -> list[Held]:
     return [] if inside is None else [*held(inside), *of_module(inside[0])]
 
 
-def _found(matrices: Sequence[tuple[Held, Array]], values: Sequence[Held], estimate: Estimate) -> Bank | None:
+def _possible(
+    matrices: Sequence[tuple[Held, Array]], values: Sequence[Held], estimate: Estimate
+) -> dict[Bank, list[BankStep]]:
+    """The models with the first transition probabilities that have some."""
     for where, matrix in matrices:
         matched = found_models(families(values, len(matrix)), estimate, len(matrix))
-        if matched is not None:
-            return Bank(where, matrix, *matched)
-    return None
+        if matched:
+            return {Bank(where, matrix, *ways): [] for ways in matched}
+    return {}
 
 
 def models_of(session: TrackerSession, bank: Bank) -> Models | None:
@@ -192,18 +202,24 @@ def models_of(session: TrackerSession, bank: Bank) -> Models | None:
     return bank.ways.models(families(_all_held(session), len(bank.transition)))
 
 
-def _looked_into(session: TrackerSession, bank: Bank, scan: Scan, random: np.random.Generator) -> Iterator[BankStep]:
-    """One step of a copy with a measurement that is some standard deviations off."""
-    before, at_once, missed, copy = models_of(session, bank), session.copy(), session.copy(), session.copy()
+def _look_into(
+    session: TrackerSession, banks: dict[Bank, list[BankStep]], scan: Scan, random: np.random.Generator
+) -> None:
+    """Add one step of a copy, with a measurement that is some standard deviations off."""
+    at_once, missed, copy = session.copy(), session.copy(), session.copy()
     at_once.step(empty_scan(scan._replace(time=session.given[-1].time + INSTANT)))
     estimate = missed.step(empty_scan(scan))
-    started, predicted = models_of(at_once, bank), models_of(missed, bank)
-    if before is None or started is None or predicted is None or estimate is None:
+    if estimate is None:
         return
     measured = SENSOR_MODELS[scan.kind].measure(estimate.mean, scan.sensor_pose, scan.sensor_velocity)
     off = np.sqrt(np.diag(scan.noise_covariance)) * random.choice([-INNOVATION, INNOVATION], len(measured))
     scan = scan._replace(measurement=measured + off)
     _, assigned = traced(lambda: copy.step(scan))
-    after = models_of(copy, bank)
-    if after is not None and after.probability.min() > 0.0:
-        yield BankStep(bank, scan, before, started, predicted, after, assigned)
+    count = len(next(iter(banks)).transition)
+    instants = [families(_all_held(instant), count) for instant in (session, at_once, missed, copy)]
+    for bank, steps in banks.items():
+        before, started, predicted, after = (bank.ways.models(values) for values in instants)
+        if before is None or started is None or predicted is None or after is None:
+            continue
+        if after.probability.min() > 0.0:
+            steps.append(BankStep(bank, scan, before, started, predicted, after, assigned))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -127,10 +127,14 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
 
 def _put(place: HeldAt, matrix: Array) -> None:
     """The matrix in the form of what is there."""
-    there: Any = place.get()
-    if isinstance(there, list):
-        place.put(matrix.tolist())
-    elif isinstance(there, tuple):
-        place.put(tuple(map(tuple, matrix.tolist())))
-    else:
-        place.put(matrix.reshape(np.shape(there)))
+    place.put(_formed(place.get(), matrix))
+
+
+def _formed(there: Any, value: Array) -> Any:
+    if isinstance(there, np.ndarray):
+        return value.reshape(there.shape)
+    if isinstance(there, Mapping):
+        return {key: _formed(entry, part) for (key, entry), part in zip(there.items(), value, strict=True)}
+    if isinstance(there, list | tuple):
+        return type(there)(_formed(entry, part) for entry, part in zip(there, value, strict=True))
+    return float(value)

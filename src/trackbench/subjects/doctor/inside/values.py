@@ -53,7 +53,10 @@ class Held(NamedTuple):
 
 
 def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
-    """Every number, array of numbers and list of numbers below an object, nearest first; scans are left out."""
+    """Every number, array of numbers, and list or dictionary of numbers below an object, nearest first.
+
+    Scans are left out.
+    """
     seen: set[int] = set()
     waiting: deque[tuple[Path, Any, HeldAt | None]] = deque([((), root, None)])
     while waiting and len(seen) < MOST:
@@ -74,11 +77,14 @@ def _numbers(value: Any) -> Array | None:
         return np.array(value, dtype=float) if value.dtype.kind in "fiu" and 0 < value.size <= LARGEST else None
     if isinstance(value, Real) and not isinstance(value, bool):
         return np.array(float(value))
-    if isinstance(value, list | tuple) and 0 < len(value) <= LARGEST and not isinstance(value, Scan):
-        rows = [_numbers(entry) for entry in value]
+    if isinstance(value, list | tuple | Mapping) and 0 < len(value) <= LARGEST and not isinstance(value, Scan):
+        parts = list(value.values() if isinstance(value, Mapping) else value)
+        if any(isinstance(entry, np.ndarray) for entry in parts):
+            return None
+        rows = [_numbers(entry) for entry in parts]
         arrays = [row for row in rows if row is not None]
         if len(arrays) == len(rows) and all(row.ndim < 2 and row.shape == arrays[0].shape for row in arrays):
-            return np.stack(arrays) if all(not isinstance(entry, np.ndarray) for entry in value) else None
+            return np.stack(arrays)
     return None
 
 
