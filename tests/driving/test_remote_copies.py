@@ -23,6 +23,8 @@ class Tracker:
 
     def step(self, state, scan):
         self.steps += 1
+        if self.steps == 4:
+            raise KeyError("four")
         return state, (np.full(4, float(self.steps)), np.eye(4))
 
     def forget(self):
@@ -52,7 +54,6 @@ def test_a_copy_has_the_state_of_when_it_was_made(tracker: RemoteTracker) -> Non
     before = copy.deepcopy(tracker)
     assert (steps(tracker), steps(tracker)) == (2.0, 3.0)
     assert (steps(before), steps(before)) == (2.0, 3.0)
-    assert steps(tracker) == 4.0
 
 
 def test_a_copy_of_a_copy_is_of_that_one(tracker: RemoteTracker) -> None:
@@ -72,3 +73,15 @@ def test_a_call_of_a_method_changes_no_copy(tracker: RemoteTracker) -> None:
     twin = copy.deepcopy(tracker)
     tracker.forget()
     assert (steps(tracker), steps(twin)) == (1.0, 2.0)
+
+
+def test_a_walk_goes_up_to_the_step_that_fails(tracker: RemoteTracker) -> None:
+    estimates, fault = tracker.walk([SCAN] * 2)
+    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [1.0, 2.0]
+    assert fault is None
+    twin = copy.deepcopy(tracker)
+    estimates, fault = tracker.walk([SCAN] * 5)
+    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [3.0]
+    assert fault is not None
+    assert fault.cause == "KeyError: 'four'"
+    assert steps(twin) == 3.0

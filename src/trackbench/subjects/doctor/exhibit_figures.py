@@ -248,7 +248,7 @@ def _matrices_figure(name: str, exhibit: Matrices) -> Figure:
             _draw_matrix(axes, exhibit, matrix, k, rows_named=matrix.edges[0] == placed[0].edges[0])
 
     entries = "; ".join(_entry(exhibit, i, j, exhibit.panels) for i, j in exhibit.marked[:_SAID])
-    more = "; ..." if len(exhibit.marked) > _SAID else ""
+    more = f"; {len(exhibit.marked) - _SAID} others" if len(exhibit.marked) > _SAID else ""
     caption = f"Marked: {entries}{more}." if entries else "No single entry stands out."
     tooltips = {
         f"marked-{k}-{i}-{j}": _entry(exhibit, i, j, [panel])
