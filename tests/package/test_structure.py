@@ -16,7 +16,7 @@ LARGEST_SHARE = 0.17
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
 MOST_LINES = 85_500
-MOST_FILES = 510
+MOST_FILES = 515
 
 
 def lines_of(file: Path) -> int:

@@ -1,4 +1,4 @@
-"""Tracking by detection as in computer vision: fixed noise, hits in a row, an age limit; plain NumPy."""
+"""Tracking by detection as in computer vision: noise of its own, hits in a row, an age limit; plain NumPy."""
 
 from __future__ import annotations
 
@@ -8,13 +8,31 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 STEP = 0.05
-R = np.diag([0.5, 0.5]) ** 2
+#: Standard deviations that it reckons with, by the kind of sensor: m, and m and rad.
+SIGMAS = {"lidar": (0.2, 0.2), "radar": (0.4, np.deg2rad(0.65))}
 H = np.eye(2, 4)
 
 
+def rotation(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+class Point:
+    """A detected position in the fixed frame, and its covariance."""
+
+    def __init__(self, scan, column):
+        x, y, yaw = scan.sensor_pose
+        z, S = scan.measurement[:2, column], np.diag(SIGMAS[scan.kind]) ** 2
+        turn = rotation(yaw)
+        if scan.kind == "radar":
+            r, turn = z[0], rotation(yaw + z[1])
+            z, S = np.array([r, 0.0]), np.diag([1, r]) @ S @ np.diag([1, r])
+        self.z, self.R = np.array([x, y]) + turn @ z, turn @ S @ turn.T
+
+
 class KalmanBox:
-    def __init__(self, z, time):
-        self.mean = np.array([*z, 0.0, 0.0])
+    def __init__(self, point, time):
+        self.mean = np.array([*point.z, 0.0, 0.0])
         self.covariance = np.diag([0.25, 0.25, 150.0, 150.0])
         self.time, self.streak, self.age, self.label = time, 1, 0, None
 
@@ -25,16 +43,16 @@ class KalmanBox:
         self.covariance = F @ self.covariance @ F.T + dt * np.diag([0.05, 0.05, 8.0, 8.0])
         self.time = time
 
-    def distance(self, z):
-        S = self.covariance[:2, :2] + R
-        y = z - self.mean[:2]
+    def distance(self, point):
+        S = self.covariance[:2, :2] + point.R
+        y = point.z - self.mean[:2]
         return float(np.sqrt(y @ np.linalg.solve(S, y)))
 
-    def update(self, z):
-        K = self.covariance @ H.T @ np.linalg.inv(H @ self.covariance @ H.T + R)
-        self.mean = self.mean + K @ (z - self.mean[:2])
+    def update(self, point):
+        K = self.covariance @ H.T @ np.linalg.inv(H @ self.covariance @ H.T + point.R)
+        self.mean = self.mean + K @ (point.z - self.mean[:2])
         A = np.eye(4) - K @ H
-        self.covariance = A @ self.covariance @ A.T + K @ R @ K.T
+        self.covariance = A @ self.covariance @ A.T + K @ point.R @ K.T
 
 
 class SortLike:
@@ -62,13 +80,10 @@ class SortLike:
         return None, self.result()
 
     def points(self, scan):
-        z = scan.measurement
-        if scan.kind == "radar":
-            return np.stack([z[0] * np.cos(z[1]), z[0] * np.sin(z[1])], axis=-1)
-        return z.T
+        return [Point(scan, column) for column in range(scan.measurement.shape[1])]
 
     def match(self, points):
-        if not self.boxes or not len(points):
+        if not self.boxes or not points:
             return []
         cost = np.array([[box.distance(z) for z in points] for box in self.boxes])
         rows, columns = linear_sum_assignment(np.minimum(cost, 2 * self.max_distance))

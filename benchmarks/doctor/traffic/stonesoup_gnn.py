@@ -53,18 +53,15 @@ class StoneSoupGnn:
         return None, self.answer(detections)
 
     def detections(self, scan, time):
-        z, R = scan.measurement, scan.noise_covariance
-        found = []
-        for column in range(z.shape[1]):
-            position, noise = z[:2, column], R[:2, :2]
-            if scan.kind == "radar":
-                r, angle = position
-                position = r * np.array([np.cos(angle), np.sin(angle)])
-                J = np.array([[np.cos(angle), -r * np.sin(angle)], [np.sin(angle), r * np.cos(angle)]])
-                noise = J @ noise @ J.T
-            found.append(
-                Detection(position[:, None], timestamp=time, measurement_model=LinearGaussian(4, (0, 2), noise))
-            )
+        z, R, found = scan.measurement, scan.noise_covariance[:2, :2], []
+        x, y, yaw = scan.sensor_pose
+        for own in z[:2].T:
+            polar = scan.kind == "radar"
+            r, angle = (own[0], yaw + own[1]) if polar else (1.0, yaw)
+            J = np.array([[np.cos(angle), -r * np.sin(angle)], [np.sin(angle), r * np.cos(angle)]])
+            position = np.array([x, y]) + J @ ([r, 0.0] if polar else own)
+            model = LinearGaussian(4, (0, 2), J @ R @ J.T)
+            found.append(Detection(position[:, None], timestamp=time, measurement_model=model))
         return found
 
     def deleted(self, time):

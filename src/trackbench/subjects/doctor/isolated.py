@@ -16,14 +16,14 @@ from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.drives import TestDrive
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, Finding, PartResult
-from trackbench.subjects.doctor.probes import GENERAL, MOVING, PASSING, Probes
+from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import tracks_of_run
 
 #: Checks that do not hold for a track: it starts with several measurements, ends soon after its last one, and takes
 #: none beyond its gate. How near it is to its object the scenes show.
-LEFT_OUT = {"confidence", "continuity", "process_noise", "gain", "gate", "innovations", "late", "drives"}
+LEFT_OUT = {"confidence", "continuity", "process_noise", "gate", "innovations", "late", "drives"}
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
 #: association, too, the update is that of the filter.
 DETECTION, DENSITY = 0.9, 1e-12
@@ -73,8 +73,8 @@ class FilterDoctor(Doctor):
 
     def __init__(self, sensors: Mapping[str, Sensor]) -> None:
         super().__init__({name: sensor.model_copy(update={"mount": Mount()}) for name, sensor in sensors.items()})
-        # Fewer than of a tracker of one object, whose steps take less time.
-        self._probes = Probes(general=GENERAL[:4], passing=PASSING[:1], moving=MOVING[:1])
+        # Fewer than of a tracker of one object, whose steps take less time; as many with moving observers.
+        self._probes = Probes(general=GENERAL[:4])
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:

@@ -14,15 +14,25 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Array, FieldOfView, Progress, Scan, Tracks, no_progress
+from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.findings import TRAFFIC_CHECKS, CheckResult, Finding, PartResult, checks_of, rank
+from trackbench.subjects.doctor.findings import (
+    TRAFFIC_CHECKS,
+    CheckResult,
+    DoctorCheck,
+    Finding,
+    PartResult,
+    checks_of,
+    faults_of,
+    rank,
+)
 from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.site import simplified
-from trackbench.trackers.answers import tracks_of_run
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, tracks_of_run
 
 #: Of the sensor, Hz; its range, m; and what it states: detection probability, false alarms a scan.
 RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
@@ -37,6 +47,8 @@ OF_FILTER = {
 }
 #: What is wrong with the filter of a tracker that has this fault, and nothing else.
 SAME = {"empty_scan_not_predicted": "missed_scan_not_predicted"}
+#: What a failed step is called by the words of its error.
+FAILURES = {NOT_DEFINITE: "covariance_not_psd", NOT_FINITE: "nonfinite"}
 #: Gives a fresh tracker.
 Make = Callable[[], Stepper]
 
@@ -47,6 +59,8 @@ class Site:
 
     name: str
     sensor: Sensor
+    latency: float = 0.0
+    """Of its scans at most, as the scenario says, s."""
 
     def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
         """``(m, n)`` measurements of objects ``(4, n)`` that were there at time 0; without ``random`` without noise."""
@@ -160,7 +174,7 @@ class TrafficDoctor:
         kinds: dict[str, Site] = {}
         for name, sensor in sensors.items():
             if type(sensor).volume is not Sensor.volume:
-                kinds.setdefault(sensor.type, Site(name, simplified(sensor)))
+                kinds.setdefault(sensor.type, Site(name, simplified(sensor), sensor.latency[1]))
         if not kinds:
             raise InputError("no sensor of it has a field of view with a volume, which clutter needs", key="sensors")
         self._sites = list(kinds.values())
@@ -176,9 +190,9 @@ class TrafficDoctor:
             progress: called after each scene with the number of scenes done and of all scenes.
 
         Raises:
-            CannotRun: the tracker fails in a scene.
+            CannotRun: the tracker fails at the detections of one object, or its process ends.
         """
-        used = [site for site in self._sites if _played("begins", _begins, make, site)] or self._sites[:1]
+        used = [site for site in self._sites if _begins(make, site)] or self._sites[:1]
         records = checks_of(TRAFFIC_CHECKS)
         scenes = [(record, [site]) for site in used for record in records if record.least_sensors == 1]
         scenes += [(record, used) for record in records if 1 < record.least_sensors <= len(used)]
@@ -188,7 +202,10 @@ class TrafficDoctor:
         checks = [CheckResult(f"confirmation.{sensor}", question, None, why) for sensor in left_out]
         findings: dict[str, list[Finding]] = {}
         for done, (record, sites) in enumerate(scenes, start=1):
-            result = _played(record.name, record.make, make, sites[0] if record.least_sensors == 1 else sites)
+            try:
+                result = record.make(make, sites[0] if record.least_sensors == 1 else sites)
+            except Exception as error:
+                result = _failed(record, fault_of(error))
             # A check with one of several sensors names it.
             sensor = sites[0].name if len(sites) < len(used) else None
             ending = "" if sensor is None else f".{sensor}"
@@ -198,10 +215,17 @@ class TrafficDoctor:
                 findings.setdefault(finding.fault, []).append(replace(finding, sensor=sensor))
             progress(done, len(scenes) + 1)
         # Each fault once; of no sensor in particular where all show it.
-        once = [replace(same[0], sensor=None) if len(same) >= len(used) else same[0] for same in findings.values()]
+        once = [
+            replace(same[0], sensor=None) if len({finding.sensor for finding in same}) >= len(used) else same[0]
+            for same in findings.values()
+        ]
         of_filter, filter_findings = filter_examined({site.name: site.sensor for site in used}, make)
         progress(len(scenes) + 1, len(scenes) + 1)
-        return Examination(name, joined(filter_findings, rank(once, TRAFFIC_CHECKS)), [*checks, *of_filter])
+        # Some faults of a filter show in a scene of several detections alone.
+        of_tracks = [finding for finding in once if finding.fault in faults_of(TRAFFIC_CHECKS)]
+        filter_findings += [finding for finding in once if finding not in of_tracks]
+        ranked = joined(rank(filter_findings), rank(of_tracks, TRAFFIC_CHECKS))
+        return Examination(name, ranked, [*checks, *of_filter])
 
 
 def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
@@ -224,13 +248,29 @@ def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[F
 
 
 def _begins(make: Make, site: Site) -> bool:
-    """Whether detections of one object make a track at all."""
+    """Whether detections of one object make a track at all.
+
+    Raises:
+        CannotRun: the tracker fails.
+    """
     session = MultiObjectSession(make)
-    return any(len(session.step(scan).ids) for scan in site.scans(OBJECTS[:, :1], 4.0))
-
-
-def _played(scene: str, play: Callable[..., Any], make: Make, sites: Site | list[Site]) -> Any:
     try:
-        return play(make, sites)
+        return any(len(session.step(scan).ids) for scan in site.scans(OBJECTS[:, :1], 4.0))
     except Exception as error:
-        raise CannotRun(f"in the scene {scene}: {error or type(error).__name__}") from error
+        raise CannotRun(f"at the detections of one object: {fault_of(error)}") from error
+
+
+def _failed(record: DoctorCheck[Any], fault: TrackFault) -> PartResult:
+    """What a failure in a scene is called.
+
+    Raises:
+        CannotRun: the tracker's process ended.
+    """
+    if fault.kind == "died":
+        raise CannotRun(f"in the scene {record.name}: {fault}")
+    name = "invalid_estimate" if fault.kind == "answer" else "exception_raised"
+    for words, other in FAILURES.items():
+        if words in fault.cause:
+            name = other
+    text = f"the tracker fails in it: {fault}"
+    return PartResult().add(record.questions[0].name, False, text, Finding(name, 0.95, f"In {record.name}: {fault}."))

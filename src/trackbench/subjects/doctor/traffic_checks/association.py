@@ -148,15 +148,14 @@ def ended_alone(make: Make, site: Site) -> PartResult:
     session.follow(site.scans(LEAVING, come, random))
     every = np.concatenate([moved(LEAVING, come), STAYING], axis=1)
     both = session.follow(site.scans(every, come, random, origin=come))[-1]
-    own = [nearest(both, moved(target, come - 1 / RATE)) for target in every.T]
-    if any(column is None for column in own):
+    if any(nearest(both, moved(target, come - 1 / RATE)) is None for target in every.T):
         return PartResult()
-    stays = {int(both.ids[column]) for column in own[LEAVING.shape[1] :] if column is not None}
-    lost: set[int] = set()
+    lost = np.zeros(STAYING.shape[1], dtype=bool)
     for scan in site.scans(moved(STAYING, come), away, random, origin=2 * come):
-        lost |= stays - set(session.step(scan).ids.tolist())
-    text = f"of {len(stays)} tracks whose objects every scan detects, {len(lost)} end after two others have gone"
-    return note(PartResult(), "ended_alone", not lost, text, "wrong_track_deleted")
+        tracks = session.step(scan)
+        lost |= [nearest(tracks, target) is None for target in moved(STAYING, scan.time - come).T]
+    text = f"of {len(lost)} objects that every scan detects, {sum(lost)} lose their tracks after two others have gone"
+    return note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
 
 
 PREDICTED_PLACE_CHECK = DoctorCheck(

@@ -1,0 +1,193 @@
+"""How probabilistic association weighs a detection against a miss, as the mean and the covariance of a track show it.
+
+With one detection in its gate a track goes ``b`` of a Kalman filter's step, where ``b / (1 - b) = Pd N(y; S) / (L (1 -
+Pd Pg))`` with the detection probability Pd, the likelihood N of the innovation y, the density of clutter L and the
+probability of the gate Pg, nearly 1. Two detections on both sides of the predicted one leave the mean as it is, and the
+covariance has the spread of the two means (Bar-Shalom, Daum and Huang 2009, equations 38 to 44).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.distributions import chi_square_quantile
+from trackbench.base.types import Array, Scan, Tracks
+from trackbench.driving.faults import TrackFault
+from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
+from trackbench.subjects.doctor.traffic import (
+    DETECTION,
+    OBJECTS,
+    Make,
+    MultiObjectSession,
+    Site,
+    moved,
+    nearest,
+    note,
+)
+from trackbench.subjects.doctor.traffic_checks.detections import INSIDE
+
+#: Time for which an object is followed, s.
+FOLLOWED = 1.0
+#: Another detection probability that is stated: the odds at 0.9 over those at 0.5 are 9, with a gate of 0.9 still 5.
+OTHER, RATIO, BAND = 0.5, 9.0, 2.5
+#: Stated clutter, relative to that for which the odds are 1: one is looked for at which both count; and none.
+CLUTTER, NO_CLUTTER = (1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6), 1e-9
+#: Changes of the clutter, by how much more or less the odds may change, and how far they may be from what is right.
+CHANGES, CHANGED, SIZE = (10.0, 0.1), 1.5, 3.0
+#: Weights of which the odds can be computed; a tracker that takes a detection or leaves it has none.
+BETWEEN = (0.002, 0.998)
+#: Least share of a Kalman filter's step without clutter.
+LEAST = 0.1
+#: Share of the spread of the means from which on the covariance has it.
+SPREAD = 0.3
+#: Step by detections on both sides, over that by one of them, up to which both count.
+BOTH = 0.2
+
+
+@dataclass(frozen=True)
+class _Weighed:
+    """A track before a measurement at the time of the last scan."""
+
+    make: Make
+    site: Site
+    scans: Sequence[Scan]
+    tracks: Tracks
+    column: int
+
+    @cached_property
+    def geometry(self) -> tuple[Array, Array, Array]:
+        return self.site.expected(self.tracks, self.column)
+
+    @cached_property
+    def beside(self) -> Array:
+        """``(m,)`` the detection, from the predicted one: inside of every gate, along the first component."""
+        return np.asarray(np.sqrt(self.distance) * linalg.cholesky(self.geometry[1]).lower()[:, 0])
+
+    @property
+    def distance(self) -> float:
+        """Squared, in units of the innovation's covariance."""
+        return float(chi_square_quantile(INSIDE, len(self.geometry[0])))
+
+    @cached_property
+    def even(self) -> float:
+        """Density of clutter with which the odds of the detection beside are 1."""
+        peak = 1 / np.sqrt(np.linalg.det(2 * np.pi * self.geometry[1]))
+        return float(DETECTION * peak * np.exp(-self.distance / 2) / (1 - DETECTION))
+
+    def after(self, detections: Sequence[Array], chance: float, density: float) -> tuple[Array, Array] | None:
+        """Mean and covariance after some detections; None: the track has ended, or no answer comes of such clutter."""
+        measured = self.geometry[0][:, None] + np.stack(detections, axis=1)
+        scan = self.scans[-1]._replace(
+            measurement=measured,
+            valid=np.ones(measured.shape[1], dtype=bool),
+            detection_probability=chance,
+            clutter_density=density,
+        )
+        try:
+            tracks = MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
+        except TrackFault:
+            return None
+        same = np.flatnonzero(tracks.ids == self.tracks.ids[self.column])
+        return (tracks.mean[:, same[0]], tracks.covariance[:, :, same[0]]) if len(same) else None
+
+    @cached_property
+    def whole(self) -> Array | None:
+        """``(4,)`` the step to the detection beside without clutter."""
+        after = self.after([self.beside], DETECTION, NO_CLUTTER * self.even)
+        return None if after is None else after[0] - self.tracks.mean[:, self.column]
+
+    def share(self, detections: Sequence[Array], chance: float, clutter: float) -> float | None:
+        """How far the track goes along the whole step, as a share of it."""
+        after, whole = self.after(detections, chance, clutter * self.even), self.whole
+        if after is None or whole is None:
+            return None
+        return float((after[0] - self.tracks.mean[:, self.column])[:2] @ whole[:2] / (whole[:2] @ whole[:2]))
+
+    def odds(self, chance: float, clutter: float, away: Array | None = None) -> float | None:
+        """Of the detection beside, or another one, against a miss; None where one of them does not count."""
+        weight = self.share([self.beside if away is None else away], chance, clutter)
+        if weight is None or not BETWEEN[0] < weight < BETWEEN[1]:
+            return None
+        return weight / (1 - weight)
+
+
+def weights(make: Make, site: Site) -> PartResult:
+    """State other detection probabilities and clutter, and give two detections at once."""
+    result, target = PartResult(), OBJECTS[:, 0]
+    scans = site.scans(target[:, None], FOLLOWED)
+    tracks = MultiObjectSession(make).follow(scans)[-1]
+    column = nearest(tracks, moved(target, scans[-1].time))
+    if column is None:
+        return result
+    track = _Weighed(make, site, scans, tracks, column)
+    way = np.hypot(*(track.geometry[2] @ track.beside)[:2])
+    if track.whole is None or np.hypot(*track.whole[:2]) < LEAST * way:
+        return result
+    if tracks.existence is None:
+        # With an existence its odds say the same, and more exactly.
+        _of_odds(track, result)
+    _of_spread(track, result)
+    return result
+
+
+def _of_odds(track: _Weighed, result: PartResult) -> None:
+    """The odds by what is stated."""
+    by_clutter = ((clutter, track.odds(DETECTION, clutter)) for clutter in CLUTTER)
+    clutter, odds = next(((clutter, odds) for clutter, odds in by_clutter if odds is not None), (0.0, None))
+    if odds is None:
+        return
+    other = track.odds(OTHER, clutter)
+    if other is not None:
+        text = (
+            f"from a stated detection probability of {OTHER:g} to one of {DETECTION:g} the odds of a detection against "
+            f"a miss rise {odds / other:.3g} times, where {RATIO:g} times is right"
+        )
+        passed = abs(np.log(odds / other / RATIO)) < np.log(BAND)
+        note(result, "weight_of_misses", bool(passed), text, "pd_misstated")
+        if not passed:
+            return
+    others = ((change, track.odds(DETECTION, change * clutter)) for change in CHANGES)
+    change, changed = next(((change, odds) for change, odds in others if odds is not None), (1.0, None))
+    if changed is None:
+        return
+    text = f"{change:g} times the clutter divides the odds of a detection against a miss by {odds / changed:.3g}"
+    passed = abs(np.log(odds / changed / change)) < np.log(CHANGED)
+    sideways = track.odds(DETECTION, clutter, track.beside + 2 * linalg.cholesky(track.geometry[1]).lower()[:, -1])
+    # One that leaves a component out has a clutter per volume of the others.
+    if passed and (sideways is None or sideways < 0.5 * odds):
+        factor = 1 / (odds * clutter)
+        text = f"a detection weighs against a miss as if the clutter were {factor:.3g} times what is stated"
+        passed = abs(np.log(factor)) < np.log(SIZE)
+    note(result, "weight_of_clutter", bool(passed), text, "clutter_misstated")
+
+
+def _of_spread(track: _Weighed, result: PartResult) -> None:
+    """Detections on both sides of the predicted one, and the predicted one alone."""
+    both, density = [track.beside, -track.beside], NO_CLUTTER * track.even
+    after, alone = track.after(both, DETECTION, density), track.after([0 * track.beside], DETECTION, density)
+    share = track.share(both, DETECTION, NO_CLUTTER)
+    if after is None or alone is None or share is None or track.whole is None or abs(share) > BOTH:
+        return
+    along = track.whole / np.linalg.norm(track.whole)
+    added = float(along @ (after[1] - alone[1]) @ along) / float(track.whole @ track.whole)
+    text = (
+        "two detections on both sides of the predicted one leave the mean as it is, and the variance rises "
+        f"{added:.3g} times as much as the distance of the two means causes"
+    )
+    note(result, "spread_of_means", added > SPREAD, text, "covariance_update_wrong")
+
+
+WEIGHTS_CHECK = DoctorCheck(
+    weights,
+    place=72,
+    questions=(
+        Question("weight_of_misses", "Does a detection weigh against a miss as the detection probability says?"),
+        Question("weight_of_clutter", "Does a detection weigh against a miss as the stated clutter says?"),
+        Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
+    ),
+)

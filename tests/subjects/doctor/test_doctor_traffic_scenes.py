@@ -1,0 +1,189 @@
+"""Weights of probabilistic association, late scans, the drive and failures, of sound trackers and of faulty ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.doctor.traffic.ipda import Ipda
+from benchmarks.doctor.traffic.nearest_faults import MatchedFirst
+from benchmarks.doctor.traffic.nearest_global import NearestGlobal
+from benchmarks.doctor.traffic.sound import SOUND
+from benchmarks.doctor.traffic.subject import Make, looped
+
+from trackbench.subjects.doctor.checks.steps import CannotRun
+from trackbench.subjects.doctor.findings import PartResult
+from trackbench.subjects.doctor.site import simplified
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
+from trackbench.subjects.doctor.traffic_checks.drive import cars, traffic_drive, traffic_scans
+from trackbench.subjects.doctor.traffic_checks.late import late
+from trackbench.subjects.doctor.traffic_checks.weights import weights
+
+SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
+LATE = replace(SITES["lidar"], latency=0.2)
+
+
+def outcome(result: PartResult) -> dict[str, bool | None]:
+    return {check.name: check.passed for check in result.checks}
+
+
+class Pda(Ipda):
+    """States no existence."""
+
+    def output(self, tracks):
+        shown = super().output(tracks)
+        return None if shown is None else shown[:3]
+
+
+class SureMisses(Pda):
+    """A miss has the probability 1 less the density of clutter."""
+
+    def shares(self, tracks, likely, scan):
+        chance, self.detects = self.detects(scan), lambda scan: scan.clutter_density
+        found = super().shares(tracks, likely * chance / scan.clutter_density, scan)
+        del self.detects
+        return found
+
+
+class OwnChance(Pda):
+    def detects(self, scan):
+        return 0.9
+
+
+class ClutterSquared(Pda):
+    def clutter(self, scan):
+        return 10 * scan.clutter_density**2
+
+
+class PerSquareKilometre(Pda):
+    def clutter(self, scan):
+        return 1e-6 * scan.clutter_density
+
+
+class WithoutSpread(Pda):
+    def after(self, track, likely, share, scan):
+        found = super().after(track, likely, share, scan)
+        parts = [self.filter.update(track.x, track.P, scan._replace(measurement=z))[1] for z in scan.measurement.T]
+        own = share / max(share.sum(), 1e-300)
+        return replace(found, P=sum(w * P for w, P in zip(own, parts, strict=True))) if share.sum() > 0.5 else found
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_the_weights_of_probabilistic_data_association_are_those_of_its_equations(site: Site) -> None:
+    assert outcome(weights(looped(Pda), site)) == {
+        "weight_of_misses": True,
+        "weight_of_clutter": True,
+        "spread_of_means": True,
+    }
+
+
+@pytest.mark.parametrize(
+    ("tracker", "fault"),
+    [
+        (SureMisses, "pd_misstated"),
+        (OwnChance, "pd_misstated"),
+        (ClutterSquared, "clutter_misstated"),
+        (PerSquareKilometre, "clutter_misstated"),
+        (WithoutSpread, "covariance_update_wrong"),
+    ],
+)
+def test_wrong_weights_are_named(tracker: type[Pda], fault: str) -> None:
+    assert [finding.fault for finding in weights(looped(tracker), SITES["lidar"]).findings] == [fault]
+
+
+@pytest.mark.parametrize("name", ["nearest global", "greedy score", "builtin gnn by score"])
+def test_a_tracker_that_decides_has_no_weights(name: str) -> None:
+    assert outcome(weights(SOUND[name], SITES["lidar"])) == {}
+
+
+class Clamped(NearestGlobal):
+    """A negative time step counts as none, and the old detections as new."""
+
+    def predict(self, scan):
+        super().predict(scan if self.time is None else scan._replace(time=max(scan.time, self.time)))
+
+
+class AtArrival(NearestGlobal):
+    def step(self, state, scan):
+        return super().step(state, scan._replace(time=scan.arrival_time))
+
+
+class Dropping(NearestGlobal):
+    def step(self, state, scan):
+        if self.time is not None and scan.time < self.time:
+            return None, self.report(scan)
+        return super().step(state, scan)
+
+
+@pytest.mark.parametrize(
+    ("tracker", "failed"),
+    [
+        (NearestGlobal, []),
+        (Dropping, []),
+        (Clamped, ["late"]),
+        (AtArrival, ["late", "all_late"]),
+    ],
+)
+def test_late_scans_that_are_taken_as_new_are_found(tracker: type[NearestGlobal], failed: list[str]) -> None:
+    result = late(looped(tracker), LATE)
+    assert [check.name for check in result.checks if not check.passed] == failed
+    assert len(result.checks) == 2
+    assert {finding.fault for finding in result.findings} == ({"late_processed_as_new"} if failed else set())
+
+
+def test_late_scans_are_tried_only_of_sensors_that_are_late() -> None:
+    assert late(looped(AtArrival), SITES["lidar"]).checks == []
+    late_lidar = {"lidar": SENSORS["lidar"].model_copy(update={"latency_s": 0.2})}
+    found = TrafficDoctor(late_lidar).examine("tracker", looped(AtArrival))
+    assert found.findings[0].fault == "late_processed_as_new"
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_the_drive_is_passed_by_sound_trackers_and_no_other(site: Site) -> None:
+    assert outcome(traffic_drive(looped(NearestGlobal), site)) == {"traffic_drive": True}
+    assert outcome(traffic_drive(looped(MatchedFirst), site)) == {"traffic_drive": False}
+
+
+def test_a_tracker_without_tracks_has_the_gospa_of_all_cars_missed() -> None:
+    class Silent(NearestGlobal):
+        def reported(self):
+            return []
+
+    result = traffic_drive(looped(Silent), SITES["lidar"])
+    assert result.checks[0].result.startswith(f"GOSPA is {np.sqrt(6 * 5**2 / 2):.3g} m")
+
+
+def test_the_car_that_cuts_in_moves_as_its_velocity_says() -> None:
+    step = 1e-4
+    for time in (1.0, 3.3, 5.0, 7.0):
+        moved = (cars(time + step) - cars(time - step))[:2] / (2 * step)
+        np.testing.assert_allclose(moved, cars(time)[2:], atol=1e-6)
+    assert len(traffic_scans(SITES["radar"])) == 80
+
+
+def test_a_failure_in_a_scene_is_a_finding_with_its_line() -> None:
+    class NoneLeft(NearestGlobal):
+        """Fails where two tracks are there and no detection."""
+
+        def distances(self, scan):
+            if len(self.tracks) > 1 and not scan.measurement.shape[1]:
+                raise IndexError("no detection")
+            return super().distances(scan)
+
+    found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(NoneLeft))
+    first = found.findings[0]
+    assert first.fault == "exception_raised"
+    assert "IndexError: no detection (" in first.evidence
+    assert "test_doctor_traffic_scenes.py:" in first.evidence
+
+
+def test_a_tracker_that_fails_at_one_object_cannot_be_examined() -> None:
+    class Broken(NearestGlobal):
+        def distances(self, scan):
+            raise KeyError("x")
+
+    make: Make = looped(Broken)
+    with pytest.raises(CannotRun, match="at the detections of one object: KeyError: 'x'"):
+        TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", make)
