@@ -93,10 +93,12 @@ def filter_examined(
         sensors: by name.
         make: gives a fresh tracker of several objects.
     """
+    why = "it cannot be copied"
     try:
         copy.deepcopy(make())
+        why = "its examination fails"
         examination = FilterDoctor(sensors).examine("", lambda: Isolated(make))
     except Exception as error:
-        why = str(error) if isinstance(error, CannotRun) else f"it cannot be copied ({fault_of(error).cause})"
+        why = str(error) if isinstance(error, CannotRun) else f"{why} ({fault_of(error).cause})"
         return [CheckResult("filter", "Is the filter of a track sound?", None, f"not examined: {why}")], []
     return examination.checks, examination.findings

@@ -101,7 +101,8 @@ def _parts(value: Any) -> Iterable[tuple[Any, Any]]:
         own |= {name: getattr(value, name) for name in slots if isinstance(name, str) and hasattr(value, name)}
         # What a class holds for all its objects.
         if base.__module__ not in ("builtins", "numpy"):
-            shared = {name: entry for name, entry in vars(base).items() if _numbers(entry) is not None}
+            entries = [(name, entry) for name, entry in list(vars(base).items()) if not name.startswith("__")]
+            shared = {name: entry for name, entry in entries if _numbers(entry) is not None}
             own = {**shared, **own}
     return list(own.items())
 
