@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named, predicted
 from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial
 
 #: Time without a measurement before the one that is tried, after which it clearly reduces the covariance, s.
@@ -31,6 +31,8 @@ OFFSET = 2.0
 CLEAR = 0.1
 #: Share of that change which is left a moment later; below it, it is lost. A correct filter has 1.
 LEFT = 0.5
+#: The same from which on it has grown: by the process noise of a moment it does not.
+GROWN = 2.0
 #: Share of the trials in which it is lost, and least number of them.
 MOST, LEAST = 0.7, 3
 
@@ -52,7 +54,7 @@ def continuity(tracker: TrackerUnderTest) -> PartResult:
     result, findings = PartResult(), list[Finding]()
     for name in tracker.sensors:
         kept = [one for probe in tracker.probes.general if (one := _kept(tracker, probe, name)) is not None]
-        finding = _lost(name, kept, "mean") or _lost(name, kept, "covariance")
+        finding = _lost(name, kept, "mean") or _lost(name, kept, "covariance") or _jumps(tracker, name, kept)
         shares = [float(np.median(known)) for of in ("mean", "covariance") if len(known := _known(kept, of)) >= LEAST]
         if not shares:
             result.add(f"continuity.{name}", None, "too few measurements change the estimate clearly")
@@ -104,7 +106,7 @@ def _known(kept: list[KeptChange], part: str) -> Array:
 
 def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
     shares = _known(kept, part)
-    if len(shares) < LEAST or np.mean(shares < LEFT) < MOST:
+    if len(shares) < LEAST or np.mean(np.abs(shares) < LEFT) < MOST:
         return None
     one = min(kept, key=lambda one: np.inf if np.isnan(share := getattr(one, part)) else share)
     before, after = (np.sqrt(np.trace(of.covariance[:2, :2])) for of in (one.updated, one.later))
@@ -121,6 +123,23 @@ def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
         predicted(one.updated, MOMENT),
     )
     return Finding("update_not_kept", 0.95, text, sensor=name, shown_by="own_model", exhibit=exhibit)
+
+
+def _jumps(tracker: TrackerUnderTest, name: str, kept: list[KeptChange]) -> Finding | None:
+    """That a change of the covariance is many times as large a moment later.
+
+    A noise that is added is the same with the measurement and without it, so it is the transition by which it grows:
+    of no time that is the identity.
+    """
+    shares = _known(kept, "covariance")
+    if len(shares) < LEAST or np.mean(np.abs(shares) > GROWN) < MOST:
+        return None
+    text = (
+        f"{MOMENT:g} s after a measurement of {name} its change of the covariance is {np.median(np.abs(shares)):.3g} "
+        f"times as large (median of {len(shares)} trials, 1 is right): the transition over no time is not the identity"
+    )
+    fault = "predicted_covariance_wrong" if tracker.once(linearises) is False else "jacobian_wrong"
+    return Finding(fault, 0.92, text, shown_by="manoeuvre")
 
 
 CONTINUITY_CHECK = DoctorCheck(

@@ -35,6 +35,8 @@ NEAR = 0.6
 #: independent instants, of which chi-square allows 0.6 to 1.6 (99.9 %); the rest is for motion models that are not
 #: those of the target: constant turn rates at rest have 0.13, nearly constant accelerations on a straight path 8.
 NEES = (0.03, 15.0)
+#: Innovations whose applied angle is larger than pi, from which on it is no chance.
+UNWRAPPED = 3
 #: Ratio of the position errors to those of a filter with the same measurements, and of the NEES either way, from which
 #: on a gain is harmful.
 HARM, STATED = 1.5, 4.0
@@ -211,6 +213,10 @@ def _too_far_off(judged: list[JudgedDrive]) -> Finding | None:
         f" ({len(off)} of {len(judged)} drives)"
     )
     exhibit = _shown(worst, "position", run, begin)
+    still = [own_drive for own_drive in judged if not own_drive.drive.config.carrier.moves]
+    if still and all(own_drive.drive.config.carrier.moves for own_drive in off):
+        text += f"; and in none of {len(still)} with an observer that stands still"
+        return Finding("ego_motion_wrong", 0.82, text, shown_by=worst.drive.name, run=run, exhibit=exhibit)
     return Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)
 
 
@@ -320,7 +326,11 @@ def innovations(tracker: TrackerUnderTest) -> PartResult:
             text += f"; {unwrapped} of {of.applied.shape[1]} larger than pi"
         # The motion model alone can give the innovations a mean and a correlation in this drive; these are only
         # reported.
-        result.add(f"innovations.{of.sensor}", unwrapped == 0, text)
+        finding = None
+        if unwrapped >= UNWRAPPED:
+            words = f"the angles of {unwrapped} innovations of {of.sensor} that were applied are larger than pi"
+            finding = Finding("azimuth_not_wrapped", 0.85, words, sensor=of.sensor, shown_by=DRIVE)
+        result.add(f"innovations.{of.sensor}", unwrapped == 0, text, finding)
     return result
 
 

@@ -37,6 +37,8 @@ SAME_NOISE = 1.15
 SAME_FACTOR = 0.1
 #: Least number of predictions about which the measurement is nearly linear.
 LEAST_LINEAR = 3
+#: Error of a gain up to which it is right.
+RIGHT = 0.005
 STATES = ("px", "py", "vx", "vy")
 
 
@@ -77,7 +79,17 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
             text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told from it; {text}"
         result.add(name, passed, text, *findings)
-    return _inflated(tracker, result)
+    return _of_every_sensor(_inflated(tracker, result), tracker)
+
+
+def _of_every_sensor(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
+    """With one finding for gains that are wrong in every sensor: their Jacobians have nothing in common."""
+    wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
+    if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
+        return result
+    text = f"the gains of all sensors are wrong; as if of a wrong Jacobian, {wrong[0].evidence}"
+    of_all = replace(wrong[0], fault="gain_inconsistent", sensor=None, evidence=text)
+    return PartResult(result.checks, [of_all, *(finding for finding in result.findings if finding not in wrong)])
 
 
 def _inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
@@ -138,6 +150,8 @@ def _jacobian(
         turned = direction > DIRECTION * tolerance + ERRORS * errors.direction[i]
         band = SIZE * tolerance * np.exp(ERRORS * errors.size[i])
         scaled = (size > band) | (size < 1 / band)
+        wrong = np.array([not _is_right(row) for row in of])
+        turned, scaled = turned & wrong, scaled & wrong
         if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:
             continue
         worst = max(of, key=lambda row: _apart(row, i))
@@ -169,6 +183,13 @@ def _jacobian(
         ((i, j),),
     )
     return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by, exhibit=exhibit)]
+
+
+def _is_right(row: ImpliedModel) -> bool:
+    """Whether the gain is right, so that what it implies of a measurement with little weight is rounding or second
+    order."""
+    update = row.trial.update(row.trial.predicted_measurement)
+    return update is not None and gain_error(row.trial, update.gain)[0] < RIGHT
 
 
 def told_apart(one: float, other: float) -> tuple[str, str]:

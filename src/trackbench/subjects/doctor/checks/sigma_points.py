@@ -15,6 +15,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
+from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
@@ -90,7 +91,10 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
         f"{len(found)} predictions)"
     )
     finding = _weights(found, text) or _shape(tracker, found) or _spread(tracker, found, text)
-    return PartResult().add("no_time", finding is None, text, finding, _omitted(gains))
+    # A gain of one at the second measurement is also how filters of fixed gains start.
+    omitted = _omitted(gains)
+    omitted = None if omitted is None or tracker.once(harmless) is not None else omitted
+    return PartResult().add("no_time", finding is None, text, finding, omitted)
 
 
 def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unmoved]:
