@@ -125,24 +125,26 @@ class Tracker:
         target.P = 0.5 * (target.P + target.P.T)
 
     def nearest(self, targets, z, free, scan):
-        free = set(free)
-        for target in targets:
-            if not self.in_view(target, scan):
-                continue
+        """The likeliest pairs of all first."""
+        seen = [t for t in targets if self.in_view(t, scan)]
+        gated = [self.innovations(t, z, scan) for t in seen]
+        pairs = [(-inside[j][1], i, j) for i, (inside, _, _) in enumerate(gated) for j in inside if j in free]
+        taken, left = set(), set(free)
+        for target in seen:
             target.looked += 1
-            inside, H, S = self.innovations(target, z, scan)
-            options = [j for j in inside if j in free]
-            if not options:
+        for _, i, j in sorted(pairs):
+            if i in taken or j not in left:
                 continue
-            j = max(options, key=lambda j: inside[j][1])
-            free.remove(j)
+            taken.add(i)
+            left.remove(j)
+            target, (inside, H, S) = seen[i], gated[i]
             self.update(target, {None: 0.0, j: 1.0}, {j: inside[j]}, H, S)
             target.found += 1
             target.last = scan.time
             if target.found >= 3:
                 self.labels += 1
                 target.label = self.labels
-        return free
+        return left
 
     def lives(self, target):
         if target.label:
