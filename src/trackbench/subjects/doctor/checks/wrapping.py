@@ -363,7 +363,7 @@ WRAPPING_CHECK = DoctorCheck(
             "Where the innovation, or the difference of sigma points from their mean, is computed.",
             "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 pi) - "
             "pi.",
-            Role("exact angle", rank=42, causes="numerical", drive="azimuth_crossing"),
+            Role("exact angle", rank=44, causes="numerical", drive="azimuth_crossing"),
         ),
         "angle_mean_not_circular": KnownFault(
             "angles of sigma points are averaged or subtracted across pi",
