@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.subjects.doctor.all_sensors import inflated, of_every_sensor
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
@@ -33,8 +33,6 @@ TWICE = 0.08
 #: Ratio of the implied noises of the trials up to which they are one: 1.00 with constant velocity and any Jacobian, and
 #: 1.14 in a turning model's EKF.
 SAME_NOISE = 1.15
-#: Difference of the factors of sensors up to which they are one.
-SAME_FACTOR = 0.1
 #: Least number of predictions about which the measurement is nearly linear.
 LEAST_LINEAR = 3
 #: Error of a gain up to which it is right.
@@ -79,34 +77,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
             text = f"{turned} (standard error of two answers): a smaller error of a row cannot be told from it; {text}"
         result.add(name, passed, text, *findings)
-    return _of_every_sensor(_inflated(tracker, result), tracker)
-
-
-def _of_every_sensor(result: PartResult, tracker: TrackerUnderTest) -> PartResult:
-    """With one finding for gains that are wrong in every sensor: their Jacobians have nothing in common."""
-    wrong = [finding for finding in result.findings if finding.fault == "jacobian_wrong"]
-    if len(wrong) < 2 or len(wrong) < len(tracker.sensors):
-        return result
-    text = f"the gains of all sensors are wrong; as if of a wrong Jacobian, {wrong[0].evidence}"
-    of_all = replace(wrong[0], fault="gain_inconsistent", sensor=None, evidence=text)
-    return PartResult(result.checks, [of_all, *(finding for finding in result.findings if finding not in wrong)])
-
-
-def _inflated(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
-    """Without the findings of one noise factor in all sensors, where it does no harm.
-
-    The gains are then those of the stated noise, and the returned covariance is larger than that which they are of.
-    """
-    large = [finding for finding in result.findings if finding.fault in ("r_too_large", "measurement_noise_twice")]
-    factors = [finding.factor for finding in large]
-    sizes = np.array([factor for factor in factors if factor is not None])
-    everywhere = len(sizes) == len(result.findings) == len(tracker.sensors) > 1
-    if not everywhere or np.ptp(sizes) > SAME_FACTOR * sizes.min() or (harm := tracker.once(harmless)) is None:
-        return result
-    text = (
-        f"the returned covariance is {np.median(sizes):.3g} times that of which the gains are made, and no harm: {harm}"
-    )
-    return PartResult([replace(check, passed=True, result=text) for check in result.checks])
+    return of_every_sensor(inflated(tracker, result), tracker)
 
 
 def _of_another_model(rows: Sequence[ImpliedModel]) -> bool:
