@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.subjects.doctor.all_sensors import inflated, of_every_sensor
+from trackbench.subjects.doctor.checks.all_sensors import inflated, of_every_sensor
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
