@@ -178,7 +178,8 @@ class RemoteStepper(Stepper):
         return twin
 
     def __del__(self) -> None:
-        if self._process.fault is None:
+        # One that did not start has no number.
+        if self._process.fault is None and hasattr(self, "_number"):
             self._process.dropped.append(self._number)
 
 

@@ -36,6 +36,11 @@ from trackbench.trackers.builtin import ekf
 
 REPOSITORY = ROOT
 NAMES = [
+    "ego_motion_wrong",
+    "gate_too_small",
+    "predicted_covariance_wrong",
+    "q_depends_on_state",
+    "wrong_covariance_returned",
     "imm_combination_wrong",
     "imm_likelihood_wrong",
     "imm_mixing_wrong",

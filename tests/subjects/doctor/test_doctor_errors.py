@@ -65,6 +65,7 @@ def test_a_drive_past_the_sensor_that_fails_is_not_judged(
     failure = tracker.failures.pop()[1]
     drive = SimpleNamespace(name=where, config=SimpleNamespace(description=where), scans=[])
     tracker.drives, tracker.output_checks = [(drive, None)], None
+    tracker.once = lambda ask: ask(tracker)
 
     def fails(*_: Any) -> None:
         raise failure

@@ -203,7 +203,9 @@ GATE_WIDTH_CHECK = DoctorCheck(
             "Where the squared distance of a measurement is held against a threshold.",
             "Take y^T S^-1 y with S = H P H^T + R, and the point of chi-square with as many degrees of freedom as the "
             "measurement has, at 0.99 or more.",
-            Role("exact", rank=12, causes="measured noise growth offset", always="gate_never_reopens"),
+            Role(
+                "exact", rank=12, causes="measured noise growth offset", always="gate_never_reopens", drive="own_model"
+            ),
         )
     },
 )
