@@ -90,6 +90,20 @@ class ThreeInLists(Textbook):
     PI: ClassVar[Any] = [[0.9, 0.07, 0.03], [0.1, 0.8, 0.1], [0.05, 0.15, 0.8]]
 
 
+class OfTime(Textbook):
+    """Keeps the probabilities of a second, and makes those of each step of them."""
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, tuple[Array, Array]]:
+        self.part = 0.0 if state is None else min(scan.time - state[0], 1.0)
+        return super().step(state, scan)
+
+    def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
+        switch = np.eye(2) + self.part * (np.asarray(self.PI) - np.eye(2))
+        joint = switch * mu[:, None]
+        both = [mixture(x, P, w) for w in (joint / joint.sum(axis=0)).T]
+        return np.stack([m for m, _ in both]), np.stack([p for _, p in both]), joint.sum(axis=0)
+
+
 class Named:
     """Two models in attributes of their own, with states of four and six entries, and probabilities as numbers."""
 
@@ -245,10 +259,13 @@ def under_test(make: Callable[[], Any]) -> TrackerUnderTest:
     return TrackerUnderTest(make, Doctor(SENSORS).sensors, [], Probes(), 0, {})
 
 
-@pytest.mark.parametrize("make", [Textbook, ThreeInLists, Named, SecondOrder, FilterPyImm])
+@pytest.mark.parametrize("make", [Textbook, ThreeInLists, OfTime, Named, SecondOrder, FilterPyImm])
 def test_of_a_sound_one_nothing_is_found(make: Callable[[], Any]) -> None:
     result = modes(under_test(make))
-    assert [check.passed for check in result.checks] == [True, True, True, True]
+    *others, different = (check.passed for check in result.checks)
+    assert others == [True, True, True]
+    # In a second a model that all turn into step by step does not yet have all the probability.
+    assert different is (None if make is OfTime else True)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +28,8 @@ LEFT_OUT = {"confidence", "continuity", "process_noise", "gate", "innovations", 
 #: Stated of every scan. So little clutter leaves a detection in the gate no other origin: with probabilistic
 #: association, too, the update is that of the filter.
 DETECTION, DENSITY = 0.9, 1e-12
+#: Variance over the stated one up to which it is a tuning.
+TUNING = 6.0
 #: Range of the stated field of view, m: everything.
 SEEN = 1e6
 
@@ -101,4 +104,16 @@ def filter_examined(
     except Exception as error:
         why = str(error) if isinstance(error, CannotRun) else f"{why} ({fault_of(error).cause})"
         return [CheckResult("filter", "Is the filter of a track sound?", None, f"not examined: {why}")], []
-    return examination.checks, examination.findings
+    tuned = {(finding.fault, finding.sensor) for finding in examination.findings if _tuned(finding)}
+    findings = [finding for finding in examination.findings if (finding.fault, finding.sensor) not in tuned]
+    sensors_of = {sensor for _, sensor in tuned} - {finding.sensor for finding in findings}
+    checks = [
+        replace(check, passed=True) if check.name in {f"gain.{sensor}" for sensor in sensors_of} else check
+        for check in examination.checks
+    ]
+    return checks, findings
+
+
+def _tuned(finding: Finding) -> bool:
+    """Whether it is more noise than stated, as much as a tuning has: no drive here shows whether it does harm."""
+    return finding.fault == "r_too_large" and finding.factor is not None and finding.factor < TUNING

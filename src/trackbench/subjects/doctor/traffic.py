@@ -233,6 +233,9 @@ def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[F
     if not of_filter:
         return list(of_tracks)
     cause, own = of_filter[0].fault, {finding.fault for finding in of_tracks}
+    if cause == "wrong_dt" and of_filter[0].factor == 0.0:
+        # What a track is asked at missed scans is asked of one that is not predicted there.
+        cause = "missed_scan_not_predicted"
     first = next((fault for fault, same in SAME.items() if same == cause and fault in own), None)
     if first is not None:
         of_filter = [replace(finding, consequence_of=finding.consequence_of or first) for finding in of_filter]

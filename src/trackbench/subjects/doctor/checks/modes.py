@@ -101,20 +101,19 @@ def _different(tracker: TrackerUnderTest, result: PartResult) -> PartResult:
 
 def _start(steps: Sequence[BankStep]) -> Finding | None:
     """What is wrong with the mixtures from which the models start, if it is in every step."""
-    transition = steps[0].bank.transition
-    mixed = [(step, *step.mixed(transition)) for step in steps]
+    mixed = [(step, *step.mixed(step.transition)) for step in steps]
     # The more equal the probabilities, the more the mixtures differ.
     step, mean, covariance = max(mixed, key=lambda entry: entry[0].before.probability.min())
     if not _mostly(of.starts_from(right) for of, right, _ in mixed):
-        turned = [of.starts_from(of.mixed(transition.T)[0]) for of in steps]
-        if _mostly(turned) and not np.allclose(transition, transition.T):
-            return _transposed(step, transition)
+        turned = [of.starts_from(of.mixed(of.transition.T)[0]) for of in steps]
+        if _mostly(turned) and not np.allclose(step.transition, step.transition.T):
+            return _transposed(step, step.transition)
         unmixed = all(np.allclose(of.started.mean, of.before.mean, rtol=1e-6) for of in steps)
         words = "each model goes on from its own estimate" if unmixed else _line(step, mean, step.before.mean)
         return _mixing(step, f"the mixed means are not those of the transition probabilities: {words}")
     if _mostly(of.starts_from(right, about) for of, right, about in mixed):
         return None
-    joint = transition * step.before.probability[:, None]
+    joint = step.transition * step.before.probability[:, None]
     within = np.einsum("ij,iab->jab", joint / joint.sum(axis=0), step.before.covariance)
     left_out = step.starts_from(mean, within)
     words = "the spread of the means is left out" if left_out else _line(step, covariance, step.before.covariance)
@@ -142,7 +141,7 @@ def _transposed(step: BankStep, transition: Array) -> Finding:
     where = "" if at is None else f" ({at.where}, {at.name})"
     text = (
         f"the models start from the mixtures of the transposed transition probabilities{where}: "
-        f"{_matrix(step.bank.transition)} is held with a row for the model before, and used with a column for it"
+        f"{_matrix(transition)} is held with a row for the model before, and used with a column for it"
     )
     before, after = (tuple(f"{word} {j + 1}" for j in range(len(transition))) for word in ("from", "to"))
     exhibit = Matrices(
@@ -219,7 +218,7 @@ def _grown(
     step: BankStep, used: slice, by: Callable[[ModelInnovation, float, float], float] = lambda of, *_: _density(of)
 ) -> Array:
     """``(m,)`` logarithms of what the probabilities grow by."""
-    before, after = step.before.probability, step.prior(step.bank.transition)
+    before, after = step.before.probability, step.prior(step.transition)
     return np.array([by(step.innovation(j, used), before[j], after[j]) for j in range(len(after))])
 
 

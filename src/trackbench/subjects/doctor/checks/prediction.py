@@ -132,7 +132,9 @@ def _explained(tracker: TrackerUnderTest, steps: Sequence[PredictedStep]) -> Fin
             f"the estimate moves by {np.median(moved):.3g} s times its velocity, whether the step is {step.min():g} or "
             f"{step.max():g} s long"
         )
-        return Finding("wrong_dt", 0.97, text, shown_by=shown_by)
+        return Finding(
+            "wrong_dt", 0.97, text, factor=float(np.median(moved)) / float(np.median(step)), shown_by=shown_by
+        )
     if time is not None:
         text = (
             f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: "

@@ -67,18 +67,21 @@ class ModelWays(NamedTuple):
 
 
 def transition_matrices(values: Iterable[Held]) -> list[tuple[Held, Array]]:
-    """The constant matrices that can be transition probabilities, each also with a row for the model before."""
-    matches = []
-    for entry in values:
-        matrix = entry.value
-        if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
-            continue
-        if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
-            continue
-        rows, columns = (np.abs(matrix.sum(axis=axis) - 1.0).max() < ROUNDED for axis in (1, 0))
-        if rows or columns:
-            matches.append((entry, matrix if rows else matrix.T))
-    return matches
+    """The matrices that can be transition probabilities, each also with a row for the model before."""
+    rows = ((entry, with_rows(entry.value)) for entry in values)
+    return [(entry, matrix) for entry, matrix in rows if matrix is not None]
+
+
+def with_rows(matrix: Array) -> Array | None:
+    """Transition probabilities with a row for the model before; None where it can be none."""
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not 2 <= len(matrix) <= MOST:
+        return None
+    if (matrix < 0.0).any() or np.isin(matrix, (0.0, 1.0)).all():
+        return None
+    rows, columns = (np.abs(matrix.sum(axis=axis) - 1.0).max() < ROUNDED for axis in (1, 0))
+    if rows:
+        return matrix
+    return matrix.T if columns else None
 
 
 def of_module(tracker: Any) -> Iterator[Held]:

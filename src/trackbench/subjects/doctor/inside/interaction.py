@@ -27,6 +27,7 @@ from trackbench.subjects.doctor.inside.bank import (
     of_module,
     stationary,
     transition_matrices,
+    with_rows,
 )
 from trackbench.subjects.doctor.inside.trace import Assigned, traced
 from trackbench.subjects.doctor.inside.values import Held, Pool, held
@@ -103,6 +104,18 @@ class BankStep:
         """All numbers of the step."""
         return Pool(entry.value for entry in self.assigned)
 
+    @cached_property
+    def transition(self) -> Array:
+        """``(m, m)`` transition probabilities: those held, or those that the step makes of them for its time.
+
+        The first by which the models start from their mixtures, or by whose transpose they do.
+        """
+        made = (with_rows(entry.value) for entry in self.assigned if entry.value.size == self.bank.transition.size)
+        possible = [self.bank.transition, *(matrix for matrix in made if matrix is not None)]
+        ways = [*((matrix, matrix) for matrix in possible), *((matrix, matrix.T) for matrix in possible)]
+        fitting = (matrix for matrix, used in ways if self.starts_from(self.mixed(used)[0]))
+        return next(fitting, self.bank.transition)
+
     def prior(self, transition: Array) -> Array:
         """``(m,)`` probabilities after a transition."""
         return transition.T @ self.before.probability
@@ -143,12 +156,12 @@ class BankStep:
     @property
     def mixes(self) -> bool:
         """Whether the models start from the mixtures that the transition probabilities give."""
-        return self.starts_from(*self.mixed(self.bank.transition))
+        return self.starts_from(*self.mixed(self.transition))
 
     @property
     def gained(self) -> Array:
         """``(m,)`` logarithms of what the probabilities were multiplied by, but for a constant."""
-        return np.log(self.after.probability) - np.log(self.prior(self.bank.transition))
+        return np.log(self.after.probability) - np.log(self.prior(self.transition))
 
 
 def log_density(innovation: Array, covariance: Array) -> float:

@@ -36,6 +36,8 @@ QUEUE, APART = np.array([[36.0, 0, -5, 0], [42, 0, -5, 0]]).T, 6.0
 TAKEN = 0.1
 #: False alarms of one scan in so many, more than there are tracks, and of the others: their tracks end between the two.
 MANY, FEW, EVERY = 12, 1, 6
+#: Time for which objects are detected, s: of a count that is not set back, the misses of each four scans add up.
+DETECTED = 8.0
 #: Two objects that leave, and three that stay: px, py m, vx, vy m/s.
 LEAVING = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3]]).T
 STAYING = np.array([[20.0, -60, 1, 9], [-30, -40, 5, 5], [70, -20, -9, 0]]).T
@@ -158,6 +160,23 @@ def ended_alone(make: Make, site: Site) -> PartResult:
     return note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
 
 
+def ended_detected(make: Make, site: Site) -> PartResult:
+    """Three objects; every fourth scan is empty."""
+    session, random = MultiObjectSession(make), np.random.default_rng(9)
+    lost, had = (np.zeros(STAYING.shape[1], dtype=bool) for _ in range(2))
+    for k, scan in enumerate(site.scans(STAYING, DETECTED, random)):
+        empty = k % 4 == 3
+        tracks = session.step(
+            scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0]) if empty else scan
+        )
+        there = np.array([nearest(tracks, target) is not None for target in moved(STAYING, scan.time).T])
+        lost, had = lost | (had & ~there), had | there
+    if not had.all():
+        return PartResult()
+    text = f"of {len(lost)} objects that three of four scans detect for {DETECTED:g} s, {sum(lost)} lose their tracks"
+    return note(PartResult(), "ended_detected", not lost.any(), text, "wrong_track_deleted")
+
+
 PREDICTED_PLACE_CHECK = DoctorCheck(
     predicted_place,
     place=12,
@@ -192,16 +211,22 @@ MISSED_AMONG_OTHERS_CHECK = DoctorCheck(
     questions=(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"),),
 )
 
+ENDED_DETECTED_CHECK = DoctorCheck(
+    ended_detected,
+    place=43,
+    questions=(Question("ended_detected", "Does a track stay while its object is detected?"),),
+)
+
 ENDED_ALONE_CHECK = DoctorCheck(
     ended_alone,
     place=44,
     questions=(Question("ended_alone", "When tracks end, do the others stay?"),),
     faults={
         "wrong_track_deleted": KnownFault(
-            "another track than the lost one is deleted",
-            "Where tracks are removed from their list.",
+            "a track is deleted whose object is detected",
+            "Where tracks are removed from their list, and where their missed scans are counted.",
             "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
-            "once an earlier track has been removed.",
+            "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
             Role(rank=2, always="never_deletes double_tracks ids_reused"),
         )
     },
