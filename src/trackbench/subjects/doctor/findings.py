@@ -51,7 +51,14 @@ COMMON = {
     # Of swapped or mirrored axes.
     "axes": _AXES,
     # Of a wrong assignment of detections to tracks.
-    "tracks": ("double_tracks", "confirms_too_late", "confirms_too_soon", "never_deletes", "empty_scan_not_predicted"),
+    "tracks": (
+        "double_tracks",
+        "wrong_track_deleted",
+        "confirms_too_late",
+        "confirms_too_soon",
+        "never_deletes",
+        "empty_scan_not_predicted",
+    ),
     # Of wrong sums over sigma points.
     "sums": ("numerical", "course_not_wrapped", "angle_mean_not_circular"),
 }

@@ -227,7 +227,7 @@ ENDED_ALONE_CHECK = DoctorCheck(
             "Where tracks are removed from their list, and where their missed scans are counted.",
             "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
             "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
-            Role(rank=2, always="never_deletes double_tracks ids_reused"),
+            Role(rank=6, always="never_deletes double_tracks ids_reused"),
         )
     },
 )

@@ -269,7 +269,7 @@ EMPTY_SCAN_CHECK = DoctorCheck(
             "tracks are not predicted to an empty scan",
             "Where a scan without detections returns early.",
             "Predict at every scan, empty ones too, and count the miss.",
-            Role(rank=3, always="never_deletes pd_misstated ids_reused"),
+            Role(rank=3, always="never_deletes pd_misstated ids_reused wrong_track_deleted"),
         )
     },
 )
