@@ -46,7 +46,7 @@ class Models(NamedTuple):
 
 
 class ModelWays(NamedTuple):
-    """Where the parts of the models are held, as `family` finds them."""
+    """Where the parts of the models are held, as `families` finds them."""
 
     mean: str
     covariance: str

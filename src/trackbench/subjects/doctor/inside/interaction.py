@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
 from trackbench.driving.drive import empty_scan
@@ -165,8 +166,9 @@ class BankStep:
 
 
 def log_density(innovation: Array, covariance: Array) -> float:
-    """Of a normal distribution, without its constant."""
-    return float(-0.5 * innovation @ np.linalg.solve(covariance, innovation) - 0.5 * np.linalg.slogdet(covariance)[1])
+    """Of a normal distribution."""
+    factor = linalg.cholesky(covariance)
+    return float(factor.log_density(factor.whiten(innovation)))
 
 
 def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:

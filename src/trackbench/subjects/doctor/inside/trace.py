@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
-from types import CodeType, FrameType
+from types import FrameType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -16,18 +17,12 @@ from trackbench.base.types import Array
 from trackbench.subjects.doctor.inside.values import SAME, Pool, held
 
 Answer = TypeVar("Answer")
-#: Code whose lines are not the tracker's.
-OTHERS = tuple(
-    str(Path(place).resolve())
-    for place in (
-        *(str(Path(str(module.__file__)).parent) for module in (np, trackbench)),
-        sysconfig.get_path("stdlib"),
-        sysconfig.get_path("platstdlib"),
-    )
-)
-#: Below the standard library in a plain installation, and of others.
+#: Folders of code whose lines are not the tracker's: of libraries, and the standard library, below which in a plain
+#: installation those of other packages are.
+_NUMPY = Path(np.__file__).resolve().parent
+LIBRARIES = tuple(map(str, (_NUMPY, _NUMPY.with_name("scipy"), Path(trackbench.__file__).resolve().parent)))
+STANDARD = tuple(str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platstdlib"))
 INSTALLED = "site-packages"
-SCIPY = str(Path(np.__file__).parent.parent / "scipy")
 #: How far below a local variable its values are looked for.
 DEPTH = 4
 
@@ -79,7 +74,7 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
         return local
 
     def called(frame: FrameType, _event: str, _answer: Any) -> Any:
-        return local if _own(frame.f_code) else None
+        return local if _own(frame.f_code.co_filename) else None
 
     earlier = sys.gettrace()
     sys.settrace(called)
@@ -89,14 +84,15 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
         sys.settrace(earlier)
 
 
-def _own(code: CodeType) -> bool:
-    file = code.co_filename
+@cache
+def _own(file: str) -> bool:
+    """Whether the lines of a file are the tracker's."""
     if file.startswith("<"):
         return False
     path = str(Path(file).resolve())
-    if path.startswith((*OTHERS[:2], SCIPY)):
+    if path.startswith(LIBRARIES):
         return False
-    return INSTALLED in path or not path.startswith(OTHERS[2:])
+    return INSTALLED in path or not path.startswith(STANDARD)
 
 
 def _name(key: tuple[Any, ...]) -> str:
