@@ -10,6 +10,7 @@ import resource
 import signal
 import socket
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -89,18 +90,13 @@ class Host:
 
     def walk(self, number: int, scans: list[list[Any]]) -> tuple[dict[str, Any], Arrays]:
         """The estimates after each of some scans, up to the first step that fails."""
-        estimates: list[Estimate | None] = []
-        failed = None
-        for scan in scans:
-            try:
-                estimates.append(self._alone(number).step(_scan(scan)))
-            except BaseException as error:
-                failed = _error_values(error)["fault"]
-                break
-        there = [estimate for estimate in estimates if estimate is not None]
-        arrays = {"mean": [each.mean for each in there], "covariance": [each.covariance for each in there]}
-        answer = {"given": [estimate is not None for estimate in estimates], "failed": failed}
-        return answer, {name: np.array(values, dtype=float) for name, values in arrays.items()}
+        alone = self._alone(number)
+        return _answers(alone.step, scans)
+
+    def peeks(self, number: int, scans: list[list[Any]]) -> tuple[dict[str, Any], Arrays]:
+        """The estimate after each of some scans by a copy of its own, up to the first step that fails."""
+        alone = self._alone(number)
+        return _answers(lambda scan: alone.copy().step(scan), scans)
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """An independent copy of a tracker and its state, or why there is none of one that follows a batch."""
@@ -125,6 +121,21 @@ class Host:
         self._numbers += 1
         self._stepped[self._numbers] = stepped
         return self._numbers
+
+
+def _answers(step: Callable[[Scan], Estimate | None], scans: list[list[Any]]) -> tuple[dict[str, Any], Arrays]:
+    estimates: list[Estimate | None] = []
+    failed = None
+    for scan in scans:
+        try:
+            estimates.append(step(_scan(scan)))
+        except BaseException as error:
+            failed = _error_values(error)["fault"]
+            break
+    there = [estimate for estimate in estimates if estimate is not None]
+    arrays = {"mean": [each.mean for each in there], "covariance": [each.covariance for each in there]}
+    answer = {"given": [estimate is not None for estimate in estimates], "failed": failed}
+    return answer, {name: np.array(values, dtype=float) for name, values in arrays.items()}
 
 
 def _scan(fields: list[Any]) -> Scan:

@@ -225,7 +225,14 @@ class RemoteTracker:
             TrackFault: its process has ended, at one of the scans.
         """
         self._make_copies()
-        answer, arrays = self._process.ask("walk", number=self._made(), scans=list(scans))
+        return self._several("walk", scans)
+
+    def peeks(self, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
+        """The estimate after each of some scans by a copy of its own; else as of ``walk``."""
+        return self._several("peeks", scans)
+
+    def _several(self, do: str, scans: Sequence[Scan]) -> tuple[list[Estimate | None], TrackFault | None]:
+        answer, arrays = self._process.ask(do, number=self._made(), scans=list(scans))
         failed = answer.get("failed")
         try:
             estimates, there = [], zip(arrays["mean"], arrays["covariance"], strict=True)

@@ -73,8 +73,7 @@ def followed(make: Callable[[], Tracker], scans: Sequence[Scan], angle: float = 
     session, back = TrackerSession(make), np.kron(np.eye(2), rotation(-angle))
     estimates: list[Estimate | None] = []
     try:
-        for scan in scans:
-            after = session.step(turned_scene(scan, angle))
+        for after in session.walk([turned_scene(scan, angle) for scan in scans]):
             if after is not None:
                 after = Estimate(back @ after.mean, back @ after.covariance @ back.T) if finite(after) else None
             estimates.append(after)

@@ -169,8 +169,7 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
         predicted = after
         if scan.valid:
             session = TrackerSession(make)
-            for earlier in scans[:k]:
-                session.step(earlier)
+            session.follow(scans[:k])
             predicted = _covariance(session.peek, empty_scan(scan))[0]
         if predicted is not None and in_prediction(before, predicted, after):
             return FaultyStep("prediction", scan, before, predicted)

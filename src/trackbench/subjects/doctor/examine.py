@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
+from trackbench.engine.choice import Engine, chosen
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.assumptions import Assumptions, require_known
 from trackbench.subjects.doctor.checks.covariance_update import stated_covariance_fault
@@ -73,10 +74,10 @@ def evidence_steps(drives: Sequence[TestDrive]) -> int:
     return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
 
 
-def reference() -> Tracker:
+def reference(engine: Engine = "numpy") -> Tracker:
     """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
     # No scan of a drive is late, so it need not keep those that it has taken in.
-    return ekf(motion="cv", acceleration_sigma_mps2=3.0, late="drop")
+    return replace(ekf(motion="cv", acceleration_sigma_mps2=3.0, late="drop"), engine=engine)
 
 
 class Doctor:
@@ -129,8 +130,9 @@ class Doctor:
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         """The test drives, each with the estimates of the reference."""
         drives = simulate_drives(self.sensors, self._seed, self._setting)
+        make = partial(reference, chosen("auto", steps_of(drives, batched=False)))
         skip = self._assumptions.skip
-        return [(drive, rollout(reference, drive.scans)) for drive in drives if drive.name not in skip]
+        return [(drive, rollout(make, drive.scans)) for drive in drives if drive.name not in skip]
 
     @one_blas_thread()
     @quiet()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -144,7 +144,7 @@ class TrackerSession:
         self._started = [had or one is not None for had, one in zip(self._started, found, strict=True)]
         return found
 
-    def walk(self, scans: Sequence[Scan]) -> list[Estimate | None]:
+    def walk(self, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
         """The estimates after each of some scans, several at once where the tracker has a process of its own.
 
         Raises:
@@ -152,8 +152,8 @@ class TrackerSession:
         """
         tracker = self._own.tracker
         if not isinstance(tracker, RemoteTracker) or self._batched or self._no_misses:
-            return [self.step(scan) for scan in scans]
-        estimates: list[Estimate | None] = []
+            yield from (self.step(scan) for scan in scans)
+            return
         for first in range(0, len(scans), AT_ONCE):
             some = scans[first : first + AT_ONCE]
             try:
@@ -168,10 +168,17 @@ class TrackerSession:
                     _require_small(estimate)
                 except TrackerFault as error:
                     raise StepFailed(error, scan, self.given[:before]) from error
+                yield estimate
             if fault is not None:
                 raise StepFailed(fault, some[len(answers)], self.given)
-            estimates += answers
-        return estimates
+
+    def follow(self, scans: Sequence[Scan]) -> list[Estimate | None]:
+        """The estimates after all of some scans.
+
+        Raises:
+            StepFailed: as of ``walk``.
+        """
+        return list(self.walk(scans))
 
     def peek(self, scan: Scan) -> Estimate | None:
         """What ``step`` would return, without changing the session.
@@ -181,13 +188,35 @@ class TrackerSession:
         """
         return self._copied(scan).step(scan)
 
+    @property
+    def at_once(self) -> int:
+        """How many scans of one sensor and instant ``peek_each`` may be given."""
+        if isinstance(self._own.tracker, RemoteTracker) and not self._batched:
+            return AT_ONCE
+        return self.columns if self._alike else 1
+
     def peek_each(self, scans: Sequence[Scan]) -> list[Estimate | None]:
-        """What ``step_each`` would return, without changing the session.
+        """What ``peek`` would return of each of at most ``at_once`` scans, of one sensor and instant.
 
         Raises:
-            StepFailed: as of ``step_each``, or the tracker can neither be copied nor repeated.
+            StepFailed: as of ``peek``, at any of them.
         """
-        return self._copied(scans[0]).step_each(scans)
+        tracker = self._own.tracker
+        if not isinstance(tracker, RemoteTracker) or self._batched:
+            more = [scans[0]] * (self.columns - len(scans))
+            return self._copied(scans[0]).step_each([*scans, *more])[: len(scans)]
+        if self._no_misses and not all(scan.valid for scan in scans):
+            raise MissGiven(scans[0])
+        try:
+            answers, fault = tracker.peeks(scans)
+            for estimate in answers:
+                self._on_step()
+                _require_small(estimate)
+        except (TrackFault, TrackerFault) as error:
+            raise StepFailed(error, scans[0], self.given) from error
+        if fault is not None:
+            raise StepFailed(fault, scans[len(answers)], self.given)
+        return answers
 
     @property
     def inside(self) -> tuple[Any, Any] | None:
@@ -196,7 +225,7 @@ class TrackerSession:
         return None if isinstance(tracker, RemoteTracker) else (getattr(tracker, "within", tracker), self._own.state)
 
     @property
-    def alike(self) -> bool:
+    def _alike(self) -> bool:
         """Whether all columns have the same estimate, to the last bit."""
         latest = self._own.latest
         return latest is None or all(bool(np.all(part == part[..., :1])) for part in (latest.mean, latest.covariance))

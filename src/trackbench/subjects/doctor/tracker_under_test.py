@@ -153,8 +153,7 @@ class TrackerUnderTest:
             scans.insert(at, empty_scan(scans[at]._replace(time=scans[at].time - ADDITIONAL_STEP)))
         estimates: list[Estimate | None] = []
         with self.recording_failures(probe.name):
-            for scan in scans:
-                estimates.append(session.step(scan))
+            estimates.extend(session.walk(scans))
         self.output_checks.add_track(estimates, scans, probe.name)
         return session if len(estimates) == len(scans) else None
 
@@ -345,8 +344,7 @@ def early_trials(tracker: TrackerUnderTest, sensor: str) -> list[Trial]:
         for sensor_set in tracker.sensor_sets():
             session, scans = TrackerSession(tracker.make), tracker.approach(probe, sensor_set)
             with tracker.recording_failures(probe.name):
-                for scan in scans[:FIRST_SCANS]:
-                    session.step(scan)
+                session.follow(scans[:FIRST_SCANS])
                 at = probe.scan(sensor, tracker.sensors[sensor], scans[FIRST_SCANS].time)
                 prediction = session.predict(at)
                 if prediction is not None:
@@ -366,8 +364,12 @@ def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:
         error[i] = OFFSET * np.sqrt(last.noise_covariance[i, i])
         session = TrackerSession(tracker.make)
         with tracker.recording_failures(probe.name):
-            for scan in tracker.approach(probe, sensor_set, LEARNING):
-                session.step(scan._replace(measurement=scan.measurement + error) if scan.sensor == sensor else scan)
+            session.follow(
+                [
+                    scan._replace(measurement=scan.measurement + error) if scan.sensor == sensor else scan
+                    for scan in tracker.approach(probe, sensor_set, LEARNING)
+                ]
+            )
             trial = after_gap(tracker, probe, sensor, session, 0.0)
             offset = None if trial is None or not trial.usable else trial.offset()
             if offset is not None and offset[i] > error[i] / 2:

@@ -132,15 +132,14 @@ class Trial:
         return self._posteriors[key]
 
     def _ask_at_once(self, measurements: list[Array]) -> None:
-        """Try measurements in one step, where the tracker takes a batch and its columns are still alike."""
-        room = self.session.columns
-        if not 1 < len(measurements) <= room or self.repeats > 1 or not self.session.alike:
+        """Try measurements in one request, where the session can be asked that many."""
+        measurements = [one for one in measurements if _key(one) not in self._posteriors]
+        if not 1 < len(measurements) <= self.session.at_once or self.repeats > 1:
             return
-        scans = [self.scan._replace(measurement=one) for one in measurements]
+        # A step that fails tells not at which of them: they are tried one by one.
         with suppress(StepFailed):
-            # A step that fails tells not at which of them: they are tried one by one.
-            found = self.session.peek_each(scans + scans[:1] * (room - len(scans)))
-            for one, estimate in zip(measurements, found, strict=False):
+            found = self.session.peek_each([self.scan._replace(measurement=one) for one in measurements])
+            for one, estimate in zip(measurements, found, strict=True):
                 usable = estimate is not None and finite(estimate)
                 self._posteriors[_key(one)] = estimate if usable else None
 

@@ -152,8 +152,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     name = sensor_set[0]
     with tracker.recording_failures(probe.name):
         session = session.copy()
-        scans = (empty_scan(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
-        estimates = [session.step(scan) for scan in scans]
+        scans = [empty_scan(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21)]
+        estimates = session.follow(scans)
         variances = np.full(len(estimates), np.nan)
         for k, estimate in enumerate(estimates):
             if estimate is not None and finite(estimate):

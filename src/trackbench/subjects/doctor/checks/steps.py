@@ -265,8 +265,7 @@ def _same(one: Estimate | None, other: Estimate | None) -> bool:
 def _fed(make: Make, scans: Sequence[Scan]) -> TrackerSession:
     """A session that has been given some scans."""
     session = TrackerSession(make)
-    for scan in scans:
-        session.step(scan)
+    session.follow(scans)
     return session
 
 

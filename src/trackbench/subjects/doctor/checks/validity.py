@@ -183,7 +183,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
         sigmas: list[Array] = []
         for _ in range(3):
             session = TrackerSession(tracker.make)
-            estimates = [session.step(scan) for scan in scans]
+            estimates = session.follow(scans)
             runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
             sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
     except StepFailed as failure:

@@ -249,8 +249,7 @@ def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tup
     angle = TURNS[1]
     session = TrackerSession(tracker.make)
     try:
-        for scan in tracker.approach(probe, sensor_set):
-            session.step(turned_mounting(scan, angle))
+        session.follow([turned_mounting(scan, angle) for scan in tracker.approach(probe, sensor_set)])
         scan = turned_mounting(probe.scan(name, tracker.sensors[name], 0.0), angle)
         prediction = session.predict(scan)
     except StepFailed:

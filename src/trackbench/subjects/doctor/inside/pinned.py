@@ -87,9 +87,7 @@ class ModelAlone:
         scans = self._tracker.approach(self._tracker.probes.general[0], self._tracker.sensor_sets()[-1], 1.0)
         with self.alone():
             try:
-                for scan in scans:
-                    session.step(scan)
-                session.step(empty_scan(scans[-1]._replace(time=scans[-1].time + 0.05)))
+                session.follow([*scans, empty_scan(scans[-1]._replace(time=scans[-1].time + 0.05))])
             except StepFailed:
                 return False
         models = models_of(session, self._bank)
