@@ -85,3 +85,16 @@ def test_a_walk_goes_up_to_the_step_that_fails(tracker: RemoteTracker) -> None:
     assert fault is not None
     assert fault.cause == "KeyError: 'four'"
     assert steps(twin) == 3.0
+
+
+def test_scans_tried_at_once_are_each_given_to_a_copy(tracker: RemoteTracker) -> None:
+    tracker.walk([SCAN] * 2)
+    estimates, fault = tracker.peeks([SCAN] * 3)
+    assert [estimate is not None and estimate.mean[0] for estimate in estimates] == [3.0, 3.0, 3.0]
+    assert fault is None
+    tracker.walk([SCAN])
+    estimates, fault = tracker.peeks([SCAN])
+    assert estimates == []
+    assert fault is not None
+    assert fault.cause == "KeyError: 'four'"
+    assert steps(tracker) == 3.0
