@@ -297,6 +297,11 @@ class TrackerUnderTest:
         return any(self.trials.values())
 
 
+def has_samples(tracker: TrackerUnderTest) -> bool:
+    """Whether random numbers are in its answers: it says so, or copies or repetitions with others differ."""
+    return tracker.random or tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0
+
+
 def sampling_noise(tracker: TrackerUnderTest) -> float:
     """The largest difference between two answers with other samples, in standard deviations; 0 without samples."""
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]

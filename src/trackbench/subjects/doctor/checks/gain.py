@@ -38,6 +38,8 @@ LEAST_LINEAR = 3
 #: Error of a gain up to which it is right.
 RIGHT = 0.005
 STATES = ("px", "py", "vx", "vy")
+#: What a gain that is not Kalman's is called.
+GAIN_FAULTS = ("jacobian_wrong", "gain_inconsistent")
 
 
 def gain(tracker: TrackerUnderTest) -> PartResult:
@@ -66,8 +68,8 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             passed, findings = None, []
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
         elif (
-            any(finding.fault == "jacobian_wrong" for finding in findings)
-            and not _of_another_model(rows)
+            any(finding.fault in GAIN_FAULTS for finding in findings)
+            and (_mixes(rows) or (not _of_another_model(rows) and findings[0].fault == "jacobian_wrong"))
             and (harm := tracker.once(harmless)) is not None
         ):
             passed, findings = True, []
@@ -80,12 +82,21 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     return of_every_sensor(inflated(tracker, result), tracker)
 
 
+def _mixes(rows: Sequence[ImpliedModel]) -> bool:
+    """Whether the estimates are mixtures of several models, as the tracker says: their gains are no single filter's."""
+    probabilities = rows[0].trial.prediction.mode_probabilities
+    return probabilities is not None and len(probabilities) > 1
+
+
 def _of_another_model(rows: Sequence[ImpliedModel]) -> bool:
     """Whether the gains are those of a Kalman filter with another Jacobian, and with a noise of its own.
 
     The noise with which its Jacobian gives the gain is then the same in all trials; one that hidden states or
-    weights are added to is not.
+    weights are added to is not. Nor does a Jacobian depend on the other sensors that the target was followed with.
     """
+    alone = [row for row in rows if len(row.trial.sensor_set) == 1]
+    if len(alone) < len(rows) and alone and all(_is_right(row) for row in alone):
+        return False
     noise = np.array([row.own_noise for row in rows])
     low, high = (np.nanquantile(noise, share, axis=0) for share in (0.1, 0.9))
     return bool(np.nanmin(low) > 0.0 and np.nanmax(high / low) < SAME_NOISE)

@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples
 
 #: By which target and observer are moved, m.
 SHIFT = (47.0, -35.0)
@@ -26,7 +26,7 @@ ANOTHER = 1.0
 
 def noise_place(tracker: TrackerUnderTest) -> PartResult:
     """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
-    if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
+    if tracker.once(has_samples):
         return PartResult().add("noise_place", None, "the tracker's own samples move the covariance")
     growths = []
     for probe in tracker.probes.general[:3]:

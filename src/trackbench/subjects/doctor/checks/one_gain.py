@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials, has_samples
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
@@ -91,7 +91,7 @@ def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
         if len(of) >= LEAST and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
     }
     # Samples move both, each by itself.
-    return {} if found and (tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0) else found
+    return {} if found and tracker.once(has_samples) else found
 
 
 def _known(trials: Sequence[Trial]) -> list[UpdateErrors]:

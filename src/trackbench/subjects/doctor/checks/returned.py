@@ -16,7 +16,7 @@ from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel
 from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.output_checks import least_eigenvalue
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples
 from trackbench.subjects.doctor.trial import Trial
 
 #: Difference of the covariances by two sensors, relative to them, up to which they are one: 0.00 with a Kalman filter,
@@ -43,7 +43,7 @@ class OwnCovariance(NamedTuple):
 
 def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
     """That the gains of all sensors are made of one covariance, and another is returned, if it is so."""
-    if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
+    if tracker.once(has_samples):
         return None
     targets = _own_covariances(list(tracker.trials.values()))
     if len(targets) < LEAST or np.median([target.gap for target in targets]) > ONE:

@@ -22,7 +22,7 @@ from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples, linearises
 from trackbench.subjects.doctor.trial import GAIN_STEP, Trial
 
 #: Targets that turn all the time.
@@ -67,7 +67,7 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
     if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
         return PartResult().add("transition", False, wrong.evidence, wrong)
-    if tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
+    if tracker.once(has_samples):
         return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
     pairs = [
         moved
