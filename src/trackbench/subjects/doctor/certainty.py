@@ -19,8 +19,8 @@ MEANING = {
     "likely": "There is evidence of this fault beside the errors of drives, and it explains at least half of the "
     "failed checks: those that found it or its consequences.",
     "unclear": "Something is wrong, as the failed checks show. The name may be another.",
-    "fragile": "It fails only where the range is exactly 0, as in no drive that is judged. It is no fault, and no "
-    "check has failed.",
+    "fragile": "It fails only where the range is exactly 0, or where a target turns away in a gap, which no motion "
+    "model follows and a gate may end. It is no fault, and no check has failed.",
     "healthy": "No check has failed. Those that could not be made are counted and listed.",
 }
 

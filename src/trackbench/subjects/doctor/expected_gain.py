@@ -83,6 +83,8 @@ OUTSIDE = 0.05
 
 #: Correlation of the implied noise of two components from which on it is not that of a diagonal one.
 MIXED = 0.1
+#: Speed of targets across the ray, m/s.
+ACROSS = 20.0
 
 
 class ImpliedModel(NamedTuple):
@@ -162,6 +164,18 @@ def _to_unit(matrix: Array) -> Array:
     """With its diagonal as variances: 1 and correlations."""
     sigma = np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
     return np.asarray(matrix / np.outer(sigma, sigma))
+
+
+def variance_of_ray(components: Sequence[str], sigma: Array) -> Array:
+    """``(m,)`` the variance over the stated one that a filter may have which takes the ray of the measured azimuth.
+
+    An error of the azimuth turns the ray, and changes the speed along it by that across it.
+    """
+    factors = np.ones(len(sigma))
+    if {"azimuth", "range_rate"} <= set(components):
+        azimuth, rate = (components.index(name) for name in ("azimuth", "range_rate"))
+        factors[rate] += (ACROSS * sigma[azimuth] / sigma[rate]) ** 2
+    return factors
 
 
 def averaged_models(

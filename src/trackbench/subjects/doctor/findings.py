@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any, Generic, NamedTuple, ParamSpec
 
 from trackbench.subjects.doctor.exhibits import Exhibit
-from trackbench.subjects.doctor.output_checks import SINGULAR
+from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 
 #: The packages whose modules are checks: of trackers of one object, of several, and of one object on a log.
 CHECKS, TRAFFIC_CHECKS = "trackbench.subjects.doctor.checks", "trackbench.subjects.doctor.traffic_checks"
@@ -244,11 +244,15 @@ class Finding:
     """The numbers of the evidence, for a figure."""
 
     @property
-    def fragile(self) -> bool:
-        """Whether it arises only where the range is exactly 0, as in no drive that is judged: no fault."""
-        return self.shown_by in SINGULAR
+    def fragile(self) -> str | None:
+        """Where it alone arises, if that is no fault: at range 0, or in the drive that is beyond motion models."""
+        if self.shown_by in SINGULAR:
+            return "range 0"
+        return "a turn in a gap" if self.shown_by == BEYOND and self.fault in OF_DRIVES else None
 
 
+#: What a drive alone shows.
+OF_DRIVES = ("too_far_off", "covariance_unbelievable")
 #: Confidence from which on a finding can be the cause of others.
 SURE = 0.8
 #: Confidence from which on an exact finding is the consequence of no other.

@@ -15,6 +15,8 @@ from trackbench.base.types import Array, Estimate, Scan
 #: Probe and drive with a range of zero: the azimuth is undefined there, and a correct covariance can become indefinite
 #: by rounding.
 SINGULAR = ("at_sensor", "on_the_sensor")
+#: The drive that a gate may end: in its gap the target turns away from where the motion model has it.
+BEYOND = "gap_in_a_turn"
 
 #: Negative eigenvalue that rounding does not explain, of a covariance scaled to unit variances.
 NEGATIVE = 1e-6

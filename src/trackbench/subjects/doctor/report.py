@@ -83,6 +83,7 @@ class Examination:
             "evidence": finding.evidence,
             "advice": f"{known_faults()[finding.fault].where} {fix(self, finding)}",
             "consequence_of": finding.consequence_of,
+            "shown_by": finding.shown_by,
         }
 
     @classmethod
@@ -143,6 +144,7 @@ class _SavedFinding(BaseModel):
     sensor: str | None
     factor: float | None
     consequence_of: str | None
+    shown_by: str | None = None
 
 
 def _loaded(entry: Any) -> Finding:
@@ -159,7 +161,9 @@ def _loaded(entry: Any) -> Finding:
 
 def verdict(examination: Examination) -> str:
     """The result in one sentence."""
-    return f"{examination.tracker}: {_found(examination)}{'; fragile at range 0' if examination.fragile else ''}"
+    places = dict.fromkeys(finding.fragile for finding in examination.fragile)
+    fragile = f"; fragile at {' and '.join(map(str, places))}" if places else ""
+    return f"{examination.tracker}: {_found(examination)}{fragile}"
 
 
 def _found(examination: Examination) -> str:
@@ -241,7 +245,7 @@ def text(examination: Examination, every_check: bool = False) -> str:
     if examination.fragile:
         lines += ["", "Fragile at:"]
         for finding in examination.fragile:
-            lines += _wrapped(f"  range 0 ({finding.fault}): {finding.evidence}", "    ")
+            lines += _wrapped(f"  {finding.fragile} ({finding.fault}): {finding.evidence}", "    ")
             lines += _wrapped(f"    {fix(examination, finding)}", "    ")
     made = [check for check in examination.checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
@@ -307,7 +311,9 @@ def _findings(examination: Examination) -> Iterator[Block]:
     if caused:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))
     fragile = [
-        Item(f"{finding.evidence}. {fix(examination, finding)}", f"Range 0 ({finding.fault})")
+        Item(
+            f"{finding.evidence}. {fix(examination, finding)}", f"{str(finding.fragile).capitalize()} ({finding.fault})"
+        )
         for finding in examination.fragile
     ]
     if fragile:

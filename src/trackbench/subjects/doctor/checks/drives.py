@@ -15,7 +15,7 @@ from trackbench.subjects.doctor.drives import TestDrive, drive_configs
 from trackbench.subjects.doctor.evidence import evidence_run
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.output_checks import SINGULAR
+from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -118,8 +118,10 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
         elif not np.isfinite(outcome.rms[0]):
             result.add(drive.name, None, "there is no estimate to judge")
         else:
-            result.add(drive.name, outcome.believable, _text(outcome))
             judged.append(outcome)
+    beyond = all(one.believable or one.drive.name == BEYOND for one in judged)
+    for one in judged:
+        result.add(one.drive.name, one.believable or (None if beyond else False), _text(one))
     findings = (_too_far_off(judged), _covariance_unbelievable(judged))
     result.findings += [finding for finding in findings if finding is not None]
     return result
@@ -145,7 +147,7 @@ def harmless(tracker: TrackerUnderTest) -> str | None:
     that of a Kalman filter which uses the same components of the measurements, or a covariance that does not fit the
     errors.
     """
-    outcomes = [outcome for drive, outcome in tracker.once(driven) if drive.name not in SINGULAR]
+    outcomes = [outcome for drive, outcome in tracker.once(driven) if drive.name not in (*SINGULAR, BEYOND)]
     judged = [outcome for outcome in outcomes if isinstance(outcome, JudgedDrive) and outcome.believable]
     if not judged or len(judged) < len(outcomes):
         return None
@@ -202,7 +204,7 @@ def _too_far_off(judged: list[JudgedDrive]) -> Finding | None:
     off = [one for one in judged if one.far > 1.0]
     if not off:
         return None
-    worst = max(off, key=lambda one: one.far)
+    worst = max(off, key=lambda one: (one.drive.name != BEYOND, one.far))
     own, other = worst.rms
     begin, within = _interval(worst, worst.errors.distance, worst.measured, largest=True)
     run = int(np.argmax(within.any(axis=0)))
@@ -225,7 +227,7 @@ def _covariance_unbelievable(judged: list[JudgedDrive]) -> Finding | None:
     off = [(one, part) for one in judged for part in PARTS if one.unbelievable(part) > 1.0]
     if not off:
         return None
-    worst, part = max(off, key=lambda pair: pair[0].unbelievable(pair[1]))
+    worst, part = max(off, key=lambda pair: (pair[0].drive.name != BEYOND, pair[0].unbelievable(pair[1])))
     nees = worst.nees(part)
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
     run = int(np.argmax(within.any(axis=0)))

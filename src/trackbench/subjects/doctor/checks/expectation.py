@@ -108,7 +108,7 @@ def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
     lost = []
     for trial in trials:
         update, of_position = trial.update(trial.predicted_measurement), ~np.any(trial.jacobian[:, 2:], axis=1)
-        if update is not None and np.sum(of_position) == 2:
+        if update is not None and update.used.any() and np.sum(of_position) == 2:
             expected = (linearised_gain(trial) * trial.gain_scale)[:, of_position]
             shares = [_least_share(gain) for gain in (update.relative_gain[:, of_position], expected)]
             lost.append((shares[0] < NO_GAIN and shares[1] > CLEAR_GAIN, trial, update))

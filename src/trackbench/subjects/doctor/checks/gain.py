@@ -13,7 +13,14 @@ from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
-from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
+from trackbench.subjects.doctor.expected_gain import (
+    ImpliedModel,
+    SamplingErrors,
+    averaged_models,
+    gain_error,
+    implied,
+    variance_of_ray,
+)
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises, sampling_noise
@@ -253,7 +260,8 @@ def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) ->
     model, sigma = SENSOR_MODELS[rows[0].trial.scan.kind], rows[0].trial.sigma
     factors, noise = _factors(rows), _noises(rows)
     band = NOISE_BAND * np.exp(ERRORS * np.nan_to_num(errors.noise))
-    off = (factors < 1 / band) | (factors > band)
+    most = np.maximum(band, variance_of_ray(model.components, sigma))
+    off = (factors < 1 / band) | (factors > most)
     for i in model.angular:
         unit = conversion(factors[i], 0.35, power=2, quantities=("angle",)) if np.isfinite(factors[i]) else None
         if unit is not None and not np.delete(off, i).any():
@@ -274,7 +282,7 @@ def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) ->
     found = []
     for fault, wrong, words in (
         ("r_too_small", factors < 1 / band, "smaller"),
-        ("r_too_large", factors > band, "larger"),
+        ("r_too_large", factors > most, "larger"),
     ):
         if not wrong.any():
             continue

@@ -26,7 +26,7 @@ ANOTHER = 1.0
 
 def noise_place(tracker: TrackerUnderTest) -> PartResult:
     """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
-    if tracker.once(has_samples):
+    if has_samples(tracker):
         return PartResult().add("noise_place", None, "the tracker's own samples move the covariance")
     growths = []
     for probe in tracker.probes.general[:3]:

@@ -91,7 +91,7 @@ def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
         if len(of) >= LEAST and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
     }
     # Samples move both, each by itself.
-    return {} if found and tracker.once(has_samples) else found
+    return {} if found and has_samples(tracker) else found
 
 
 def _known(trials: Sequence[Trial]) -> list[UpdateErrors]:

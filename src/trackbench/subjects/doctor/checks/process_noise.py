@@ -41,6 +41,8 @@ TIMES = (0.1, 0.2, 0.4)
 SAME = 1e-6
 #: Distance of an exponent from a whole number that is rounding. A sum of two powers has none.
 WHOLE = 0.02
+#: Correlation of two entries of the process noise from which on one acceleration is in both, and up to which none is.
+TIED, UNTIED = 0.7, 0.1
 #: By how much the exponents of position, of position and velocity, and of velocity exceed the last one.
 ABOVE = (2, 1, 0)
 
@@ -188,6 +190,8 @@ def noise_powers(tracker: TrackerUnderTest) -> PartResult:
     if noises is None:
         text = "the process noise depends on more than the time step, or none is added"
         return PartResult().add("noise_powers", None, text)
+    if (mixed := _of_another_order(noises, tracker)) is not None:
+        return PartResult().add("noise_powers", False, mixed.evidence, mixed)
     axes = [_exponents(noises, axis) for axis in (0, 1)]
     if all(axis is None for axis in axes):
         text = "position, velocity and both together do not each have one power of the time step"
@@ -202,6 +206,19 @@ def noise_powers(tracker: TrackerUnderTest) -> PartResult:
     shown_by, exhibit = tracker.probes.general[0].name, _power_shown(wrong[0])
     finding = Finding("q_wrong_power_of_dt", 0.96, text, shown_by=shown_by, exhibit=exhibit)
     return PartResult().add("noise_powers", False, text, finding)
+
+
+def _of_another_order(noises: Array, tracker: TrackerUnderTest) -> Finding | None:
+    """That an acceleration along one axis moves the positions of both alike, and the velocity of none with them."""
+    spread = np.sqrt(np.abs(np.diagonal(noises[-1])))
+    correlation = np.abs(noises[-1]) / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
+    if min(correlation[0, 1], correlation[2, 3]) < TIED or max(correlation[0, 2], correlation[1, 3]) > UNTIED:
+        return None
+    text = (
+        f"the process noise of px is that of py (correlation {correlation[0, 1]:.2g}), and not that of vx "
+        f"({correlation[0, 2]:.2g}): it is laid out for another order of the state"
+    )
+    return Finding("q_wrong_power_of_dt", 0.96, text, shown_by=tracker.probes.general[0].name)
 
 
 def _noises(tracker: TrackerUnderTest) -> Array | None:

@@ -43,7 +43,7 @@ class OwnCovariance(NamedTuple):
 
 def another_covariance(tracker: TrackerUnderTest) -> Finding | None:
     """That the gains of all sensors are made of one covariance, and another is returned, if it is so."""
-    if tracker.once(has_samples):
+    if has_samples(tracker):
         return None
     targets = _own_covariances(list(tracker.trials.values()))
     if len(targets) < LEAST or np.median([target.gap for target in targets]) > ONE:

@@ -36,6 +36,8 @@ NO_TIME = 1e-4
 SCANS, ENOUGH = 12, 4
 #: Standard deviation of the velocity over the speed below which it is.
 KNOWN = 0.35
+#: Variance of the position over that of the motion in no time, at least.
+SETTLED = 100.0
 #: Change that is a fault: of the mean, relative to it, and of the covariance.
 MEAN, COVARIANCE = 0.01, 0.05
 #: Least eigenvalue of a covariance that is positive definite, scaled to unit variances.
@@ -116,6 +118,9 @@ def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unm
 def _known(estimate: Estimate) -> bool:
     variances = np.diag(estimate.covariance)
     if not variances.min() > 0.0:
+        return False
+    # Without noise a position is better known than where it is after no time.
+    if variances[:2].min() < SETTLED * NO_TIME**2 * variances[2:].max():
         return False
     spread = np.sqrt(variances)
     # Points cannot have an indefinite covariance.

@@ -61,13 +61,15 @@ class Moved(NamedTuple):
     """Of the former, relative to the latter; both in variances of the prediction."""
     learned: float
     """By how much it depends on the innovation, relative to it."""
+    straight: bool
+    """Whether the mean moves by its own velocity."""
 
 
 def transition(tracker: TrackerUnderTest) -> PartResult:
     """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
     if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
         return PartResult().add("transition", False, wrong.evidence, wrong)
-    if tracker.once(has_samples):
+    if has_samples(tracker):
         return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
     pairs = [
         moved
@@ -93,9 +95,12 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     panels = (Panel("tracker", worst.stated), Panel("as the mean moves", worst.expected, "right"))
     title = f"Part of the covariance that a measurement takes away, {STEP:g} s later: {worst.trial.description}"
     exhibit = state_matrices(title, panels, ((int(i), int(j)),))
-    points = tracker.once(linearises) is False
-    words = "the spread of the moved sigma points" if points else "the transition's Jacobian"
-    fault = "predicted_covariance_wrong" if points else "jacobian_wrong"
+    if tracker.once(linearises) is False:
+        fault, words = "predicted_covariance_wrong", "the spread of the moved sigma points"
+    elif all(pair.straight for pair in pairs):
+        fault, words = "predicted_covariance_wrong", "the mean moves straight on, and F P F^T of the covariance"
+    else:
+        fault, words = "jacobian_wrong", "the transition's Jacobian"
     evidence = f"{text}: {words} is not that of the motion that the mean makes"
     finding = Finding(fault, 0.94, evidence, shown_by="manoeuvre", exhibit=exhibit)
     return PartResult().add("transition", False, text, finding)
@@ -142,7 +147,8 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
     expected *= max(1.0, float(np.sum(left * expected) / np.sum(expected**2)))
     error = float(np.linalg.norm(left - expected) / np.linalg.norm(expected))
     share = float(np.linalg.norm(learned / scale) / np.linalg.norm(left))
-    return Moved(trial, left * scale, expected * scale, error, share)
+    off = (missed[1].mean - straight(STEP) @ missed[0].mean) / sigma[1]
+    return Moved(trial, left * scale, expected * scale, error, share, bool(np.abs(off).max() < SAME))
 
 
 def _two_steps(trial: Trial, measurement: Array | None) -> tuple[Estimate | None, Estimate | None]:
