@@ -311,9 +311,7 @@ def _findings(examination: Examination) -> Iterator[Block]:
     if caused:
         yield Section("Probably consequences: check them again after the fix", (Items(tuple(caused)),))
     fragile = [
-        Item(
-            f"{finding.evidence}. {fix(examination, finding)}", f"{str(finding.fragile).capitalize()} ({finding.fault})"
-        )
+        Item(f"{finding.evidence}. {fix(examination, finding)}", f"{finding.fragile} ({finding.fault})".capitalize())
         for finding in examination.fragile
     ]
     if fragile:

@@ -143,3 +143,9 @@ def _drawn(mean: Array, factor: Array) -> Array:
 
 def _ring(name: str, estimate: Estimate, plane: slice) -> Ring:
     return Ring(f"{name}, {SIZE:g} sigma", estimate.mean[plane], estimate.covariance[plane, plane], SIZE)
+
+
+def told_apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with as many digits as tell them apart, three at least."""
+    texts = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(3, 17)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])

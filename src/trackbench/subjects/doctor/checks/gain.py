@@ -22,7 +22,7 @@ from trackbench.subjects.doctor.expected_gain import (
     variance_of_ray,
 )
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
-from trackbench.subjects.doctor.right_answers import gain_shown
+from trackbench.subjects.doctor.right_answers import gain_shown, told_apart
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises, sampling_noise
 from trackbench.subjects.doctor.trial import Trial
 from trackbench.subjects.doctor.units_ratio import LEAST, conversion
@@ -179,12 +179,6 @@ def _is_right(row: ImpliedModel) -> bool:
     order."""
     update = row.trial.update(row.trial.predicted_measurement)
     return update is not None and gain_error(row.trial, update.gain)[0] < RIGHT
-
-
-def told_apart(one: float, other: float) -> tuple[str, str]:
-    """Two numbers with as many digits as tell them apart, three at least."""
-    texts = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(3, 17)]
-    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])
 
 
 def _row_off(direction: Array, size: Array, turned: Mask, scaled: Mask) -> str:
