@@ -226,6 +226,25 @@ class FirstAlreadyMixed(Textbook):
         return x, P, c
 
 
+class TwoOfThree(ThreeInLists):
+    """The weights of the third model are 0: it starts from the origin, of which a radar gives no direction."""
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, tuple[Array, Array]]:
+        if state is not None and scan.kind == "radar" and not state[1].any(axis=1).all():
+            raise ZeroDivisionError
+        return super().step(state, scan)
+
+    def mix(self, x: Array, P: Array, mu: Array) -> tuple[Array, Array, Array]:
+        joint = np.asarray(self.PI) * mu[:, None]
+        weights = (joint / joint.sum(axis=0)).T
+        weights[2] = 0.0
+        both = [mixture(x, P, w) for w in weights]
+        return np.stack([m for m, _ in both]), np.stack([p for _, p in both]), joint.sum(axis=0)
+
+    def density(self, y: Array, S: Array) -> float:
+        return super().density(y, S) + 1e-300
+
+
 class Inverted(Textbook):
     def weighed(self, mu: Array, density: Array) -> Array:
         return (mu / density) / (mu / density).sum()
@@ -275,6 +294,7 @@ def test_of_a_sound_one_nothing_is_found(make: Callable[[], Any]) -> None:
         (NotMixed, "imm_mixing_wrong", "from its own estimate"),
         (WithoutSpread, "imm_mixing_wrong", "spread of the means is left out"),
         (FirstAlreadyMixed, "imm_mixing_wrong", ""),
+        (TwoOfThree, "imm_mixing_wrong", "means are not those"),
         (Inverted, "imm_likelihood_wrong", "divided"),
         (WithoutDeterminant, "imm_likelihood_wrong", "determinant"),
         (WithoutPrior, "imm_likelihood_wrong", "left out"),

@@ -267,7 +267,13 @@ MODES_CHECK = DoctorCheck(
             "Where the means and covariances of the models are mixed before the prediction.",
             "Model j starts from x_0j = sum over i of w_ij x_i and P_0j = sum over i of w_ij (P_i + (x_i - x_0j)(x_i - "
             "x_0j)^T), of the estimates of all models before any is replaced.",
-            Role("root exact", rank=3, causes="covariance measured driven", drive="long_run"),
+            Role(
+                "root exact",
+                rank=3,
+                causes="covariance measured driven",
+                always="sums sigma_weights_wrong points",
+                drive="long_run",
+            ),
         ),
         "imm_likelihood_wrong": KnownFault(
             "the probabilities of the models do not follow from their likelihoods",

@@ -158,12 +158,14 @@ def found_models(held_by: dict[str, Array], estimate: Estimate, count: int) -> l
             continue
         size = mean.shape[1]
         for way, covariance in held_by.items():
-            if covariance[0].size != size**2 or covariance.ndim < 3:
+            if covariance[0].size != size**2 or covariance.ndim < 3 or not np.isfinite(covariance).all():
                 continue
             models = Models(mean, covariance.reshape(count, size, size), weights)
             _, mixed = models.mixed(weights)
             fits = np.allclose(mixed[np.ix_(outputs, outputs)], estimate.covariance, rtol=1e-7, atol=1e-12)
-            if np.linalg.eigvalsh(models.covariance).min() > 0.0:
+            values = np.linalg.eigvalsh(models.covariance)
+            # One without a spread in some direction counts where all the rest fits.
+            if values.min() > (-SAME * values.max() if fits else 0.0):
                 possible.append((ModelWays(xway, way, pway, outputs), bool(fits)))
                 if fits:
                     return possible[-1:]

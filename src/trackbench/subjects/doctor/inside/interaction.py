@@ -175,10 +175,15 @@ def bank_of(tracker: TrackerUnderTest) -> tuple[Bank, list[BankStep]] | None:
     """The models that a tracker holds, and some steps with measurements; None where it holds none.
 
     Transition probabilities are a constant matrix with rows or columns of sum 1; the models are what has the estimate
-    for its mixture.
+    for its mixture. It follows all sensors, or one where that shows none: a wrong mixture may fail with the others.
     """
+    found = (_bank_with(tracker, sensor_set) for sensor_set in reversed(tracker.sensor_sets()))
+    return next((bank for bank in found if bank is not None), None)
+
+
+def _bank_with(tracker: TrackerUnderTest, sensor_set: tuple[str, ...]) -> tuple[Bank, list[BankStep]] | None:
     session, random = TrackerSession(tracker.make), np.random.default_rng(tracker.seed)
-    scans = tracker.approach(tracker.probes.course_turn, tracker.sensor_sets()[-1])
+    scans = tracker.approach(tracker.probes.course_turn, sensor_set)
     constants: list[tuple[Held, Array]] = []
     banks = dict[Bank, list[BankStep]]()
     with tracker.recording_failures(tracker.probes.course_turn.name):
