@@ -5,11 +5,12 @@ It is looked for by its values in a tracker that runs in this process; see `insi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise, product
 
 import numpy as np
 
+from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
@@ -37,6 +38,13 @@ def _density(of: ModelInnovation) -> float:
     return log_density(of.value, of.covariance)
 
 
+def _of_root(of: ModelInnovation) -> float:
+    """By the variances of the components, each given those before it, in place of their standard deviations."""
+    factor = linalg.cholesky(of.covariance)
+    inverse = np.array(factor.inverse_diagonal)
+    return float(-0.5 * np.sum((factor.whiten(of.value) * inverse) ** 2) + 2.0 * np.log(inverse).sum())
+
+
 #: What the logarithm of a probability may have grown by instead: by the innovation, and by the probability before the
 #: transition and after it.
 INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
@@ -45,6 +53,7 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     "the innovation covariance is taken for its inverse": lambda of, *_: float(
         -0.5 * of.value @ of.covariance @ of.value
     ),
+    "the innovation covariance is taken for its root": lambda of, *_: _of_root(of),
     "the determinant of the innovation covariance is left out of the likelihood": lambda of, *_: float(
         -0.5 * of.value @ np.linalg.solve(of.covariance, of.value)
     ),
@@ -174,31 +183,33 @@ def _weights(steps: Sequence[BankStep]) -> Finding | None:
         for step in steps
         if min(step.before.probability.min(), step.after.probability.min()) > IMPROBABLE
         and step.pool.has(step.predicted.mean)
-        and np.ptp(_grown(step, USED[0])) > TOLD
+        and max(np.ptp(_grown(step, USED[0])), np.ptp(step.gained)) > TOLD
     ]
-    used = min(USED, key=lambda used: float(np.median([_error(step, _grown(step, used)) for step in telling] or [0.0])))
+    used = min(USED, key=lambda used: _unlike(telling, used))
     wrong = list[BankStep]()
     for kind in sorted({step.scan.kind for step in telling}):
         of_kind = [step for step in telling if step.scan.kind == kind]
-        off = [step for step in of_kind if _error(step, _grown(step, used)) > _tolerance(step)]
+        off = [step for step in of_kind if not _follows(step, used)]
         wrong += off if len(off) > len(of_kind) / 2 else []
     if not wrong:
         return None
-    for words, instead in INSTEAD.items():
-        for used in USED:
-            if all(_error(step, _grown(step, used, instead)) < _tolerance(step) for step in wrong):
-                return _weighed_wrongly(wrong, telling, words)
-    # The noise that a tracker reckons with, or the geometry, may be another one.
-    gained, right = (np.concatenate([entry - entry[0] for entry in of]) for of in zip(*_both(wrong, used), strict=True))
-    if float(np.corrcoef(gained, right)[0, 1]) > FOLLOWS:
+    # The likelihoods of a radar can be so small that they are cut off.
+    exact = [step for step in wrong if step.scan.kind == "lidar"]
+    for some, (words, instead), part in product((wrong, exact), INSTEAD.items(), USED):
+        if some and all(_error(step, _grown(step, part, instead)) < _tolerance(step) for step in some):
+            return _weighed_wrongly(wrong, telling, words)
+    # The noise that a tracker reckons with, or the geometry, may be another one: then its updates show it.
+    as_stated = _mostly(float(np.ptp(_grown(step, used) - step.reckoned(used))) < _tolerance(step) for step in wrong)
+    gained = np.concatenate([step.gained - step.gained[0] for step in wrong])
+    right = np.concatenate([grown - grown[0] for grown in (_grown(step, used) for step in wrong)])
+    if not as_stated and float(np.corrcoef(gained, right)[0, 1]) > FOLLOWS:
         return None
     return _weighed_wrongly(wrong, telling, "they do not follow from the likelihoods")
 
 
-def _both(steps: Sequence[BankStep], used: slice) -> Iterator[tuple[Array, Array]]:
-    """Logarithms of what the probabilities were multiplied by, and of the likelihoods; all but that of the first."""
-    for step in steps:
-        yield step.gained, _grown(step, used)
+def _follows(step: BankStep, used: slice) -> bool:
+    """Whether the probabilities follow from the right likelihoods, or from those that the models' updates show."""
+    return any(_error(step, of) <= _tolerance(step) for of in (_grown(step, used), *map(step.reckoned, USED)))
 
 
 def _weighed_wrongly(wrong: Sequence[BankStep], telling: Sequence[BankStep], words: str) -> Finding:
@@ -220,6 +231,12 @@ def _grown(
     """``(m,)`` logarithms of what the probabilities grow by."""
     before, after = step.before.probability, step.prior(step.transition)
     return np.array([by(step.innovation(j, used), before[j], after[j]) for j in range(len(after))])
+
+
+def _unlike(steps: Sequence[BankStep], used: slice) -> float:
+    """Median error relative to what there is to follow."""
+    grown = [(step, _grown(step, used)) for step in steps]
+    return float(np.median([_error(step, of) / max(float(np.ptp(of)), TOLD) for step, of in grown] or [0.0]))
 
 
 def _error(step: BankStep, grown: Array) -> float:

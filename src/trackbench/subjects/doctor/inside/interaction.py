@@ -154,6 +154,26 @@ class BankStep:
         stated = scan.noise_covariance[used, used]
         return ModelInnovation(before, (jacobian @ covariance @ jacobian.T)[used, used] + stated, stated, after)
 
+    def reckoned(self, used: slice) -> Array:
+        """``(m,)`` logarithms of the likelihoods by which the models were updated; NaN where an update shows none.
+
+        With ``K = P H^T S^-1`` the measured part of the covariance ``C = H P H^T`` shrinks by ``C S^-1 C``, and that of
+        the mean moves by ``C S^-1 y``, whatever noise the model reckons with.
+        """
+        model, outputs, scan = SENSOR_MODELS[self.scan.kind], self.bank.ways.outputs, self.scan
+        reckoned = np.full(len(self.after.probability), np.nan)
+        for j, moved in enumerate(self.after.mean - self.predicted.mean):
+            state = self.predicted.mean[j][outputs]
+            jacobian = model.jacobian(state, scan.sensor_pose, scan.sensor_velocity)[used]
+            parts = (of.covariance[j][np.ix_(outputs, outputs)] for of in (self.predicted, self.after))
+            before, after = (jacobian @ part @ jacobian.T for part in parts)
+            back = np.linalg.pinv(before)
+            inverse = linalg.symmetrise(back @ (before - after) @ back.T)
+            if np.linalg.eigvalsh(inverse)[0] > 0.0:
+                covariance = np.asarray(np.linalg.inv(inverse), dtype=float)
+                reckoned[j] = log_density(covariance @ back @ jacobian @ moved[outputs], covariance)
+        return reckoned
+
     @property
     def mixes(self) -> bool:
         """Whether the models start from the mixtures that the transition probabilities give."""
