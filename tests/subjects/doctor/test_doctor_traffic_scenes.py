@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.doctor.traffic.ipda import Ipda
-from benchmarks.doctor.traffic.nearest_faults import MatchedFirst
+from benchmarks.doctor.traffic.ipda_faults import OneAfterAnother
+from benchmarks.doctor.traffic.nearest_faults import DetectionsInOrder, MatchedFirst, TracksInOrder
 from benchmarks.doctor.traffic.nearest_global import NearestGlobal
 from benchmarks.doctor.traffic.sound import SOUND
 from benchmarks.doctor.traffic.subject import Make, looped
@@ -17,8 +18,10 @@ from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.site import simplified
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
+from trackbench.subjects.doctor.traffic_checks.association import ended_alone
 from trackbench.subjects.doctor.traffic_checks.drive import cars, traffic_drive, traffic_scans
 from trackbench.subjects.doctor.traffic_checks.late import late
+from trackbench.subjects.doctor.traffic_checks.tracks import beside, order
 from trackbench.subjects.doctor.traffic_checks.weights import weights
 
 SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
@@ -187,3 +190,69 @@ def test_a_tracker_that_fails_at_one_object_cannot_be_examined() -> None:
     make: Make = looped(Broken)
     with pytest.raises(CannotRun, match="at the detections of one object: KeyError: 'x'"):
         TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", make)
+
+
+class FirstOfTwins(NearestGlobal):
+    """Of new tracks nearer to each other than 0.5 m the first in the list is kept."""
+
+    def begun(self, scan, taken):
+        kept = []
+        for track in super().begun(scan, taken):
+            if all(np.hypot(*(track.x - one.x)[:2]) > 0.5 for one in [*self.tracks, *kept]):
+                kept.append(track)
+        return kept
+
+
+@pytest.mark.parametrize("tracker", [NearestGlobal, FirstOfTwins])
+def test_whose_track_starts_where_objects_cannot_be_told_apart_may_depend_on_the_order(tracker: type) -> None:
+    assert outcome(order(looped(tracker), SITES["lidar"])) == {"order": True}
+
+
+@pytest.mark.parametrize("tracker", [DetectionsInOrder, TracksInOrder, OneAfterAnother])
+def test_established_tracks_that_take_detections_in_an_order_are_found(tracker: type) -> None:
+    assert [finding.fault for finding in order(looped(tracker), SITES["lidar"]).findings] == ["order_dependent"]
+
+
+class EachForItself(NearestGlobal):
+    """Tracks share detections; of those of one object that coincide the oldest is kept."""
+
+    apart = True
+
+    def associated(self, distances, scan):
+        d2 = np.where(self.inside(distances[0], scan), distances[0], np.inf)
+        return {k: int(row.argmin()) for k, row in enumerate(d2) if len(row) and row.min() < np.inf}
+
+    def ended(self, track):
+        older = self.tracks[: next(k for k, one in enumerate(self.tracks) if one is track)]
+        twin = any(np.hypot(*(track.x - one.x)[:2]) < 1.0 for one in older)
+        return super().ended(track) or (self.apart and twin)
+
+
+class TwinsKept(EachForItself):
+    apart = False
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_a_false_alarm_beside_an_object_makes_a_second_track_where_tracks_share_detections(site: Site) -> None:
+    assert outcome(beside(looped(NearestGlobal), site)) == {"double_tracks.beside": True}
+    assert outcome(beside(looped(EachForItself), site)) == {"double_tracks.beside": True}
+    assert [finding.fault for finding in beside(looped(TwinsKept), site).findings] == ["double_tracks"]
+
+
+class SkipsTheNext(NearestGlobal):
+    """The track after one that ends is not predicted."""
+
+    def predict(self, scan):
+        skipped = [
+            one for last, one in zip(self.tracks, self.tracks[1:], strict=False) if last.missed == self.misses - 1
+        ]
+        places = [(one, one.x, one.P) for one in skipped]
+        super().predict(scan)
+        for one, x, P in places:
+            one.x, one.P = x, P
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_a_track_that_is_not_predicted_where_another_ends_is_found(site: Site) -> None:
+    assert outcome(ended_alone(looped(NearestGlobal), site)) == {"ended_alone": True, "predicted_alone": True}
+    assert [finding.fault for finding in ended_alone(looped(SkipsTheNext), site).findings] == ["associated_unpredicted"]

@@ -35,12 +35,17 @@ QUEUE, APART = np.array([[36.0, 0, -5, 0], [42, 0, -5, 0]]).T, 6.0
 #: Share of the step of a Kalman filter from which on a track has taken a detection.
 TAKEN = 0.1
 #: False alarms of one scan in so many, more than there are tracks, and of the others: their tracks end between the two.
-MANY, FEW, EVERY = 12, 1, 6
+MANY, FEW, PERIOD = 12, 1, 6
 #: Time for which objects are detected, s: of a count that is not set back, the misses of each four scans add up.
 DETECTED = 8.0
 #: Two objects that leave, and three that stay: px, py m, vx, vy m/s.
 LEAVING = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3]]).T
 STAYING = np.array([[20.0, -60, 1, 9], [-30, -40, 5, 5], [70, -20, -9, 0]]).T
+EVERY = np.concatenate([LEAVING, STAYING], axis=1)
+#: Time until the next ones come, or go, s.
+COMES = 1.0
+#: Periods of the scans by which a track is behind its object, from which on it is not predicted.
+BEHIND = 0.25
 
 
 def predicted_place(make: Make, site: Site) -> PartResult:
@@ -132,7 +137,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
         return PartResult()
     there, count, number = 0, round((LONGEST + 0.5) * RATE), 0
     for k in range(count):
-        time, numbers = scans[-1].time + (k + 1) / RATE, number + np.arange(FEW if k % EVERY else MANY)
+        time, numbers = scans[-1].time + (k + 1) / RATE, number + np.arange(FEW if k % PERIOD else MANY)
         number += len(numbers)
         # Spread evenly behind the sensor.
         angle, r = np.pi * (0.9 + 0.9 * ((0.754878 * numbers) % 1)), 60 + 80 * ((0.569840 * numbers) % 1)
@@ -145,19 +150,50 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
 
 def ended_alone(make: Make, site: Site) -> PartResult:
     """Two objects go at once, and three stay."""
-    random, come, away = np.random.default_rng(7), 1.0, LONGEST + 0.5
-    session = MultiObjectSession(make)
-    session.follow(site.scans(LEAVING, come, random))
-    every = np.concatenate([moved(LEAVING, come), STAYING], axis=1)
-    both = session.follow(site.scans(every, come, random, origin=come))[-1]
-    if any(nearest(both, moved(target, come - 1 / RATE)) is None for target in every.T):
+    session, (come, stay) = MultiObjectSession(make), _ending(site, np.random.default_rng(7))
+    both = session.follow(come)[-1]
+    if any(nearest(both, target) is None for target in moved(EVERY, come[-1].time).T):
         return PartResult()
     lost = np.zeros(STAYING.shape[1], dtype=bool)
-    for scan in site.scans(moved(STAYING, come), away, random, origin=2 * come):
+    for scan in stay:
         tracks = session.step(scan)
-        lost |= [nearest(tracks, target) is None for target in moved(STAYING, scan.time - come).T]
+        lost |= [nearest(tracks, target) is None for target in moved(STAYING, scan.time).T]
     text = f"of {len(lost)} objects that every scan detects, {sum(lost)} lose their tracks after two others have gone"
-    return note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
+    result = note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
+    return result if lost.any() else _predicted_alone(make, site, result)
+
+
+def _ending(site: Site, random: np.random.Generator | None) -> tuple[list[Scan], list[Scan]]:
+    """Scans until two objects go, which came first, and those of the three that stay."""
+    first = site.scans(LEAVING, COMES, random)
+    come = site.scans(EVERY, COMES, random, start=COMES)
+    return [*first, *come], site.scans(STAYING, LONGEST + 0.5, random, start=2 * COMES)
+
+
+def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
+    """The same without noise: nothing but a prediction that is left out puts the tracks that stay behind."""
+    session, (come, stay) = MultiObjectSession(make), _ending(site, None)
+    answers = [session.follow(come)[-1:], session.follow(stay)]
+    before, most = (
+        max(
+            _behind(tracks, target)
+            for tracks, scan in zip(own, scans, strict=True)
+            for target in moved(STAYING, scan.time).T
+        )
+        for own, scans in zip(answers, (come[-1:], stay), strict=True)
+    )
+    if before > BEHIND / 2:
+        return result
+    text = f"a track is behind its object by up to {most:.2g} of the time between two scans after others have ended"
+    return note(result, "predicted_alone", most < BEHIND, text, "associated_unpredicted")
+
+
+def _behind(tracks: Tracks, target: Array) -> float:
+    """Of the track on an object, in periods of the scans along its velocity."""
+    column = nearest(tracks, target)
+    if column is None:
+        return np.inf
+    return float((target - tracks.mean[:, column])[:2] @ target[2:] / (target[2:] @ target[2:]) * RATE)
 
 
 def ended_detected(make: Make, site: Site) -> PartResult:
@@ -220,7 +256,10 @@ ENDED_DETECTED_CHECK = DoctorCheck(
 ENDED_ALONE_CHECK = DoctorCheck(
     ended_alone,
     place=44,
-    questions=(Question("ended_alone", "When tracks end, do the others stay?"),),
+    questions=(
+        Question("ended_alone", "When tracks end, do the others stay?"),
+        Question("predicted_alone", "When tracks end, are the others predicted?"),
+    ),
     faults={
         "wrong_track_deleted": KnownFault(
             "a track is deleted whose object is detected",

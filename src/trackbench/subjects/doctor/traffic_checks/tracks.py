@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.base import linalg
 from trackbench.base.types import Array, Mask, Scan, Tracks
 from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.traffic import (
@@ -17,6 +18,7 @@ from trackbench.subjects.doctor.traffic import (
     Site,
     distances,
     moved,
+    nearest,
     note,
 )
 
@@ -26,8 +28,14 @@ LATEST, LONGEST = 1.0, 3.0
 FALSE_TRACKS = 0.1
 #: Share of the time that the object in the middle may have two tracks.
 TOLERATED = 0.1
-#: Distance of objects side by side, in standard deviations of a position.
-SPACINGS = (1.5, 4.0)
+#: Pairs of objects that meet around the sensor: how many, at which range, m, when, s, how fast they come together, m/s,
+#: and how near they pass, in standard deviations of a position. Tracks of other velocities are of other objects.
+PAIRS, AWAY, MEET, TOGETHER, PASSING = 5, 40.0, 2.0, 10.0, 0.5
+#: How far beside one of each pair a third object is, m: some standard deviations, and within the gates of new tracks.
+NEXT = 2.0
+#: False alarms beside objects: how far, in standard deviations of an innovation, in one scan of so many, until when, s;
+#: and the time that is judged when a track may not last any more, s.
+FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 3.0, 0.5
 #: How many empty scans follow each other where one track's prediction is looked at, and objects that come at once.
 EMPTY, COMING = 3, 8
 
@@ -41,6 +49,23 @@ def following(make: Make, site: Site) -> PartResult:
     text = f"there is no track at all of it in {waited:g} s" if never else f"its track is there after {waited:.2f} s"
     result = note(PartResult(), "confirmation", waited <= LATEST, text, "confirms_too_late")
     return _single_tracks(result, "double_tracks", count)
+
+
+def beside(make: Make, site: Site) -> PartResult:
+    """Three objects, and now and then a false alarm beside each of them, which no track of it expects."""
+    session, random = MultiObjectSession(make), np.random.default_rng(10)
+    scans = site.scans(OBJECTS, OFTEN + LONGEST + JUDGED, random)
+    answers: list[Tracks] = []
+    for number, scan in enumerate(scans):
+        if answers and number % EVERY == 0 and scan.time <= OFTEN:
+            ahead = answers[-1]._replace(mean=moved(answers[-1].mean, 1 / RATE))
+            columns = [nearest(ahead, target) for target in moved(OBJECTS, scan.time).T]
+            places = [site.expected(ahead, column)[:2] for column in columns if column is not None]
+            alarms = [(at + FURTHER * linalg.cholesky(spread).lower()[:, 0])[:, None] for at, spread in places]
+            scan = site.scan(scan.time, np.concatenate([scan.measurement, *alarms], axis=1), random)
+        answers.append(session.step(scan))
+    last = round(JUDGED * RATE)
+    return _single_tracks(PartResult(), "double_tracks.beside", _on_objects(answers[-last:], scans[-last:]))
 
 
 def together(make: Make, sites: Sequence[Site]) -> PartResult:
@@ -100,20 +125,29 @@ def leaving(make: Make, site: Site) -> PartResult:
 
 
 def order(make: Make, site: Site) -> PartResult:
-    """Objects side by side, their detections in two random orders."""
-    detection = site.scan(0.0, site.detections(np.array([[40.0], [10], [0], [0]])), np.random.default_rng(0))
-    variances = np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2))
-    changed = ""
-    for number, spacing in enumerate(SPACINGS):
-        by = spacing * float(np.sqrt(variances.max()))
-        close = np.array([[40.0, 10, -5, 0], [40, 10 + by, -5, 0], [40 + by, 10 + by / 2, -5, 0]]).T
-        random = np.random.default_rng(5 + number)
-        scans = site.scans(close, 1.5, random)
-        # Not only the other way round: a track that takes the detection in its own column would not tell.
-        mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
-        changed = changed or _difference(MultiObjectSession(make).follow(scans), MultiObjectSession(make).follow(mixed))
+    """Objects far from each other that meet, their detections in two random orders.
+
+    Whose track a first detection starts where it could be of two objects is left to the tracker.
+    """
+    random, objects = np.random.default_rng(5), _meeting(site)
+    scans = site.scans(objects, 1.5 * MEET, random)
+    # Not only the other way round: a track that takes the detection in its own column would not tell.
+    mixed = [site.scan(scan.time, scan.measurement, random) for scan in scans]
+    changed = _difference(MultiObjectSession(make).follow(scans), MultiObjectSession(make).follow(mixed))
     text = f"the same detections in another order give {changed or 'the same tracks'}"
     return note(PartResult(), "order", not changed, text, "order_dependent")
+
+
+def _meeting(site: Site) -> Array:
+    """``(4, n)`` at time 0."""
+    detection = site.scan(0.0, site.detections(np.array([[AWAY], [0], [0], [0]])), np.random.default_rng(0))
+    sigma = np.sqrt(np.linalg.eigvalsh(site.sensor.position(detection).covariance.reshape(2, 2)).max())
+    angle = 2 * np.pi * np.arange(PAIRS) / PAIRS
+    out, velocity = np.array([np.cos(angle), np.sin(angle)]), TOGETHER / 2 * np.array([-np.sin(angle), np.cos(angle)])
+    ranges = AWAY + PASSING * sigma * np.array([0.5, -0.5, 0.5]) + np.array([0, 0, NEXT])
+    parts = zip(ranges, (1, -1, 1), strict=True)
+    met = [np.concatenate([at * out, sign * velocity]) for at, sign in parts]
+    return moved(np.concatenate(met, axis=1), -MEET)
 
 
 def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
@@ -207,6 +241,12 @@ FOLLOWING_CHECK = DoctorCheck(
             Role(rank=7, always="confirms_too_soon"),
         ),
     },
+)
+
+BESIDE_CHECK = DoctorCheck(
+    beside,
+    place=14,
+    questions=(Question("double_tracks.beside", "Does a false alarm beside an object give it no second track?"),),
 )
 
 FALSE_ALARMS_CHECK = DoctorCheck(
