@@ -165,35 +165,27 @@ def ended_alone(make: Make, site: Site) -> PartResult:
 
 def _ending(site: Site, random: np.random.Generator | None) -> tuple[list[Scan], list[Scan]]:
     """Scans until two objects go, which came first, and those of the three that stay."""
-    first = site.scans(LEAVING, COMES, random)
-    come = site.scans(EVERY, COMES, random, start=COMES)
-    return [*first, *come], site.scans(STAYING, LONGEST + 0.5, random, start=2 * COMES)
+    come = [*site.scans(LEAVING, COMES, random), *site.scans(EVERY, COMES, random, start=COMES)]
+    return come, site.scans(STAYING, LONGEST + 0.5, random, start=2 * COMES)
 
 
 def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
     """The same without noise: nothing but a prediction that is left out puts the tracks that stay behind."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, None)
-    answers = [session.follow(come)[-1:], session.follow(stay)]
-    before, most = (
-        max(
-            _behind(tracks, target)
-            for tracks, scan in zip(own, scans, strict=True)
-            for target in moved(STAYING, scan.time).T
-        )
-        for own, scans in zip(answers, (come[-1:], stay), strict=True)
-    )
+    session.follow(come[:-1])
+    before, *after = [_behind(session.step(scan), moved(STAYING, scan.time)) for scan in [come[-1], *stay]]
     if before > BEHIND / 2:
         return result
-    text = f"a track is behind its object by up to {most:.2g} of the time between two scans after others have ended"
-    return note(result, "predicted_alone", most < BEHIND, text, "associated_unpredicted")
+    text = f"a track is behind its object by {max(after):.2g} of the time between two scans after others have ended"
+    return note(result, "predicted_alone", max(after) < BEHIND, text, "associated_unpredicted")
 
 
-def _behind(tracks: Tracks, target: Array) -> float:
-    """Of the track on an object, in periods of the scans along its velocity."""
-    column = nearest(tracks, target)
-    if column is None:
+def _behind(tracks: Tracks, targets: Array) -> float:
+    """Of the track that is the most behind its object along its way, in periods of the scans."""
+    if not len(tracks.ids):
         return np.inf
-    return float((target - tracks.mean[:, column])[:2] @ target[2:] / (target[2:] @ target[2:]) * RATE)
+    away = targets - tracks.mean[:, distances(tracks, targets[:2]).argmin(axis=0)]
+    return float(np.abs(np.sum(away[:2] * targets[2:], axis=0) / np.sum(targets[2:] ** 2, axis=0)).max() * RATE)
 
 
 def ended_detected(make: Make, site: Site) -> PartResult:

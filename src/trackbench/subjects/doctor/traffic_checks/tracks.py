@@ -31,10 +31,8 @@ TOLERATED = 0.1
 #: Pairs of objects that meet around the sensor: how many, at which range, m, when, s, how fast they come together, m/s,
 #: and how near they pass, in standard deviations of a position. Tracks of other velocities are of other objects.
 PAIRS, AWAY, MEET, TOGETHER, PASSING = 5, 40.0, 2.0, 10.0, 0.5
-#: Seeds of their noise and orders.
-DRAWS = (5, 6, 7)
-#: How far beside one of each pair a third object is, m: some standard deviations, and within the gates of new tracks.
-NEXT = 2.0
+#: How far beside one of each pair a third one is, m, within the gates of new tracks; seeds of the noise and the orders.
+NEXT, DRAWS = 2.0, (5, 6, 7)
 #: False alarms beside objects: how far, in standard deviations of an innovation, in one scan of so many, until when, s;
 #: and the time that is judged when a track may not last any more, s.
 FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 3.0, 0.5
@@ -127,10 +125,7 @@ def leaving(make: Make, site: Site) -> PartResult:
 
 
 def order(make: Make, site: Site) -> PartResult:
-    """Objects far from each other that meet, their detections in two random orders.
-
-    Whose track a first detection starts where it could be of two objects is left to the tracker.
-    """
+    """Objects that are far from each other before they meet, their detections in two random orders."""
     objects, changed = _meeting(site), ""
     # In each of several draws: which of two assignments that cost almost the same is taken may depend on the order.
     for seed in DRAWS:
@@ -152,8 +147,7 @@ def _meeting(site: Site) -> Array:
     angle = 2 * np.pi * np.arange(PAIRS) / PAIRS
     out, velocity = np.array([np.cos(angle), np.sin(angle)]), TOGETHER / 2 * np.array([-np.sin(angle), np.cos(angle)])
     ranges = AWAY + PASSING * sigma * np.array([0.5, -0.5, 0.5]) + np.array([0, 0, NEXT])
-    parts = zip(ranges, (1, -1, 1), strict=True)
-    met = [np.concatenate([at * out, sign * velocity]) for at, sign in parts]
+    met = [np.concatenate([at * out, sign * velocity]) for at, sign in zip(ranges, (1, -1, 1), strict=True)]
     return moved(np.concatenate(met, axis=1), -MEET)
 
 
