@@ -88,7 +88,9 @@ def examine(program: Program) -> Seen:
 
 
 def shared(hits: int, count: int) -> str:
-    """A share and its exact 95 % interval."""
+    """A share and its exact 95 % interval; empty of none."""
+    if not count:
+        return ""
     low, high = share_interval(hits / count, count)
     return f"{hits / count:.0%} ({low:.0%} to {high:.0%})"
 
