@@ -68,9 +68,9 @@ def test_a_tracker_without_a_track_is_said_to_have_none() -> None:
 def test_an_identity_taken_modulo_is_reused() -> None:
     class Modulo(NearestGlobal):
         def next_id(self):
-            free = set(range(9)) - {track.id for track in self.tracks}
+            free = set(range(16)) - {track.id for track in self.tracks}
             self.count += 1
-            return next(one % 9 for one in range(self.count, self.count + 9) if one % 9 in free)
+            return next(one % 16 for one in range(self.count, self.count + 16) if one % 16 in free)
 
     assert first_fault("lidar", looped(Modulo)) == "ids_reused"
 
