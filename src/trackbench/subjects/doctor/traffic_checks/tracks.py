@@ -35,7 +35,7 @@ PAIRS, AWAY, MEET, TOGETHER, PASSING = 5, 40.0, 2.0, 10.0, 0.5
 NEXT, DRAWS = 2.0, (5, 6, 7)
 #: False alarms beside objects: how far, in standard deviations of an innovation, in one scan of so many, until when, s;
 #: and the time that is judged when a track may not last any more, s.
-FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 3.0, 0.5
+FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 1.1, 0.5
 #: How many empty scans follow each other where one track's prediction is looked at, and objects that come at once.
 EMPTY, COMING = 3, 8
 
