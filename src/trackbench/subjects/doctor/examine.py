@@ -21,7 +21,7 @@ from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of, rank
-from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model
+from trackbench.subjects.doctor.inside.pinned import explained, models_alone, of_each_model
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.report import Examination
@@ -177,7 +177,7 @@ class Doctor:
             raise CannotRun("it gave no estimate at any scan")
         made = [check for result in results for check in result.checks]
         fragile = {finding.fault: finding for finding in findings if finding.fragile}
-        faults = rank(finding for finding in findings if not finding.fragile)
+        faults = explained(rank(finding for finding in findings if not finding.fragile))
         return Examination(name, faults, made, tuple(fragile.values()))
 
     def _asked(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:

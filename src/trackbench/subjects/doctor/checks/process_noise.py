@@ -70,6 +70,9 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
         f"difference of the squares), as with a white acceleration of {equal:.3g} m/s^2 at 20 steps a second; "
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )
+    if (axis := _without_noise(tracker)) is not None:
+        finding = Finding("process_noise_omitted", 0.96, axis, shown_by=shown_by, exhibit=exhibit)
+        return PartResult().add("process_noise", False, axis, finding)
     fits = BAND[0] <= growth <= BAND[1]
     result = PartResult().add("process_noise", fits, text)
     _per_step(tracker, result)
@@ -80,6 +83,23 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
         finding = Finding(fault, confidence, text, factor=factor, shown_by=shown_by, exhibit=exhibit)
         result.findings.append(finding)
     return result
+
+
+def _without_noise(tracker: TrackerUnderTest) -> str | None:
+    """That the velocity along one axis has no process noise, wherever targets go and however fast, if it has none."""
+    axes = []
+    for probe in tracker.probes.general:
+        over = tracker.predicted(probe, 1.0)
+        if over is None:
+            return None
+        values, vectors = np.linalg.eigh((over[1].covariance - over[0].covariance)[2:, 2:])
+        if not abs(values[0]) < SAME * values[1]:
+            return None
+        axes.append(np.abs(vectors[:, 0]))
+    if len(axes) < len(STEPS) or float(np.ptp(axes, axis=0).max()) > WHOLE:
+        return None
+    x, y = np.mean(axes, axis=0)
+    return f"in 1 s without a measurement the variance of the velocity along ({x:.2g}, {y:.2g}) does not grow"
 
 
 def _growth_shown(found: Sequence[Array]) -> OverTime:

@@ -5,6 +5,7 @@ A failed step is a finding, or the tracker is one of which nothing can be asked.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -114,12 +115,20 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     tried = sorted(first.items(), key=lambda one: (one[0] in SINGULAR, not one[1].given, len(one[1].given)))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
+    causes = {where: _cause(tracker, where, failure) for where, failure in tried}
+    count = Counter(cause[0] for cause in causes.values() if cause is not None)
+    if 2 * count["course_not_wrapped"] < count.total():
+        # What mostly fails elsewhere does not fail where the course jumps.
+        causes = {
+            where: None if cause is None or cause[0] == "course_not_wrapped" else cause
+            for where, cause in causes.items()
+        }
     named: set[str] = set()
     for where, failure in tried:
         if _overflows(failure) and _in_drive(tracker, where):
             fault, because, sensor, exhibit = "too_far_off", "", None, None
         else:
-            fault, because, sensor, exhibit = _cause(tracker, where, failure) or (
+            fault, because, sensor, exhibit = causes[where] or (
                 fault_of_error(failure),
                 "",
                 only,

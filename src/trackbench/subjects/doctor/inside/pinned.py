@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
-from trackbench.subjects.doctor.findings import PartResult
+from trackbench.subjects.doctor.findings import Finding, PartResult
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
 from trackbench.subjects.doctor.inside.values import HeldAt, Path, held
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -22,6 +22,8 @@ from trackbench.trackers.answers import Tracker
 NEVER = 1e-30
 #: Probability from which on a model is alone.
 ALONE = 1.0 - 1e-9
+#: How the evidence of what is found of a model alone begins.
+OF_MODEL = "of model"
 
 
 class _Pinned:
@@ -106,7 +108,12 @@ def models_alone(tracker: TrackerUnderTest) -> list[ModelAlone]:
 def of_each_model(results: Sequence[PartResult]) -> PartResult:
     """The results of one check of each model, as one of the tracker: each says of which model it is."""
     merged = PartResult()
-    for checks in zip(*(result.checks for result in results), strict=True):
+    names = dict.fromkeys(check.name for result in results for check in result.checks)
+    for name in names:
+        # A model that fails at all steps of a sensor has no answer with it.
+        none = next(check for result in results for check in result.checks if check.name == name)
+        none = replace(none, passed=None, result="there was no estimate", faults=())
+        checks = [next((check for check in result.checks if check.name == name), none) for result in results]
         failed = [check.passed is False for check in checks]
         made = [check.passed is not None for check in checks]
         said = [f"model {j}: {check.result}" for j, check in enumerate(checks, 1) if any(failed) <= (not check.passed)]
@@ -115,11 +122,24 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
         passed = not any(failed) if any(made) else None
         merged.checks.append(replace(checks[0], passed=passed, result=text, faults=faults))
     merged.findings = [
-        replace(finding, evidence=f"of model {j} alone: {finding.evidence}")
+        replace(finding, evidence=f"{OF_MODEL} {j} alone: {finding.evidence}")
         for j, result in enumerate(results, 1)
         for finding in result.findings
     ]
     return merged
+
+
+def explained(findings: Sequence[Finding]) -> list[Finding]:
+    """With what is found of a model alone as a consequence of a wrong mixture: each model starts from one."""
+    if not any(finding.fault == "imm_mixing_wrong" for finding in findings):
+        return list(findings)
+    caused = [
+        replace(one, consequence_of=one.consequence_of or "imm_mixing_wrong")
+        if one.evidence.startswith(OF_MODEL)
+        else one
+        for one in findings
+    ]
+    return sorted(caused, key=lambda one: one.consequence_of is not None)
 
 
 def _put(place: HeldAt, matrix: Array) -> None:

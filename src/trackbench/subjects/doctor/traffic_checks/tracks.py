@@ -53,16 +53,20 @@ def following(make: Make, site: Site) -> PartResult:
 
 def beside(make: Make, site: Site) -> PartResult:
     """Three objects, and now and then a false alarm beside each of them, which no track of it expects."""
-    session, random = MultiObjectSession(make), np.random.default_rng(10)
+    session, alone, random = MultiObjectSession(make), MultiObjectSession(make), np.random.default_rng(10)
     scans = site.scans(OBJECTS, OFTEN + LONGEST + JUDGED, random)
     answers: list[Tracks] = []
     for number, scan in enumerate(scans):
+        alarms: list[Array] = []
         if answers and number % EVERY == 0 and scan.time <= OFTEN:
             ahead = answers[-1]._replace(mean=moved(answers[-1].mean, 1 / RATE))
             columns = [nearest(ahead, target) for target in moved(OBJECTS, scan.time).T]
             places = [site.expected(ahead, column)[:2] for column in columns if column is not None]
             alarms = [(at + FURTHER * linalg.cholesky(spread).lower()[:, 0])[:, None] for at, spread in places]
-            scan = site.scan(scan.time, np.concatenate([scan.measurement, *alarms], axis=1), random)
+        only = np.concatenate([scan.measurement[:, :0], *alarms], axis=1)
+        if len(alone.step(site.scan(scan.time, only, random)).ids):
+            return PartResult().add("double_tracks.beside", None, "false alarms make tracks without an object, too")
+        scan = site.scan(scan.time, np.concatenate([scan.measurement, only], axis=1), random)
         answers.append(session.step(scan))
     last = round(JUDGED * RATE)
     return _single_tracks(PartResult(), "double_tracks.beside", _on_objects(answers[-last:], scans[-last:]))
@@ -239,7 +243,7 @@ FOLLOWING_CHECK = DoctorCheck(
             "Where a detection starts a new track.",
             "Let only those detections start one that no track is likely to have caused, and merge tracks that "
             "coincide.",
-            Role(rank=7, always="confirms_too_soon"),
+            Role(rank=8, always="confirms_too_soon"),
         ),
     },
 )
@@ -260,7 +264,7 @@ FALSE_ALARMS_CHECK = DoctorCheck(
             "Where a tentative track becomes a confirmed one.",
             "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
             "reach.",
-            Role(rank=8, always="double_tracks"),
+            Role(rank=9, always="double_tracks"),
         )
     },
 )
@@ -278,6 +282,7 @@ LEAVING_CHECK = DoctorCheck(
             "Where a track without detections is looked at.",
             "Delete a track after about a second in view without a detection, or when its existence has become "
             "improbable.",
+            Role(rank=7, always="double_tracks"),
         ),
         "ids_reused": KnownFault(
             "identities are used again",
