@@ -17,6 +17,7 @@ from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
+from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.right_answers import named
@@ -43,8 +44,8 @@ SIDES = (-2.0, 2.0)
 SPREAD_OVER, BEYOND = 5.0, 2.0
 #: Angles by which the target is turned, rad: no angle is near pi then.
 TURN, OTHER_TURN = -1.2, 1.9
-#: Share of a jump which the two turned targets may differ by.
-ALIKE = 0.2
+#: Share of a jump which the two turned targets may differ by, and error of their gain that is a fault of its own.
+ALIKE, OFF = 0.2, 0.5
 #: Error of the velocity after 3 s without noise, as a share of the speed, of a target that is as good as lost, and the
 #: least ratio to that of the turned target.
 ASTRAY, WORSE = 0.05, 5.0
@@ -201,6 +202,9 @@ def _jumps_of(
     if all(jump.size < FAR for jump in found):
         return found
     if not azimuth:
+        update = turned.linear_update()
+        if update is not None and gain_error(turned, update.gain, update.used)[0] > OFF:
+            return []
         return [] if _turns_differ(tracker, probe, turned, max(jump.size for jump in found)) else found
     mounted = _mounted(tracker, probe, name, sensor_set)
     if mounted is None or not _right(mounted, probe):
