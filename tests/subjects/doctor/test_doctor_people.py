@@ -23,13 +23,14 @@ from trackbench.subjects.doctor.checks.gate import gate_width
 from trackbench.subjects.doctor.checks.noise_place import noise_place
 from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.prediction import prediction
-from trackbench.subjects.doctor.checks.process_noise import noise_powers
+from trackbench.subjects.doctor.checks.process_noise import noise_powers, process_noise
 from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.transition import transition
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.examine import reference
 from trackbench.subjects.doctor.expected_gain import implied
 from trackbench.subjects.doctor.findings import Finding, PartResult, rank
+from trackbench.subjects.doctor.inside.pinned import OF_MODEL, explained
 from trackbench.subjects.doctor.probes import Probes
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.subject import SENSORS
@@ -196,6 +197,29 @@ def test_declared_random_numbers_are_in_the_covariance(made: Any) -> None:
 def test_a_fault_of_a_program_is_named(part: Part, module: str, fault: str, made: Any) -> None:
     found = part(examined(made(named(faults("practice4"), module)))).findings
     assert {one.fault for one in found} == {fault}
+
+
+class NoiseAlongX(PlainEkf):
+    """Its process noise is that of an acceleration along x alone."""
+
+    def predict(self, x: Any, P: Any, dt: float) -> Any:
+        x, predicted = super().predict(x, P, dt)
+        F = np.eye(4) + dt * np.eye(4, k=2)
+        noise = predicted - F @ P @ F.T
+        noise[1::2], noise[:, 1::2] = 0.0, 0.0
+        return x, F @ P @ F.T + noise
+
+
+def test_a_velocity_without_noise_along_an_axis_is_named() -> None:
+    (found,) = process_noise(examined(NoiseAlongX)).findings
+    assert found.fault == "process_noise_omitted"
+    assert found.evidence.endswith("velocity along (0, 1) does not grow")
+
+
+def test_what_is_found_of_a_model_alone_is_a_consequence_of_a_wrong_mixture() -> None:
+    mixing, of_model = Finding("imm_mixing_wrong", 0.9, ""), Finding("q_too_small", 0.95, f"{OF_MODEL} 1 alone: small")
+    assert explained([of_model]) == [of_model]
+    assert [one.consequence_of for one in explained([of_model, mixing])] == [None, "imm_mixing_wrong"]
 
 
 def test_positions_without_noise_say_nothing_of_sigma_points(made: Any) -> None:
