@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -43,11 +44,15 @@ def scans(identities: str) -> list[Scan]:
 def answers(program: Program, folder: Path) -> list[object]:
     spec = spec_from_file_location(program.module, program.write(folder))
     module = module_from_spec(spec)
+    # Data classes look for their module there.
+    sys.modules[program.module] = module
     spec.loader.exec_module(module)
     tracker, state, said = module.Tracker(), None, []
+    batched = getattr(tracker, "batched", False)
     for scan in scans(program.identities):
-        state, estimate = tracker.step(state, scan)
-        said.append(estimate)
+        one = scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None]) if batched else scan
+        state, estimate = tracker.step(state, one)
+        said.append((estimate[0][:, 0], estimate[1][..., 0]) if batched else estimate)
     return said
 
 
@@ -55,7 +60,8 @@ def answers(program: Program, folder: Path) -> list[object]:
 def test_every_program_answers_five_scans_and_the_sound_ones_are_near_the_target(name: str, tmp_path: Path) -> None:
     for program in [*faults(name), *bases(name), *sound(name)]:
         if "exception_raised" in program.accept:
-            with pytest.raises(Exception):  # noqa: B017, PT011
+            # Where it is not the first name, it may be raised later, or not at all.
+            with pytest.raises(Exception) if program.accept[0] == "exception_raised" else suppress(Exception):  # noqa: PT011
                 answers(program, tmp_path)
             continue
         last = answers(program, tmp_path)[-1]
