@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from contextlib import suppress
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -17,6 +16,8 @@ from trackbench.base.types import FieldOfView, Scan
 from trackbench.subjects.doctor.findings import known_faults
 
 NAMES = sorted(file.parent.name for file in SETS.glob("*/faults.yaml"))
+#: Programs that fail after more than five scans.
+LATER = ("joseph_not_transposed", "covariances_left_at_zero", "rotated_on_one_side", "transposed_bracket")
 RADAR, LIDAR = np.diag([0.3, 0.01, 0.1]) ** 2, np.diag([0.15, 0.15]) ** 2
 
 
@@ -60,8 +61,10 @@ def answers(program: Program, folder: Path) -> list[object]:
 def test_every_program_answers_five_scans_and_the_sound_ones_are_near_the_target(name: str, tmp_path: Path) -> None:
     for program in [*faults(name), *bases(name), *sound(name)]:
         if "exception_raised" in program.accept:
-            # Where it is not the first name, it may be raised later, or not at all.
-            with pytest.raises(Exception) if program.accept[0] == "exception_raised" else suppress(Exception):  # noqa: PT011
+            if program.module in LATER:
+                assert len(answers(program, tmp_path)) == 5
+                continue
+            with pytest.raises(Exception):  # noqa: B017, PT011
                 answers(program, tmp_path)
             continue
         last = answers(program, tmp_path)[-1]
