@@ -22,9 +22,10 @@ from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
 from trackbench.subjects.doctor.findings import rank
 from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial
 
 

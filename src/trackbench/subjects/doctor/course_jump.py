@@ -5,15 +5,16 @@ A scene turned about the origin has other courses and the same measurements, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.probes import rotation, turned_scene
+from trackbench.subjects.doctor.probes import Probe, rotation, turned_scene, with_noise
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
 
 #: Angles by which a scene is turned, rad, in the order in which they are tried.
@@ -27,6 +28,8 @@ NEAR_PI = 0.6
 FAR = 3.0
 #: Share of it which the turned scenes may differ by: a tracker that starts with the course 0 has another track in each.
 ALIKE = 0.2
+#: Time for which a target is followed, s.
+TURNING = 5.0
 #: The jump of a step that fails.
 FAILED = 100.0 * FAR
 
@@ -48,6 +51,24 @@ class Followed(NamedTuple):
     estimates: list[Estimate | None]
     """After each scan up to a failed step, turned back; None where there is none that is finite."""
     failure: StepFailed | None
+
+
+def jumps_of_course(tracker: TrackerUnderTest) -> Iterator[tuple[Probe, CourseJump]]:
+    """Of a target that turns through the course pi, and of one that has it.
+
+    The latter is measured with noise: the courses of several models are on both sides of pi then.
+    """
+    random = np.random.default_rng(tracker.seed)
+    for probe, noisy in ((tracker.probes.course_turn, False), (tracker.probes.course_axis, True)):
+        scans = tracker.approach(probe, tracker.sensor_sets()[-1], TURNING)
+        scans = [with_noise(scan, random) for scan in scans] if noisy else scans
+        here = followed(tracker.make, scans)
+        jump = course_jump(tracker.make, scans, here)
+        if here.failure is not None:
+            tracker.failures.append((probe.name, here.failure))
+            jump = jump and jump._replace(text=f"{here.failure}; {jump.text}")
+        if jump is not None:
+            yield probe, jump
 
 
 def course_jump(make: Callable[[], Tracker], scans: Sequence[Scan], here: Followed) -> CourseJump | None:

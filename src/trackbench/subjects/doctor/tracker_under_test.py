@@ -30,11 +30,6 @@ LEAST_SCANS = 30
 REPEATS = 16
 #: Time of the additional prediction that shifts the random numbers of a tracker that draws some at every step, s.
 ADDITIONAL_STEP = 1e-3
-#: Difference by it from which on a tracker has samples, in standard deviations of its estimate. Filters without samples
-#: differ by less, because nearly the same motion is predicted in one step or in two.
-SAMPLED = 3e-3
-#: Difference beyond that of any useful number of samples: an estimate that diverges.
-DIVERGED = 0.5
 #: Gap after which the predictions are uncertain enough for the second order, s.
 UNCERTAIN = 1.0
 #: Second-order term that is large enough to be looked for, in standard deviations of the measurement.
@@ -295,26 +290,6 @@ class TrackerUnderTest:
             if estimate is None or np.hypot(*(estimate.mean[:2] - measured)) > 5e-3 * np.hypot(*offset[:2]):
                 return False
         return any(self.trials.values())
-
-
-def has_samples(tracker: TrackerUnderTest) -> bool:
-    """Whether random numbers are in its answers: it says so, or copies or repetitions with others differ."""
-    return tracker.random or tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0
-
-
-def sampling_noise(tracker: TrackerUnderTest) -> float:
-    """The largest difference between two answers with other samples, in standard deviations; 0 without samples."""
-    probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]
-    scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
-    one, other = (
-        tracker.predict(tracker.session_at(probe, sensor_set, replica=replica), scan, probe.name)
-        for replica in (False, True)
-    )
-    if one is None or other is None or not (finite(one) and finite(other)):
-        return 0.0
-    sigma = np.sqrt(np.abs(np.diag(one.covariance)))
-    noise = float(np.max(np.abs(one.mean - other.mean) / np.maximum(sigma, 1e-12)))
-    return noise if SAMPLED < noise < DIVERGED else 0.0
 
 
 def linearises(tracker: TrackerUnderTest) -> bool | None:

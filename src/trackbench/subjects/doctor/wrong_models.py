@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -70,9 +71,9 @@ def wrong_models(kind: str) -> Iterator[WrongModel]:
     if kind == "radar":
         description = "the range rate has the other sign"
         yield WrongModel("doppler_sign", description, partial(_reordered, order=1, signs=[1, 1, -1]))
-        for relative in (False, True):
-            description = "the range rate is predicted as the speed"
-            yield WrongModel("speed_for_range_rate", description, partial(_speed, relative=relative))
+        for relative, signed in product((False, True), repeat=2):
+            description = "the range rate is predicted as the speed" + " with the sign of the range rate" * signed
+            yield WrongModel("speed_for_range_rate", description, partial(_speed, relative=relative, signed=signed))
         description = "the range rate leaves out the sensor's own velocity"
         yield WrongModel("ego_motion_ignored", description, partial(_posed, pose=(1, 1, 1), velocity=0))
         for description, own in EGO_VELOCITIES:
@@ -124,9 +125,10 @@ def _posed(target: Array, scan: Scan, pose: tuple[float, float, float], velocity
     return SENSOR_MODELS[scan.kind].measure(target, pose_used, velocity_used)
 
 
-def _speed(target: Array, scan: Scan, relative: bool) -> Array:
+def _speed(target: Array, scan: Scan, relative: bool, signed: bool) -> Array:
     z = right_measurement(target, scan).copy()
-    z[2] = float(np.hypot(*(target[2:] - (scan.sensor_velocity if relative else 0.0))))
+    speed = float(np.hypot(*(target[2:] - (scan.sensor_velocity if relative else 0.0))))
+    z[2] = np.copysign(speed, z[2]) if signed else speed
     return z
 
 

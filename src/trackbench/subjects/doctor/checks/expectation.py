@@ -17,7 +17,8 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.expected_gain import linearised_gain
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown, measurement_shown, update_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, sampling_noise
+from trackbench.subjects.doctor.samples import sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
 from trackbench.subjects.doctor.wrong_models import WrongModel, right_measurement, wrong_models
 

@@ -24,8 +24,8 @@ from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 #: Error of a logarithm of a ratio of probabilities: of a Kalman filter 1e-9; sigma points have another innovation
 #: covariance than the Jacobian where a measurement is curved.
 ROUNDED, CURVED = 1e-6, 0.1
-#: Logarithm of a ratio of likelihoods from which on they can be told from other ones.
-TOLD = 0.05
+#: Logarithm of a ratio of likelihoods from which on they can be told from other ones: of a lidar, and of a radar.
+TOLD = 0.005, 0.05
 #: Correlation from which on probabilities follow from likelihoods of another noise than the stated one.
 FOLLOWS = 0.7
 CONFIDENCE = 0.97
@@ -56,6 +56,9 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
     "the innovation covariance is taken for its root": lambda of, *_: _of_root(of),
     "the determinant of the innovation covariance is left out of the likelihood": lambda of, *_: float(
         -0.5 * of.value @ np.linalg.solve(of.covariance, of.value)
+    ),
+    "the likelihood has the determinant of the innovation covariance, and not its logarithm": lambda of, *_: float(
+        -0.5 * (of.value @ np.linalg.solve(of.covariance, of.value) + np.linalg.det(of.covariance))
     ),
     "they are divided by the likelihoods": lambda of, *_: -_density(of),
     "the likelihood is that of the stated noise, without the covariance of the prediction": lambda of, *_: log_density(
@@ -183,7 +186,7 @@ def _weights(steps: Sequence[BankStep]) -> Finding | None:
         for step in steps
         if min(step.before.probability.min(), step.after.probability.min()) > IMPROBABLE
         and step.pool.has(step.predicted.mean)
-        and max(np.ptp(_grown(step, USED[0])), np.ptp(step.gained)) > TOLD
+        and max(np.ptp(_grown(step, USED[0])), np.ptp(step.gained)) > TOLD[step.scan.kind != "lidar"]
     ]
     used = min(USED, key=lambda used: _unlike(telling, used))
     wrong = list[BankStep]()
@@ -236,7 +239,7 @@ def _grown(
 def _unlike(steps: Sequence[BankStep], used: slice) -> float:
     """Median error relative to what there is to follow."""
     grown = [(step, _grown(step, used)) for step in steps]
-    return float(np.median([_error(step, of) / max(float(np.ptp(of)), TOLD) for step, of in grown] or [0.0]))
+    return float(np.median([_error(step, of) / max(float(np.ptp(of)), TOLD[0]) for step, of in grown] or [0.0]))
 
 
 def _error(step: BankStep, grown: Array) -> float:

@@ -12,7 +12,8 @@ from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples
+from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: By which target and observer are moved, m.
 SHIFT = (47.0, -35.0)

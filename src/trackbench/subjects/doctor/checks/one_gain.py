@@ -19,7 +19,8 @@ from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials, has_samples
+from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.

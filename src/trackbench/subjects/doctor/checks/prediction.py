@@ -40,12 +40,26 @@ LATER, MISSED = 0.4, 0.25
 #: Bounds of the growth of the position's covariance, relative to constant velocity. Correct trackers have 0.67 to 1.5,
 #: because their models turn or accelerate.
 GROWTH = (0.45, 2.2)
+#: The same where tracks are settled; there they have 1.1 to 1.95.
+SETTLED_GROWTH = (0.7, 2.5)
 #: Time over which the growth is examined, s.
 SPREAD_OVER = 0.1
 #: First of the scans of a track after which it is examined.
 SETTLED = 4
 #: Standard deviation of the velocity over the speed below which the growth is examined.
 KNOWN = 0.35
+
+
+class Spread(NamedTuple):
+    """How much the covariance of position and velocity grows over that which the uncertain velocity causes."""
+
+    least: float
+    """Along one axis."""
+    most: float
+    """Along the other."""
+    block: Array
+    """``(2, 2)`` d position / d velocity, s."""
+    probe: Probe
 
 
 class PredictedStep(NamedTuple):
@@ -207,25 +221,32 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
 
 
 def spreading(tracker: TrackerUnderTest) -> PartResult:
-    """Early in a track, compare the growth of the position's covariance with the uncertainty of the velocity.
+    """Early in a track and later, compare the growth of the position's covariance with the uncertainty of the velocity.
 
     Of any motion model ``d P_pp = t (P_pv + P_vp) + t^2 P_vv`` to first order, and ``d P_pv = t P_vv``.
     """
-    ratios: list[tuple[float, float, Array, Probe]] = []
-    for probe in tracker.probes.general[:4]:
-        for name in tracker.sensors:
-            ratios += [(*ratio, probe) for ratio in _growth(tracker, probe, name)]
-    if not ratios:
+    early = [
+        Spread(*ratio, probe)
+        for probe in tracker.probes.general[:4]
+        for name in tracker.sensors
+        for ratio in _growth(tracker, probe, name)
+    ]
+    settled = [spread for probe in tracker.probes.general if (spread := _settled_growth(tracker, probe)) is not None]
+    if not early and not settled:
         return PartResult().add("spreading", None, "there was no estimate early enough")
-    least, most = np.quantile([r[0] for r in ratios], 0.3), np.quantile([r[1] for r in ratios], 0.7)
-    off = [r for r in ratios if r[0] < GROWTH[0] or r[1] > GROWTH[1]]
+    off = list[Spread]()
+    for spreads, bounds, share in ((early, GROWTH, 0.3), (settled, SETTLED_GROWTH, MOST)):
+        beyond = [one for one in spreads if one.least < bounds[0] or one.most > bounds[1]]
+        off += beyond if len(beyond) >= share * len(spreads) else []
+    ratios = early or settled
+    least, most = np.quantile([one.least for one in ratios], 0.3), np.quantile([one.most for one in ratios], 0.7)
     text = (
         "the covariance of position and velocity grows as much as the uncertain velocity causes, times at least "
         f"{least:.2g} in 70 % of the trials and at most {most:.2g} in 70 %"
     )
-    if len(off) < 0.3 * len(ratios):
+    if not off:
         return PartResult().add("spreading", True, text)
-    low, high, block, probe = min(off, key=lambda r: r[0])
+    low, high, block, probe = min(off, key=lambda one: one.least)
     points = tracker.once(linearises) is False
     where = "a moved sigma point" if points else "an entry of the transition's Jacobian"
     evidence = (
@@ -246,6 +267,24 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     return PartResult().add("spreading", False, text, finding)
 
 
+def _settled_growth(tracker: TrackerUnderTest, probe: Probe) -> Spread | None:
+    """From the estimate at a probe on."""
+    session, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
+    now, then = (
+        tracker.peek(session, empty_scan(probe.scan(name, tracker.sensors[name], time)), probe.name)
+        for time in (0.0, SPREAD_OVER)
+    )
+    if now is None or then is None or not (finite(now) and finite(then) and _known(now)):
+        return None
+    return Spread(*_ratios(now, then, SPREAD_OVER), _block(now, then), probe)
+
+
+def _block(now: Estimate, then: Estimate) -> Array:
+    """``(2, 2)`` d position / d velocity, with the mean covariance of the velocity over the step."""
+    grown = (then.covariance - now.covariance)[:2, 2:]
+    return np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
+
+
 def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[float, float, Array]]:
     sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
     rate = probe_rate(sensor)
@@ -258,10 +297,7 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
             now = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0)))
             then = session.peek(empty_scan(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
             if now is not None and then is not None and finite(now) and finite(then) and _known(now):
-                # d position / d velocity, with the mean covariance of the velocity over the step.
-                grown = (then.covariance - now.covariance)[:2, 2:]
-                block = np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
-                found.append((*_ratios(now, then, SPREAD_OVER), block))
+                found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
     return found
 
 

@@ -16,7 +16,8 @@ from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel
 from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.output_checks import least_eigenvalue
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples
+from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
 
 #: Difference of the covariances by two sensors, relative to them, up to which they are one: 0.00 with a Kalman filter,

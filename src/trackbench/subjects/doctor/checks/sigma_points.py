@@ -21,8 +21,9 @@ from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
+from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.session import TrackerSession, finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises, sampling_noise
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial
 
 #: A fast target, whose course is known from two measurements: a model with a course is nearly linear.

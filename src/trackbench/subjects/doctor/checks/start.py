@@ -24,6 +24,8 @@ MEDIAN = 1.39
 STARTS = 60
 
 
+#: Velocity of the sensor along the line of sight that counts, and difference that is none, m/s.
+OWN, SAME = 2.0, 0.5
 #: Number of scans in which a track has to start.
 SCANS = 16
 
@@ -120,7 +122,8 @@ def first_position(tracker: TrackerUnderTest) -> PartResult:
         worst = max(started, key=_error)
         text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
         polar = _polar(name, started) if sensor.type != "lidar" and off else None
-        result.add(f"start.{name}", not off, text, polar, _reversed(name, started))
+        carried = _own_velocity(name, started) if sensor.type == "radar" else None
+        result.add(f"start.{name}", not off and carried is None, text, polar, _reversed(name, started), carried)
     return result
 
 
@@ -191,6 +194,37 @@ def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
     )
     exhibit = _first_shown(wrong[0])
     return Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)
+
+
+def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
+    """First velocities that are off along the line of sight by the sensor's own, or by twice that."""
+    seen = [(one, _along(one, one.scan.sensor_velocity)) for one in started]
+    moving = [(one, own) for one, own in seen if abs(own) > OWN]
+    for times, words in ((1.0, "left out"), (2.0, "added, and is to be subtracted")):
+        off = [(_along(one, one.estimate.mean[2:] - one.truth[2:]), own, one) for one, own in moving]
+        if len(off) < 2 or any(abs(error + times * own) > SAME or not _clear(one, error) for error, own, one in off):
+            continue
+        error, own, one = max(off, key=lambda entry: abs(entry[0]))
+        text = (
+            f"the first velocity from {name} is off by {error:+.3g} m/s along the line of sight where the sensor moves "
+            f"at {own:+.3g} m/s along it: its own velocity is {words} ({len(off)} of {len(moving)} tracks)"
+        )
+        fault = "ego_motion_ignored" if times == 1.0 else "ego_motion_wrong"
+        return Finding(fault, 0.92, text, sensor=name, shown_by=one.probe.name, exhibit=_first_shown(one))
+    return None
+
+
+def _along(first: FirstEstimate, vector: Array) -> float:
+    """A component along the line of sight."""
+    sight = first.truth[:2] - first.scan.sensor_pose[:2]
+    return float(vector @ sight / np.hypot(*sight))
+
+
+def _clear(first: FirstEstimate, error: float) -> bool:
+    """Whether an error of the velocity along the line of sight is beyond what is stated."""
+    sight = first.truth[:2] - first.scan.sensor_pose[:2]
+    variance = sight @ first.estimate.covariance[2:, 2:] @ sight / (sight @ sight)
+    return bool(error**2 > 4.0 * variance)
 
 
 def confidence(tracker: TrackerUnderTest) -> PartResult:

@@ -21,8 +21,9 @@ from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
+from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.session import finite
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, has_samples, linearises
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.trial import GAIN_STEP, Trial
 
 #: Targets that turn all the time.

@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.subjects.doctor.course_jump import course_jump, followed
+from trackbench.subjects.doctor.course_jump import jumps_of_course
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
@@ -54,8 +54,6 @@ DIVERGED = 5.0
 #: By how much it is turned elsewhere, rad. After a quarter turn the sigma points of an uncertain course lie about the
 #: axes as before: what leads them astray there too is no angle that jumps.
 ELSEWHERE = (TURN, OTHER_TURN, np.pi / 2, np.pi)
-#: Time for which a turning target is followed, s.
-TURNING = 5.0
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
 
@@ -101,7 +99,10 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         ]
         if angle == "course":
             jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
-            jumps += _turning(tracker)
+            jumps += [
+                Jump(jump.size, f"{probe.description}; {jump.text}", jump.scan.sensor, probe, jump.exhibit)
+                for probe, jump in jumps_of_course(tracker)
+            ]
         if not jumps:
             result.add(f"{angle}_wrapping", None, "there was no estimate to update")
             continue
@@ -163,21 +164,6 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         StatedBelief("the same target turned away", both @ others[0].mean, both @ others[0].covariance @ both.T),
     )
     return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, shown)
-
-
-def _turning(tracker: TrackerUnderTest) -> list[Jump]:
-    """A target that turns through the course pi, held against the same scene turned away."""
-    probe = tracker.probes.course_turn
-    scans = tracker.approach(probe, tracker.sensor_sets()[-1], TURNING)
-    here = followed(tracker.make, scans)
-    text = probe.description
-    if here.failure is not None:
-        tracker.failures.append((probe.name, here.failure))
-        text += f": {here.failure}"
-    jump = course_jump(tracker.make, scans, here)
-    if jump is None:
-        return []
-    return [Jump(jump.size, f"{text}; {jump.text}", jump.scan.sensor, probe, jump.exhibit)]
 
 
 def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:
