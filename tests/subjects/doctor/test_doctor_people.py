@@ -20,12 +20,15 @@ from trackbench.subjects.doctor.checks.drives import drives, harmless
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
 from trackbench.subjects.doctor.checks.gate import gate_width
+from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.checks.noise_place import noise_place
 from trackbench.subjects.doctor.checks.one_gain import one_gain
-from trackbench.subjects.doctor.checks.prediction import prediction
+from trackbench.subjects.doctor.checks.prediction import prediction, spreading
 from trackbench.subjects.doctor.checks.process_noise import noise_powers, process_noise
 from trackbench.subjects.doctor.checks.sigma_points import no_time
+from trackbench.subjects.doctor.checks.start import first_position
 from trackbench.subjects.doctor.checks.transition import transition
+from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.examine import reference
 from trackbench.subjects.doctor.expected_gain import implied
@@ -33,6 +36,7 @@ from trackbench.subjects.doctor.findings import Finding, PartResult, rank
 from trackbench.subjects.doctor.inside.pinned import OF_MODEL, explained
 from trackbench.subjects.doctor.probes import Probes
 from trackbench.subjects.doctor.rollout import rollout
+from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -194,17 +198,70 @@ def test_declared_random_numbers_are_in_the_covariance(made: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "module", "fault"),
+    ("part", "name", "module", "fault"),
     [
-        (noise_powers, "noise_of_another_order", "q_wrong_power_of_dt"),
-        (transition, "product_of_entries", "predicted_covariance_wrong"),
+        (noise_powers, "practice4", "noise_of_another_order", "q_wrong_power_of_dt"),
+        (transition, "practice4", "product_of_entries", "predicted_covariance_wrong"),
         # The gate rejects all that the radar measures.
-        (expectation, "sign_of_the_speed", "doppler_sign"),
+        (expectation, "practice4", "sign_of_the_speed", "doppler_sign"),
+        (expectation, "aside", "range_rate_is_speed", "speed_for_range_rate"),
+        (first_position, "aside", "start_without_own_velocity", "ego_motion_ignored"),
+        # Wrong once a track has a course.
+        (spreading, "aside", "turned_terms_with_wrong_sign", "jacobian_wrong"),
+        (modes, "aside", "imm_determinant_without_logarithm", "imm_likelihood_wrong"),
+        (wrapping, "aside", "imm_courses_averaged", "course_not_wrapped"),
     ],
 )
-def test_a_fault_of_a_program_is_named(part: Part, module: str, fault: str, made: Any) -> None:
-    found = part(examined(made(named(faults("practice4"), module)))).findings
+def test_a_fault_of_a_program_is_named(part: Part, name: str, module: str, fault: str, made: Any) -> None:
+    found = part(examined(made(named(faults(name), module)))).findings
     assert {one.fault for one in found} == {fault}
+
+
+@pytest.mark.parametrize(
+    ("part", "base"),
+    [
+        (expectation, "ekf_polar"),
+        (first_position, "ekf_polar"),
+        (spreading, "autoware_style"),
+        (modes, "imm_pair"),
+        (wrapping, "imm_course"),
+    ],
+)
+def test_a_base_has_none_of_them(part: Part, base: str, made: Any) -> None:
+    assert part(examined(made(named(bases("aside"), base)))).findings == []
+
+
+def test_a_covariance_returned_in_another_order_is_named_by_the_nees_of_a_part(driven: Any, made: Any) -> None:
+    make = made(named(faults("aside"), "root_multiplied_in_wrong_order"))
+    assert {one.fault for one in stated_covariance(examined(make, driven)).findings} == {"wrong_covariance_returned"}
+
+
+def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -> None:
+    found = rank(
+        [
+            Finding("gain_inconsistent", 0.95, "", sensor="radar"),
+            Finding("sigma_points_not_redrawn", 0.9, "", sensor="lidar"),
+        ]
+    )
+    assert [(one.fault, one.consequence_of) for one in found] == [
+        ("sigma_points_not_redrawn", None),
+        ("gain_inconsistent", "sigma_points_not_redrawn"),
+    ]
+
+
+def test_samples_that_nobody_declared_are_seen_in_the_covariance(made: Any) -> None:
+    tracker = examined(made(named(sound("aside"), "ensemble")))
+    assert has_samples(tracker)
+    assert one_gain(tracker).findings == []
+    assert not has_samples(examined(PlainEkf))
+
+
+def test_a_noise_somewhat_larger_than_stated_is_a_remark(driven: Any, made: Any) -> None:
+    make = made(named(bases("aside"), "arduino_style"))
+    result = gain(examined(make, driven))
+    assert result.findings == []
+    assert "no harm" in next(check.result for check in result.checks if check.name == "gain.radar")
+    assert [one.fault for one in gain(examined(make)).findings] == ["r_too_large"]
 
 
 class NoiseAlongX(PlainEkf):

@@ -71,7 +71,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
         elif findings and _excusable(rows, findings) and (harm := tracker.once(harmless)) is not None:
             passed, findings = True, []
-            text = f"not the gain of the returned covariance and the stated noise, and no harm: {harm}; {text}"
+            text = f"not a Kalman gain of the returned covariance and the stated noise, and no harm: {harm}; {text}"
         elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
             passed = None
             turned = f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%}"
@@ -242,7 +242,8 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     ]
     direction = np.nanmax([np.nanmax(row.direction[row.used]) for row in rows])
     rows_of = "rows of the implied Jacobian"
-    length = np.nanmax(np.nanmedian([np.where(row.used, row.size, np.nan) for row in rows], axis=0))
+    sizes = np.array([np.where(row.used, row.size, np.nan) for row in rows])
+    length = np.nanmax(np.nanmedian(sizes[:, np.isfinite(sizes).any(axis=0)], axis=0))
     said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
     if length > SIZE:
         said += f", one {length:.3g} times as long as the right one"
