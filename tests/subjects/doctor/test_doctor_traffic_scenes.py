@@ -73,12 +73,21 @@ class WithoutSpread(Pda):
         return replace(found, P=sum(w * P for w, P in zip(own, parts, strict=True))) if share.sum() > 0.5 else found
 
 
+class SpreadOfEach(Pda):
+    """Takes the square of the mean's step off for each detection, by its weight: not as a whole."""
+
+    def after(self, track, likely, share, scan):
+        found = super().after(track, likely, share, scan)
+        return replace(found, P=found.P + (1 - share.sum()) * np.outer(found.x - track.x, found.x - track.x))
+
+
 @pytest.mark.parametrize("site", SITES.values(), ids=SITES)
 def test_the_weights_of_probabilistic_data_association_are_those_of_its_equations(site: Site) -> None:
     assert outcome(weights(looped(Pda), site)) == {
         "weight_of_misses": True,
         "weight_of_clutter": True,
         "spread_of_means": True,
+        "spread_of_one": True,
     }
 
 
@@ -90,10 +99,20 @@ def test_the_weights_of_probabilistic_data_association_are_those_of_its_equation
         (ClutterSquared, "clutter_misstated"),
         (PerSquareKilometre, "clutter_misstated"),
         (WithoutSpread, "covariance_update_wrong"),
+        (SpreadOfEach, "covariance_update_wrong"),
     ],
 )
 def test_wrong_weights_are_named(tracker: type[Pda], fault: str) -> None:
-    assert [finding.fault for finding in weights(looped(tracker), SITES["lidar"]).findings] == [fault]
+    assert {finding.fault for finding in weights(looped(tracker), SITES["lidar"]).findings} == {fault}
+
+
+def test_the_spread_of_a_detection_and_a_miss_shows_where_that_of_two_detections_is_right() -> None:
+    assert outcome(weights(looped(SpreadOfEach), SITES["radar"])) == {
+        "weight_of_misses": True,
+        "weight_of_clutter": True,
+        "spread_of_means": True,
+        "spread_of_one": False,
+    }
 
 
 @pytest.mark.parametrize("name", ["nearest global", "greedy score", "builtin gnn by score"])

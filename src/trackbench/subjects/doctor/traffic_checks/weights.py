@@ -3,7 +3,8 @@
 With one detection in its gate a track goes ``b`` of a Kalman filter's step, where ``b / (1 - b) = Pd N(y; S) / (L (1 -
 Pd Pg))`` with the detection probability Pd, the likelihood N of the innovation y, the density of clutter L and the
 probability of the gate Pg, nearly 1. Two detections on both sides of the predicted one leave the mean as it is, and the
-covariance has the spread of the two means (Bar-Shalom, Daum and Huang 2009, equations 38 to 44).
+covariance has the spread of the two means (Bar-Shalom, Daum and Huang 2009, equations 38 to 44). With one detection it
+is that of the miss and that of the update, as their weights say, and b (1 - b) times the square of the step.
 """
 
 from __future__ import annotations
@@ -45,12 +46,15 @@ BETWEEN = (0.002, 0.998)
 LEAST = 0.1
 #: Share of the spread of the means from which on the covariance has it.
 SPREAD = 0.3
+#: Odds at which the spread by one detection is compared, and up to which multiple of it the covariance may have. One
+#: from which the square of the mean's step is not taken off as a whole has 1.67 times as much there.
+ODDS, MOST = 2.0, 1.35
 #: Step by detections on both sides, over that by one of them, up to which both count.
 BOTH = 0.2
 
 
 @dataclass(frozen=True)
-class _Weighed:
+class WeighedTrack:
     """A track before a measurement at the time of the last scan."""
 
     make: Make
@@ -81,7 +85,8 @@ class _Weighed:
 
     def after(self, detections: Sequence[Array], chance: float, density: float) -> tuple[Array, Array] | None:
         """Mean and covariance after some detections; None: the track has ended, or no answer comes of such clutter."""
-        measured = self.geometry[0][:, None] + np.stack(detections, axis=1)
+        expected = self.geometry[0][:, None]
+        measured = expected + np.stack(detections, axis=1) if detections else expected[:, :0]
         scan = self.scans[-1]._replace(
             measurement=measured,
             valid=np.ones(measured.shape[1], dtype=bool),
@@ -124,7 +129,7 @@ def weights(make: Make, site: Site) -> PartResult:
     column = nearest(tracks, moved(target, scans[-1].time))
     if column is None:
         return result
-    track = _Weighed(make, site, scans, tracks, column)
+    track = WeighedTrack(make, site, scans, tracks, column)
     way = np.hypot(*(track.geometry[2] @ track.beside)[:2])
     if track.whole is None or np.hypot(*track.whole[:2]) < LEAST * way:
         return result
@@ -132,10 +137,11 @@ def weights(make: Make, site: Site) -> PartResult:
         # With an existence its odds say the same, and more exactly.
         _of_odds(track, result)
     _of_spread(track, result)
+    _of_one(track, result)
     return result
 
 
-def _of_odds(track: _Weighed, result: PartResult) -> None:
+def _of_odds(track: WeighedTrack, result: PartResult) -> None:
     """The odds by what is stated."""
     by_clutter = ((clutter, track.odds(DETECTION, clutter)) for clutter in CLUTTER)
     clutter, odds = next(((clutter, odds) for clutter, odds in by_clutter if odds is not None), (0.0, None))
@@ -166,7 +172,7 @@ def _of_odds(track: _Weighed, result: PartResult) -> None:
     note(result, "weight_of_clutter", bool(passed), text, "clutter_misstated")
 
 
-def _of_spread(track: _Weighed, result: PartResult) -> None:
+def _of_spread(track: WeighedTrack, result: PartResult) -> None:
     """Detections on both sides of the predicted one, and the predicted one alone."""
     both, density = [track.beside, -track.beside], NO_CLUTTER * track.even
     after, alone = track.after(both, DETECTION, density), track.after([0 * track.beside], DETECTION, density)
@@ -182,6 +188,30 @@ def _of_spread(track: _Weighed, result: PartResult) -> None:
     note(result, "spread_of_means", added > SPREAD, text, "covariance_update_wrong")
 
 
+def _of_one(track: WeighedTrack, result: PartResult) -> None:
+    """One detection that counts about as much as a miss, between the covariances of a sure one and of none."""
+    found = ((clutter, track.odds(DETECTION, clutter)) for clutter in CLUTTER)
+    clutter, odds = next(((clutter, odds) for clutter, odds in found if odds is not None), (0.0, None))
+    density = clutter * (odds or 0.0) / ODDS
+    share = track.share([track.beside], DETECTION, density) if density else None
+    missed, sure, after = (
+        track.after(detections, DETECTION, stated * track.even)
+        for detections, stated in (([], NO_CLUTTER), ([track.beside], NO_CLUTTER), ([track.beside], density))
+    )
+    if share is None or missed is None or sure is None or after is None or track.whole is None:
+        return
+    if not 0.5 * ODDS < share / max(1 - share, 1e-12) < 2 * ODDS:
+        return
+    along = track.whole / np.linalg.norm(track.whole)
+    mixed = after[1] - (1 - share) * missed[1] - share * sure[1]
+    added = float(along @ mixed @ along) / float(track.whole @ track.whole) / (share * (1 - share))
+    text = (
+        f"of a detection with a weight of {share:.2g} against a miss, the variance has {added:.3g} times the spread of "
+        "the two means"
+    )
+    note(result, "spread_of_one", SPREAD < added < MOST, text, "covariance_update_wrong")
+
+
 WEIGHTS_CHECK = DoctorCheck(
     weights,
     place=72,
@@ -189,5 +219,6 @@ WEIGHTS_CHECK = DoctorCheck(
         Question("weight_of_misses", "Does a detection weigh against a miss as the detection probability says?"),
         Question("weight_of_clutter", "Does a detection weigh against a miss as the stated clutter says?"),
         Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
+        Question("spread_of_one", "Does the covariance have the spread of what a detection and a miss say?"),
     ),
 )
