@@ -187,6 +187,28 @@ class GatedLast(NearestGlobal):
         return {k: j for k, j in zip(*linear_sum_assignment(distances.sum(axis=0)), strict=True) if inside[k, j]}
 
 
+class LargestSum(NearestGlobal):
+    """The assignment has the largest sum of distances."""
+
+    def associated(self, distances, scan):
+        score = np.where(self.inside(distances[0], scan), distances.sum(axis=0), -FAR)
+        pairs = zip(*linear_sum_assignment(score, maximize=True), strict=True)
+        return {k: j for k, j in pairs if score[k, j] > -FAR}
+
+
+class Farthest(NearestGlobal):
+    """Each track in turn takes the farthest detection in its gate that is free."""
+
+    def associated(self, distances, scan):
+        d2 = np.where(self.inside(distances[0], scan), distances[0], -1.0)
+        taken = {}
+        for k, row in enumerate(d2):
+            if len(row) and row.max() >= 0:
+                taken[k] = int(row.argmax())
+                d2[:, taken[k]] = -1.0
+        return taken
+
+
 class AssignedIsSeen(NearestGlobal):
     """A pair beyond the gate is dropped after its track was counted as seen."""
 
@@ -238,6 +260,7 @@ def subjects() -> Iterator[TrafficSubject]:
         "empty_scan_not_predicted": (LastAnswer, TimeAlone, NothingToSay),
         "associated_unpredicted": (MatchedFirst,),
         "gated_after_assignment": (GatedLast,),
+        "assignment_inverted": (LargestSum, Farthest),
         "wrong_track_deleted": (PoppedInOrder, LastRemoved),
     }.items():
         for kind in kinds:

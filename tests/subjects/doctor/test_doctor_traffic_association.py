@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 from benchmarks.doctor.traffic.nearest_faults import (
     AssignedIsSeen,
+    Farthest,
     GatedLast,
+    LargestSum,
     LastRemoved,
     MatchedFirst,
     NoGate,
@@ -18,15 +20,16 @@ from benchmarks.doctor.traffic.subject import Make, looped
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.site import simplified
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import Site
+from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
 from trackbench.subjects.doctor.traffic_checks.association import (
     allowed_pair,
     ended_alone,
     missed_among_others,
+    nearer_of_two,
     predicted_place,
 )
 
-CHECKS = (predicted_place, allowed_pair, missed_among_others, ended_alone)
+CHECKS = (nearer_of_two, predicted_place, allowed_pair, missed_among_others, ended_alone)
 SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
 
 
@@ -38,6 +41,8 @@ def names(result: PartResult) -> list[str]:
 @pytest.mark.parametrize(
     ("check", "tracker", "fault"),
     [
+        (nearer_of_two, LargestSum, "assignment_inverted"),
+        (nearer_of_two, Farthest, "assignment_inverted"),
         (predicted_place, MatchedFirst, "associated_unpredicted"),
         (allowed_pair, GatedLast, "gated_after_assignment"),
         (missed_among_others, AssignedIsSeen, "never_deletes"),
@@ -51,7 +56,25 @@ def test_a_fault_fails_its_check(check, tracker: type[NearestGlobal], fault: str
     assert {one.passed for one in sound.checks} == {True}
 
 
-@pytest.mark.parametrize("name", ["nearest global kf", "greedy score"])
+class OwnColumn(NearestGlobal):
+    """Each track takes the first detection in its gate: neither the nearer nor the farther one."""
+
+    def associated(self, distances, scan):
+        inside = self.inside(distances[0], scan)
+        return {k: int(row.argmax()) for k, row in enumerate(inside) if row.any()}
+
+
+def test_who_takes_the_first_detection_does_not_take_the_farthest() -> None:
+    assert names(nearer_of_two(looped(OwnColumn), SITES["lidar"])) == []
+
+
+def test_the_farthest_detection_is_named_before_what_it_brings_about() -> None:
+    first, *others = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(LargestSum)).findings
+    assert first.fault == "assignment_inverted"
+    assert {one.consequence_of for one in others} <= {"assignment_inverted"}
+
+
+@pytest.mark.parametrize("name", ["nearest global kf", "greedy score", "builtin jpda", "builtin pmb"])
 def test_sound_trackers_pass(name: str) -> None:
     results = [check(SOUND[name], SITES["lidar"]) for check in CHECKS]
     assert [(one.name, one.passed) for result in results for one in result.checks if not one.passed] == []
@@ -68,4 +91,4 @@ def test_a_tracker_without_a_track_is_asked_nothing() -> None:
             return []
 
     make: Make = looped(Silent)
-    assert [check(make, SITES["lidar"]).checks for check in CHECKS] == [[], [], [], []]
+    assert [check(make, SITES["lidar"]).checks for check in CHECKS] == [[]] * len(CHECKS)

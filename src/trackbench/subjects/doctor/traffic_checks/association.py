@@ -9,7 +9,9 @@ import numpy as np
 from trackbench.base.types import Array, Scan, Tracks
 from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.traffic import (
+    DETECTION,
     NEAR,
+    OBJECTS,
     RATE,
     Make,
     MultiObjectSession,
@@ -20,6 +22,7 @@ from trackbench.subjects.doctor.traffic import (
     note,
 )
 from trackbench.subjects.doctor.traffic_checks.tracks import LONGEST
+from trackbench.subjects.doctor.traffic_checks.weights import NO_CLUTTER, WeighedTrack
 
 #: Time for which objects are followed before a scan is tried, s.
 FOLLOWED = 2.0
@@ -27,6 +30,9 @@ FOLLOWED = 2.0
 FAST = np.array([[40.0, 5, 10, 2], [30, -30, -3, 12], [-35, 10, 9, -9]]).T
 #: Time without a scan, in which a fast object goes further than any gate is wide, and no track ends, s.
 GAP = 0.25
+#: Of two detections in a gate the nearer one, as a share of the farther one's distance; and share of the step to that
+#: from which on a track has taken it. What counts both the same goes less than 0.6 of it.
+NEARER, FARTHER = 0.15, 0.8
 #: Share of the way back to its last place from which on a track has taken the detection there.
 WENT_BACK = 0.1
 #: Two objects one behind the other as seen from the sensor, this far apart, m: some fifteen standard deviations of an
@@ -46,6 +52,30 @@ EVERY = np.concatenate([LEAVING, STAYING], axis=1)
 COMES = 1.0
 #: Periods of the scans by which a track is behind its object, from which on it is not predicted.
 BEHIND = 0.25
+
+
+def nearer_of_two(make: Make, site: Site) -> PartResult:
+    """Two detections in a track's gate, on one side of where it is expected and then on the other, in both orders."""
+    target = OBJECTS[:, 0]
+    scans = site.scans(target[:, None], FOLLOWED)
+    tracks = MultiObjectSession(make).follow(scans)[-1]
+    column = nearest(tracks, moved(target, scans[-1].time))
+    if column is None or len(tracks.ids) != 1:
+        return PartResult()
+    track = WeighedTrack(make, site, scans, tracks, column)
+    taken = []
+    for side in (1, -1):
+        far, near = side * track.beside, side * NEARER * track.beside
+        for detections in ([near, far], [far, near]):
+            share = track.share(detections, DETECTION, NO_CLUTTER)
+            if share is None:
+                return PartResult()
+            taken.append(side * share)
+    text = (
+        f"of two detections in its gate, one {1 / NEARER:.2g} times as far away as the other, a track goes at least "
+        f"{min(taken):.0%} of the step that the farther one alone causes, on both sides and in both orders"
+    )
+    return note(PartResult(), "nearer_of_two", not min(taken) > FARTHER, text, "assignment_inverted")
 
 
 def predicted_place(make: Make, site: Site) -> PartResult:
@@ -204,6 +234,20 @@ def ended_detected(make: Make, site: Site) -> PartResult:
     text = f"of {len(lost)} objects that three of four scans detect for {DETECTED:g} s, {sum(lost)} lose their tracks"
     return note(PartResult(), "ended_detected", not lost.any(), text, "wrong_track_deleted")
 
+
+NEARER_OF_TWO_CHECK = DoctorCheck(
+    nearer_of_two,
+    place=11,
+    questions=(Question("nearer_of_two", "Does a track not take the farther of two detections?"),),
+    faults={
+        "assignment_inverted": KnownFault(
+            "a track takes the farthest detection in its gate",
+            "Where the assignment is computed: whether it seeks the least or the largest sum, and of what.",
+            "linear_sum_assignment seeks the least sum: give it distances, or maximize=True with likelihoods.",
+            Role(rank=0, always="tracks associated_unpredicted gated_after_assignment gate_too_large order_dependent"),
+        )
+    },
+)
 
 PREDICTED_PLACE_CHECK = DoctorCheck(
     predicted_place,
