@@ -13,11 +13,12 @@ from benchmarks.doctor.traffic.nearest_global import NearestGlobal
 from benchmarks.doctor.traffic.sound import SOUND
 from benchmarks.doctor.traffic.subject import Make, looped
 
+from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.checks.steps import CannotRun
-from trackbench.subjects.doctor.findings import PartResult
+from trackbench.subjects.doctor.findings import Finding, PartResult
 from trackbench.subjects.doctor.site import simplified
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import Site, TrafficDoctor
+from trackbench.subjects.doctor.traffic import Site, TrafficDoctor, with_old_scans
 from trackbench.subjects.doctor.traffic_checks.association import ended_alone
 from trackbench.subjects.doctor.traffic_checks.drive import cars, traffic_drive, traffic_scans
 from trackbench.subjects.doctor.traffic_checks.late import late
@@ -155,8 +156,40 @@ def test_late_scans_that_are_taken_as_new_are_found(tracker: type[NearestGlobal]
     assert {finding.fault for finding in result.findings} == ({"late_processed_as_new"} if failed else set())
 
 
-def test_late_scans_are_tried_only_of_sensors_that_are_late() -> None:
-    assert late(looped(AtArrival), SITES["lidar"]).checks == []
+class Refusing(NearestGlobal):
+    def step(self, state, scan):
+        if self.time is not None and scan.time < self.time:
+            raise ValueError("a scan of the past")
+        return super().step(state, scan)
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_of_a_sensor_that_is_not_late_an_old_scan_is_tried_too(site: Site) -> None:
+    assert outcome(late(looped(NearestGlobal), site)) == {"late": True}
+    assert outcome(late(looped(Dropping), site)) == {"late": True}
+    (finding,) = late(looped(Clamped), site).findings
+    assert finding.fault == "late_processed_as_new"
+    assert finding.evidence.endswith("No sensor here is late: it does harm where a scan comes after a newer one.")
+
+
+def test_who_raises_at_old_scans_has_a_fault_only_where_they_come() -> None:
+    (check,) = late(looped(Refusing), SITES["lidar"]).checks
+    assert check.passed is None
+    assert check.result.startswith("it fails at a scan that is not newer than the one before: ValueError: a scan of")
+    with pytest.raises(TrackFault, match="a scan of the past"):
+        late(looped(Refusing), LATE)
+
+
+def test_that_old_scans_count_as_new_comes_after_all_other_faults() -> None:
+    tracks = [Finding("double_tracks", 0.9, ""), Finding("never_deletes", 0.9, "", consequence_of="double_tracks")]
+    old = Finding("late_processed_as_new", 0.9, "")
+    assert with_old_scans(tracks, [old]) == [tracks[0], old, tracks[1]]
+    no_time = Finding("wrong_dt", 0.9, "")
+    assert with_old_scans([no_time], [old]) == [no_time, replace(old, consequence_of="wrong_dt")]
+
+
+def test_scans_at_their_arrival_are_tried_only_of_sensors_that_are_late() -> None:
+    assert outcome(late(looped(AtArrival), SITES["lidar"])) == {"late": False}
     late_lidar = {"lidar": SENSORS["lidar"].model_copy(update={"latency_s": 0.2})}
     found = TrafficDoctor(late_lidar).examine("tracker", looped(AtArrival))
     assert found.findings[0].fault == "late_processed_as_new"

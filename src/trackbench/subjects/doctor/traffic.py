@@ -47,6 +47,8 @@ OF_FILTER = {
 }
 #: What is wrong with the filter of a tracker that has this fault, and nothing else.
 SAME = {"empty_scan_not_predicted": "missed_scan_not_predicted"}
+#: What shows in old scans alone; what makes a tracker take every scan for one of the next moment.
+OF_OLD_SCANS, TIMELESS = "late_processed_as_new", "wrong_dt"
 #: What a failed step is called by the words of its error.
 FAILURES = {NOT_DEFINITE: "covariance_not_psd", NOT_FINITE: "nonfinite"}
 #: Gives a fresh tracker.
@@ -222,10 +224,13 @@ class TrafficDoctor:
         of_filter, filter_findings = filter_examined({site.name: site.sensor for site in used}, make)
         progress(len(scenes) + 1, len(scenes) + 1)
         # Some faults of a filter show in a scene of several detections alone.
+        # Where no sensor is late, no scan is old: that causes nothing else, and comes last.
+        none_late = all(site.latency == 0.0 for site in used)
+        of_old = [finding for finding in once if none_late and finding.fault == OF_OLD_SCANS]
         of_tracks = [finding for finding in once if finding.fault in faults_of(TRAFFIC_CHECKS)]
-        filter_findings += [finding for finding in once if finding not in of_tracks]
+        filter_findings += [finding for finding in once if finding not in [*of_tracks, *of_old]]
         ranked = joined(rank(filter_findings), rank(of_tracks, TRAFFIC_CHECKS))
-        return Examination(name, ranked, [*checks, *of_filter])
+        return Examination(name, with_old_scans(ranked, of_old), [*checks, *of_filter])
 
 
 def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
@@ -248,6 +253,13 @@ def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[F
             for finding in of_tracks
         ]
     return sorted([*of_filter, *of_tracks], key=lambda finding: finding.consequence_of is not None)
+
+
+def with_old_scans(ranked: Sequence[Finding], of_old: Sequence[Finding]) -> list[Finding]:
+    """Ranked findings, and after their root causes those of old scans that the scenario does not have."""
+    if any(finding.fault == TIMELESS and finding.consequence_of is None for finding in ranked):
+        of_old = [replace(finding, consequence_of=TIMELESS) for finding in of_old]
+    return sorted([*ranked, *of_old], key=lambda finding: finding.consequence_of is not None)
 
 
 def _begins(make: Make, site: Site) -> bool:

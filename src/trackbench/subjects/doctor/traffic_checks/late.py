@@ -1,19 +1,24 @@
-"""What scans of a sensor that the scenario says is late do: an old one, and many that all arrive late."""
+"""What late scans do: an old one; and many that all arrive late, of a sensor that the scenario says is late."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from trackbench.base.types import Array, Tracks
+from trackbench.driving.faults import fault_of
 from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
 from trackbench.subjects.doctor.traffic import OBJECTS, RATE, Make, MultiObjectSession, Site, moved, nearest, note
 
-#: An old scan is older than the latest one by the latency of its sensor, within these, s.
-LEAST, MOST = 0.1, 0.5
+#: An old scan is older than the latest one by the latency of its sensor, within these, s; and where it has none.
+LEAST, MOST, USUAL = 0.1, 0.5, 0.2
+NONE_LATE = "No sensor here is late: it does harm where a scan comes after a newer one."
 #: How long objects are followed, s.
 FOLLOWED = 2.0
-#: Share of the speed with which they move where an old scan is tried: it has to be within the gate if it counts as new.
-SLOW = 0.3
+#: Shares of the speed with which they move where an old scan is tried, until one is clear: it has to be within the gate
+#: if it counts as new.
+SLOW = (0.3, 0.6)
 #: How near the tracks are to those after a scan that counts as new, in shares of what that moves them by.
 NEAR = 0.2
 #: What a scan that counts as new has to move a track by to be told from one that is left out, m.
@@ -23,32 +28,26 @@ BEHIND = 0.5
 
 
 def late(make: Make, site: Site) -> PartResult:
-    """An old scan after newer ones, given late and as if it were new; then scans that are all late."""
+    """An old scan after newer ones, given late and as if it were new; of a sensor that is late, scans that all are."""
     result = PartResult()
     if site.latency > 0.0:
         age = float(np.clip(site.latency, LEAST, MOST))
         _old_scan(make, site, age, result)
         _all_late(make, site, age, result)
+        return result
+    try:
+        _old_scan(make, site, USUAL, result)
+    except Exception as error:
+        # It need not take what its sensors do not send.
+        result.add("late", None, f"it fails at a scan that is not newer than the one before: {fault_of(error)}")
+    # Where no scan is late it does no harm.
+    result.findings = [replace(finding, evidence=f"{finding.evidence} {NONE_LATE}") for finding in result.findings]
     return result
 
 
 def _old_scan(make: Make, site: Site, age: float, result: PartResult) -> None:
-    objects = OBJECTS * np.array([[1], [1], [SLOW], [SLOW]])
-    scans, random = site.scans(objects, FOLLOWED), np.random.default_rng(0)
-    latest = scans[-1].time
-    old = site.scan(latest - age, site.detections(objects, latest - age), random)._replace(arrival_time=latest)
-    empty = site.scan(latest + 1 / RATE, old.measurement[:, :0], random)._replace(asked=True)
-    without, given_late, as_new = (
-        MultiObjectSession(make).follow([*scans, *more, empty])[-1] for more in ([], [old], [old._replace(time=latest)])
-    )
-    moves = []
-    for target in moved(objects, empty.time).T:
-        places = [_place(tracks, target) for tracks in (without, given_late, as_new)]
-        if all(place is not None for place in places):
-            plain, own, new = (np.asarray(place) for place in places)
-            moves.append((own - plain, new - plain))
-    clear = [(own, new) for own, new in moves if np.hypot(*new) > CLEAR]
-    if not clear:
+    clear = next((moves for share in SLOW if (moves := _clear_moves(make, site, age, share))), None)
+    if clear is None:
         return
     taken = [np.hypot(*(own - new)) < NEAR * np.hypot(*new) for own, new in clear]
     own, new = max(clear, key=lambda move: float(np.hypot(*move[1])))
@@ -58,6 +57,25 @@ def _old_scan(make: Make, site: Site, age: float, result: PartResult) -> None:
         "as if new)"
     )
     note(result, "late", 2 * sum(taken) <= len(clear), text, "late_processed_as_new")
+
+
+def _clear_moves(make: Make, site: Site, age: float, share: float) -> list[tuple[Array, Array]]:
+    """How far tracks go by an old scan given late, and given as new where that is clear, ``(2,)`` m."""
+    objects = OBJECTS * np.array([[1], [1], [share], [share]])
+    scans, random = site.scans(objects, FOLLOWED), np.random.default_rng(0)
+    latest = scans[-1].time
+    old = site.scan(latest - age, site.detections(objects, latest - age), random)._replace(arrival_time=latest)
+    empty = site.scan(latest + 1 / RATE, old.measurement[:, :0], random)._replace(asked=site.latency > 0.0)
+    without, given_late, as_new = (
+        MultiObjectSession(make).follow([*scans, *more, empty])[-1] for more in ([], [old], [old._replace(time=latest)])
+    )
+    moves = []
+    for target in moved(objects, empty.time).T:
+        places = [_place(tracks, target) for tracks in (without, given_late, as_new)]
+        if all(place is not None for place in places):
+            plain, own, new = (np.asarray(place) for place in places)
+            moves.append((own - plain, new - plain))
+    return [(own, new) for own, new in moves if np.hypot(*new) > CLEAR]
 
 
 def _all_late(make: Make, site: Site, age: float, result: PartResult) -> None:
