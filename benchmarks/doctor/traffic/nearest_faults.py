@@ -179,6 +179,19 @@ class MatchedFirst(NearestGlobal):
         return column
 
 
+class NewOnesWait(NearestGlobal):
+    """Tracks are predicted once they are confirmed."""
+
+    def __init__(self, confirm=(3, 4), **options):
+        super().__init__(confirm=confirm, **options)
+
+    def predict(self, scan):
+        waiting = [(track, track.x, track.P) for track in self.tracks if track.id < 0]
+        super().predict(scan)
+        for track, x, P in waiting:
+            track.x, track.P = x, P
+
+
 class GatedLast(NearestGlobal):
     """Drops pairs beyond the gate from an assignment of all."""
 
@@ -258,7 +271,7 @@ def subjects() -> Iterator[TrafficSubject]:
         "ids_reused": (SmallestFree, PlaceInList, CountsModulo, CounterReset),
         "order_dependent": (DetectionsInOrder, TracksInOrder),
         "empty_scan_not_predicted": (LastAnswer, TimeAlone, NothingToSay),
-        "associated_unpredicted": (MatchedFirst,),
+        "associated_unpredicted": (MatchedFirst, NewOnesWait),
         "gated_after_assignment": (GatedLast,),
         "assignment_inverted": (LargestSum, Farthest),
         "wrong_track_deleted": (PoppedInOrder, LastRemoved),

@@ -10,6 +10,7 @@ from benchmarks.doctor.traffic.nearest_faults import (
     LargestSum,
     LastRemoved,
     MatchedFirst,
+    NewOnesWait,
     NoGate,
     PoppedInOrder,
 )
@@ -26,10 +27,11 @@ from trackbench.subjects.doctor.traffic_checks.association import (
     ended_alone,
     missed_among_others,
     nearer_of_two,
+    new_predicted,
     predicted_place,
 )
 
-CHECKS = (nearer_of_two, predicted_place, allowed_pair, missed_among_others, ended_alone)
+CHECKS = (nearer_of_two, predicted_place, new_predicted, allowed_pair, missed_among_others, ended_alone)
 SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
 
 
@@ -43,6 +45,7 @@ def names(result: PartResult) -> list[str]:
     [
         (nearer_of_two, LargestSum, "assignment_inverted"),
         (nearer_of_two, Farthest, "assignment_inverted"),
+        (new_predicted, NewOnesWait, "associated_unpredicted"),
         (predicted_place, MatchedFirst, "associated_unpredicted"),
         (allowed_pair, GatedLast, "gated_after_assignment"),
         (missed_among_others, AssignedIsSeen, "never_deletes"),
@@ -72,6 +75,32 @@ def test_the_farthest_detection_is_named_before_what_it_brings_about() -> None:
     first, *others = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(LargestSum)).findings
     assert first.fault == "assignment_inverted"
     assert {one.consequence_of for one in others} <= {"assignment_inverted"}
+
+
+class BeginsAtTheLast(NewOnesWait):
+    """A new track has no motion: it is at the last detection."""
+
+    def reported(self):
+        for track in self.tracks:
+            if track.id < 0 or track.hits == self.confirm[0]:
+                track.x, track.P = self.at(track)
+        return super().reported()
+
+    def begun(self, scan, taken):
+        self.scan = scan
+        return super().begun(scan, taken)
+
+    def at(self, track):
+        if track.used < 0:
+            return track.x, track.P
+        begun = self.born(self.scan, track.used)
+        return begun.x, begun.P
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+def test_a_track_that_begins_with_its_last_detection_need_not_be_predicted_before(site: Site) -> None:
+    (check,) = new_predicted(looped(BeginsAtTheLast, confirm=(3, 4)), site).checks
+    assert check.passed
 
 
 @pytest.mark.parametrize("name", ["nearest global kf", "greedy score", "builtin jpda", "builtin pmb"])

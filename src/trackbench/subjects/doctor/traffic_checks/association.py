@@ -52,6 +52,9 @@ EVERY = np.concatenate([LEAVING, STAYING], axis=1)
 COMES = 1.0
 #: Periods of the scans by which a track is behind its object, from which on it is not predicted.
 BEHIND = 0.25
+#: Speed of objects whose tracks begin, as a share of others', so that they begin without a prediction too; how much
+#: more time there is between the same detections; and until when a track has to be there, s.
+BEGINNING, SLOWER, AWAITED = 0.6, 1.5, 3.0
 
 
 def nearer_of_two(make: Make, site: Site) -> PartResult:
@@ -116,6 +119,40 @@ def _mean_of(tracks: Tracks, identity: int) -> Array | None:
     """``(4,)`` of the track with an identity."""
     column = np.flatnonzero(tracks.ids == identity)
     return tracks.mean[:, column[0]] if len(column) else None
+
+
+def new_predicted(make: Make, site: Site) -> PartResult:
+    """The same first detections with more time between them: a track that is predicted is another one after them."""
+    behind = [lag for target in OBJECTS.T if (lag := _behind_at_first(make, site, target)) is not None]
+    if not behind:
+        return PartResult()
+    same = sum(lag > BEHIND for lag in behind)
+    text = (
+        f"the first estimate of {same} of {len(behind)} new tracks is the same whatever the time between the "
+        f"detections, and up to {max(behind):.2g} of the way between two of them behind the last one"
+    )
+    return note(PartResult(), "new_predicted", not min(behind) > BEHIND, text, "associated_unpredicted")
+
+
+def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
+    """How far a new track is behind its last detection, in periods of the scans, if time does not count for it.
+
+    0 where it counts; None where there is no track, or one after the first detection.
+    """
+    slow = target * np.array([1, 1, BEGINNING, BEGINNING])
+    session, scans = MultiObjectSession(make), site.scans(slow[:, None], AWAITED)
+    answers = ((count, session.step(scan)) for count, scan in enumerate(scans))
+    last, tracks = next(((count, tracks) for count, tracks in answers if len(tracks.ids)), (0, None))
+    if tracks is None or last == 0 or len(tracks.ids) != 1:
+        return None
+    later = [one._replace(time=SLOWER * one.time, arrival_time=SLOWER * one.time) for one in scans[: last + 1]]
+    other = MultiObjectSession(make).follow(later)[-1]
+    if len(other.ids) != 1 or not all(
+        np.allclose(own, its, rtol=1e-9, atol=1e-12)
+        for own, its in ((tracks.mean, other.mean), (tracks.covariance, other.covariance))
+    ):
+        return 0.0
+    return _behind(tracks, moved(slow, scans[last].time)[:, None])
 
 
 def allowed_pair(make: Make, site: Site) -> PartResult:
@@ -261,6 +298,12 @@ PREDICTED_PLACE_CHECK = DoctorCheck(
             Role(rank=0, always="tracks gate_too_small gate_too_large gated_after_assignment order_dependent"),
         )
     },
+)
+
+NEW_PREDICTED_CHECK = DoctorCheck(
+    new_predicted,
+    place=13,
+    questions=(Question("new_predicted", "Is a new track predicted from one detection to the next?"),),
 )
 
 ALLOWED_PAIR_CHECK = DoctorCheck(
