@@ -206,8 +206,8 @@ def _of_one(track: WeighedTrack, result: PartResult) -> None:
     mixed = after[1] - (1 - share) * missed[1] - share * sure[1]
     added = float(along @ mixed @ along) / float(track.whole @ track.whole) / (share * (1 - share))
     text = (
-        f"of a detection with a weight of {share:.2g} against a miss, the variance has {added:.3g} times the spread of "
-        "the two means"
+        f"with one detection, whose weight is {share:.2g} against a miss, the variance has {added:.3g} times the "
+        "spread of the two means"
     )
     note(result, "spread_of_one", SPREAD < added < MOST, text, "covariance_update_wrong")
 
