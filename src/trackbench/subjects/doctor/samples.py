@@ -25,32 +25,34 @@ def has_samples(tracker: TrackerUnderTest) -> bool:
     """
     if tracker.random or tracker.repeats > 1 or tracker.once(sampling_noise) > 0.0:
         return True
-    found = tracker.once(_with_other_samples)
-    if found is None:
+    answers = tracker.once(_with_other_samples)
+    if answers is None:
         return False
-    one, other = found
-    scale = np.outer(_sigma(one), _sigma(one))
-    return SPREAD < float(np.max(np.abs(one.covariance - other.covariance) / scale)) < 1.0
+    usual, redrawn = answers
+    scale = np.outer(_sigma(usual), _sigma(usual))
+    return SPREAD < float(np.max(np.abs(usual.covariance - redrawn.covariance) / scale)) < 1.0
 
 
 def sampling_noise(tracker: TrackerUnderTest) -> float:
     """The largest difference between two answers with other samples, in standard deviations; 0 without samples."""
-    found = tracker.once(_with_other_samples)
-    if found is None:
+    answers = tracker.once(_with_other_samples)
+    if answers is None:
         return 0.0
-    one, other = found
-    noise = float(np.max(np.abs(one.mean - other.mean) / _sigma(one)))
+    usual, redrawn = answers
+    noise = float(np.max(np.abs(usual.mean - redrawn.mean) / _sigma(usual)))
     return noise if SAMPLED < noise < DIVERGED else 0.0
 
 
 def _with_other_samples(tracker: TrackerUnderTest) -> tuple[Estimate, Estimate] | None:
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]
     scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
-    one, other = (
+    usual, redrawn = (
         tracker.predict(tracker.session_at(probe, sensor_set, replica=replica), scan, probe.name)
         for replica in (False, True)
     )
-    return None if one is None or other is None or not (finite(one) and finite(other)) else (one, other)
+    if usual is None or redrawn is None or not (finite(usual) and finite(redrawn)):
+        return None
+    return usual, redrawn
 
 
 def _sigma(estimate: Estimate) -> Array:

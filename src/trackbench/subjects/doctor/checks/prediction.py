@@ -236,17 +236,17 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
         return PartResult().add("spreading", None, "there was no estimate early enough")
     off = list[Spread]()
     for spreads, bounds, share in ((early, GROWTH, 0.3), (settled, SETTLED_GROWTH, MOST)):
-        beyond = [one for one in spreads if one.least < bounds[0] or one.most > bounds[1]]
+        beyond = [spread for spread in spreads if spread.least < bounds[0] or spread.most > bounds[1]]
         off += beyond if len(beyond) >= share * len(spreads) else []
     ratios = early or settled
-    least, most = np.quantile([one.least for one in ratios], 0.3), np.quantile([one.most for one in ratios], 0.7)
+    least, most = np.quantile([of.least for of in ratios], 0.3), np.quantile([of.most for of in ratios], 0.7)
     text = (
         "the covariance of position and velocity grows as much as the uncertain velocity causes, times at least "
         f"{least:.2g} in 70 % of the trials and at most {most:.2g} in 70 %"
     )
     if not off:
         return PartResult().add("spreading", True, text)
-    low, high, block, probe = min(off, key=lambda one: one.least)
+    low, high, block, probe = min(off, key=lambda spread: spread.least)
     points = tracker.once(linearises) is False
     where = "a moved sigma point" if points else "an entry of the transition's Jacobian"
     evidence = (

@@ -198,19 +198,21 @@ def _reversed(name: str, started: list[FirstEstimate]) -> Finding | None:
 
 def _own_velocity(name: str, started: list[FirstEstimate]) -> Finding | None:
     """First velocities that are off along the line of sight by the sensor's own, or by twice that."""
-    seen = [(one, _along(one, one.scan.sensor_velocity)) for one in started]
-    moving = [(one, own) for one, own in seen if abs(own) > OWN]
+    seen = [(first, _along(first, first.scan.sensor_velocity)) for first in started]
+    moving = [(first, own) for first, own in seen if abs(own) > OWN]
     for times, words in ((1.0, "left out"), (2.0, "added, and is to be subtracted")):
-        off = [(_along(one, one.estimate.mean[2:] - one.truth[2:]), own, one) for one, own in moving]
-        if len(off) < 2 or any(abs(error + times * own) > SAME or not _clear(one, error) for error, own, one in off):
+        off = [(_along(first, first.estimate.mean[2:] - first.truth[2:]), own, first) for first, own in moving]
+        if len(off) < 2 or any(
+            abs(error + times * own) > SAME or not _clear(first, error) for error, own, first in off
+        ):
             continue
-        error, own, one = max(off, key=lambda entry: abs(entry[0]))
+        error, own, first = max(off, key=lambda entry: abs(entry[0]))
         text = (
             f"the first velocity from {name} is off by {error:+.3g} m/s along the line of sight where the sensor moves "
             f"at {own:+.3g} m/s along it: its own velocity is {words} ({len(off)} of {len(moving)} tracks)"
         )
         fault = "ego_motion_ignored" if times == 1.0 else "ego_motion_wrong"
-        return Finding(fault, 0.92, text, sensor=name, shown_by=one.probe.name, exhibit=_first_shown(one))
+        return Finding(fault, 0.92, text, sensor=name, shown_by=first.probe.name, exhibit=_first_shown(first))
     return None
 
 

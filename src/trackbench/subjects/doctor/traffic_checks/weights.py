@@ -120,6 +120,11 @@ class WeighedTrack:
             return None
         return weight / (1 - weight)
 
+    def telling_odds(self) -> tuple[float, float | None]:
+        """The first density of clutter at which both count, and the odds of the detection beside there; 0 and None."""
+        tried = ((clutter, self.odds(DETECTION, clutter)) for clutter in CLUTTER)
+        return next(((clutter, odds) for clutter, odds in tried if odds is not None), (0.0, None))
+
 
 def weights(make: Make, site: Site) -> PartResult:
     """State other detection probabilities and clutter, and give two detections at once."""
@@ -143,8 +148,7 @@ def weights(make: Make, site: Site) -> PartResult:
 
 def _of_odds(track: WeighedTrack, result: PartResult) -> None:
     """The odds by what is stated."""
-    by_clutter = ((clutter, track.odds(DETECTION, clutter)) for clutter in CLUTTER)
-    clutter, odds = next(((clutter, odds) for clutter, odds in by_clutter if odds is not None), (0.0, None))
+    clutter, odds = track.telling_odds()
     if odds is None:
         return
     other = track.odds(OTHER, clutter)
@@ -190,8 +194,7 @@ def _of_spread(track: WeighedTrack, result: PartResult) -> None:
 
 def _of_one(track: WeighedTrack, result: PartResult) -> None:
     """One detection that counts about as much as a miss, between the covariances of a sure one and of none."""
-    found = ((clutter, track.odds(DETECTION, clutter)) for clutter in CLUTTER)
-    clutter, odds = next(((clutter, odds) for clutter, odds in found if odds is not None), (0.0, None))
+    clutter, odds = track.telling_odds()
     density = clutter * (odds or 0.0) / ODDS
     share = track.share([track.beside], DETECTION, density) if density else None
     missed, sure, after = (
