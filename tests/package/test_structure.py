@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.175
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 86_000
-MOST_FILES = 515
+MOST_LINES = 86_050
+MOST_FILES = 518
 
 
 def lines_of(file: Path) -> int:

@@ -264,6 +264,20 @@ def test_a_noise_somewhat_larger_than_stated_is_a_remark(driven: Any, made: Any)
     assert [one.fault for one in gain(examined(make)).findings] == ["r_too_large"]
 
 
+class DividedByX(PlainEkf):
+    """The range rate is divided by the distance along x."""
+
+    def range_rate(self, target: Any, scan: Any) -> Any:
+        dx, dy = target[:2] - scan.sensor_pose[:2]
+        return super().range_rate(target, scan) * np.hypot(dx, dy) / abs(dx)
+
+
+def test_a_range_rate_that_is_wrong_in_no_known_way_is_told() -> None:
+    (found,) = [one for one in expectation(examined(DividedByX)).findings if one.sensor == "radar"]
+    assert found.fault == "speed_for_range_rate"
+    assert "the range rate alone is predicted wrongly" in found.evidence
+
+
 class NoiseAlongX(PlainEkf):
     """Its process noise is that of an acceleration along x alone."""
 

@@ -7,35 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base.types import Array, Mask
-from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.expected_gain import linearised_gain
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import SURE, DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.samples import sampling_noise
+from trackbench.subjects.doctor.systematic_errors import systematic_error
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
-from trackbench.subjects.doctor.wrong_models import WrongModel, right_measurement, wrong_models
+from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
 
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
 #: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
 ASIDE = 2.0
-#: Share of the trials in which the innovation of the right model must be zero, and in which the measurement without an
-#: innovation has to be found.
+#: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
-#: Distance from the fitted error in the median of the trials, in standard deviations of the measurement, and besides
-#: as a share of that error.
-SPREAD, SHARE = 0.5, 0.1
 #: Share of the largest singular value of a gain that is none, and one that has to be there; in how many trials.
 NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
-#: Time over which a target's measurement is differentiated, s.
-SHORT = 1e-3
 EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
 
 
@@ -101,7 +94,27 @@ def _examined(
         finding = _while_moving(
             sensor, [trial for trial, moves in zip(moved, moving, strict=True) if moves], right, moving
         )
+    if finding is None and kind == "radar":
+        finding = _range_rate_alone(sensor, moved)
     return False, text, finding
+
+
+def _range_rate_alone(sensor: str, trials: Sequence[Trial]) -> Finding | None:
+    """Where range and azimuth have no innovation, and the range rate has one that no model explains."""
+    offsets = [(trial, offset / trial.sigma) for trial in trials if (offset := trial.offset()) is not None]
+    wrong = [(trial, offset) for trial, offset in offsets if abs(offset[2]) > ZERO]
+    if len(offsets) < MOST * len(trials) or 2 * len(wrong) < len(trials):
+        return None
+    if any(np.abs(offset[:2]).max() > ZERO for _, offset in offsets):
+        return None
+    trial, offset = max(wrong, key=lambda entry: abs(float(entry[1][2])))
+    used = trial.predicted_measurement + offset * trial.sigma
+    text = (
+        f"of what {sensor} measures the range rate alone is predicted wrongly in {len(wrong)} of {len(trials)} trials: "
+        f"of {trial.description} {used[2]:.4g} m/s has no innovation, and {trial.predicted_measurement[2]:.4g} is right"
+    )
+    exhibit = measurement_shown(trial, used, 0.5)
+    return Finding("speed_for_range_rate", SURE, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
 
 
 def _one_direction(sensor: str, trials: Sequence[Trial]) -> Finding | None:
@@ -199,112 +212,6 @@ def _moves(trial: Trial, kind: str) -> bool:
     )
 
 
-class SystematicFit(NamedTuple):
-    """The offsets of all trials by one kind of error."""
-
-    fault: str
-    offsets: Array
-    """``(trials, m)``"""
-    size: Array
-    """``(m,)`` the bias, the factor less 1, or the time in s of all components."""
-
-
-def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Finding | None:
-    """The kind of error that fits best what measurements have no innovation.
-
-    Args:
-        sensor: its name.
-        trials: of that sensor.
-        clear: offset of a component that is one, in standard deviations of the measurement.
-    """
-    pairs = [(trial, offset) for trial in trials if (offset := trial.offset()) is not None]
-    if len(pairs) < MOST * len(trials):
-        return None
-    known, offsets = [trial for trial, _ in pairs], np.array([offset for _, offset in pairs])
-    sigma = known[0].sigma
-    bias = np.median(offsets, axis=0)
-    candidates = (
-        SystematicFit("sensor_bias", np.tile(bias, (len(offsets), 1)), bias),
-        _scale(known, offsets),
-        _time(known, offsets),
-    )
-    fits = [fit for fit in candidates if _good(fit, offsets, sigma, clear)]
-    if not fits:
-        return None
-    best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
-    clearest = int(np.argmax(np.max(np.abs(offsets) / sigma, axis=1)))
-    text, confidence, factor = _evidence(sensor, known, best, offsets, clear)
-    exhibit = measurement_shown(known[clearest], known[clearest].predicted_measurement + offsets[clearest], clear)
-    return Finding(best.fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit)
-
-
-def _scale(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
-    """By least squares; an angle has no scale."""
-    predicted = np.array([trial.predicted_measurement for trial in trials])
-    factor = np.sum(offsets * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), 1e-12)
-    factor[list(SENSOR_MODELS[trials[0].scan.kind].angular)] = 0.0
-    return SystematicFit("scale_error", factor * predicted, factor)
-
-
-def _time(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
-    """By least squares of all components, each in its standard deviations."""
-    rates = np.array([_rate(trial) for trial in trials])
-    weighted = rates / trials[0].sigma ** 2
-    delay = float(np.sum(offsets * weighted) / max(np.sum(rates * weighted), 1e-12))
-    return SystematicFit("time_offset", delay * rates, np.full(offsets.shape[1], delay))
-
-
-def _rate(trial: Trial) -> Array:
-    """``(m,)`` change of the measurement by the target's motion, per second."""
-    mean = trial.prediction.mean
-    ahead, behind = (
-        right_measurement(mean + np.array([*side * SHORT * mean[2:], 0.0, 0.0]), trial.scan) for side in (0.5, -0.5)
-    )
-    return np.asarray(difference(ahead, behind, SENSOR_MODELS[trial.scan.kind].angular) / SHORT)
-
-
-def _spread(fit: SystematicFit, offsets: Array, sigma: Array) -> Array:
-    """``(m,)`` median distance of the offsets from the fit, in sigma."""
-    return np.asarray(np.median(np.abs(offsets - fit.offsets), axis=0) / sigma)
-
-
-def _off(fit: SystematicFit, sigma: Array, clear: float) -> Mask:
-    """``(m,)`` which components are off, in the median of the trials."""
-    return np.asarray(np.median(np.abs(fit.offsets), axis=0) > clear * sigma)
-
-
-def _good(fit: SystematicFit, offsets: Array, sigma: Array, clear: float) -> bool:
-    allowed = SPREAD + SHARE * np.median(np.abs(fit.offsets), axis=0) / sigma
-    return bool(_off(fit, sigma, clear).any()) and not np.any(_spread(fit, offsets, sigma) > allowed)
-
-
-def _evidence(
-    sensor: str, trials: Sequence[Trial], fit: SystematicFit, offsets: Array, clear: float
-) -> tuple[str, float, float | None]:
-    """The evidence for a fit, its confidence and its factor."""
-    model, sigma = SENSOR_MODELS[trials[0].scan.kind], trials[0].sigma
-    off = np.flatnonzero(_off(fit, sigma, clear))
-    names = [model.components[i].replace("_", " ") for i in off]
-    around = f"(spread {np.max(_spread(fit, offsets, sigma)[off]):.2g} sigma over {len(offsets)} trials)"
-    if fit.fault == "scale_error":
-        factors = [1.0 / (1.0 + fit.size[i]) for i in off]
-        parts = ", ".join(f"{name} times {factor:.4g}" for name, factor in zip(names, factors, strict=True))
-        return f"the tracker takes the measurements of {sensor} as {parts} {around}", 0.92, factors[0]
-    if fit.fault == "time_offset":
-        delay = float(fit.size[0])
-        when = "after" if delay > 0.0 else "before"
-        text = (
-            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.2g} ms {when} the "
-            f"time of the scan {around}"
-        )
-        return text, 0.92, None
-    parts = ", ".join(
-        f"{name} {fit.size[i]:+.3g} {'rad' if i in model.angular else 'm or m/s'}"
-        for name, i in zip(names, off, strict=True)
-    )
-    return f"the predicted measurement has a constant bias: {parts} {around}", 0.9, None
-
-
 EXPECTATION_CHECK = DoctorCheck(
     expectation,
     place=130,
@@ -331,7 +238,7 @@ EXPECTATION_CHECK = DoctorCheck(
             Role("exact", rank=13, causes="measured", drive="radial_approach"),
         ),
         "speed_for_range_rate": KnownFault(
-            "the range rate is predicted as the speed",
+            "the range rate is not predicted as the velocity along the line of sight",
             "Where the third component of a radar's measurement is predicted.",
             "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its length.",
             Role("exact", rank=14, causes="measured", drive="tangential_pass"),
