@@ -1,4 +1,4 @@
-"""A graph of the last two states: factors are whitened, stacked and solved by Gauss and Newton, the older is removed."""
+"""A graph of the last two states: factors are whitened and solved by Gauss and Newton; the older is removed."""
 
 import numpy as np
 from scipy.linalg import solve_triangular
