@@ -1,4 +1,4 @@
-"""An embedded filter carried over from C: flat arrays by rows, ticks of a clock, outputs as arguments."""
+"""An embedded filter carried over from C: flat arrays by rows, ticks of a clock, iterated updates."""
 
 import math
 
@@ -132,22 +132,27 @@ def observe(kf, scan, e, H):
     return 3
 
 
-def kalman_correct(kf, scan):
+def kalman_correct(kf, scan, passes=3):
     e, H = [0.0] * 3, [0.0] * (3 * N)
-    m = observe(kf, scan, e, H)
-    R = [float(scan.noise_covariance[i][j]) for i in range(m) for j in range(m)]
-    Ht, PHt, S, Si, K = [0.0] * (N * m), [0.0] * (N * m), [0.0] * (m * m), [0.0] * (m * m), [0.0] * (N * m)
-    mat_trans(H, m, N, Ht)
-    mat_mul(kf.P, Ht, N, N, m, PHt)
-    mat_mul(H, PHt, m, N, m, S)
-    for i in range(m * m):
-        S[i] += R[i]
-    mat_inv(S, m, Si)
-    mat_mul(PHt, Si, N, m, m, K)
-    dx = [0.0] * N
-    mat_mul(K, e, N, m, 1, dx)
-    for i in range(N):
-        kf.x[i] += dx[i]
+    prior = list(kf.x)
+    for _ in range(passes):
+        m = observe(kf, scan, e, H)
+        R = [float(scan.noise_covariance[i][j]) for i in range(m) for j in range(m)]
+        Ht, PHt, S, Si, K = [0.0] * (N * m), [0.0] * (N * m), [0.0] * (m * m), [0.0] * (m * m), [0.0] * (N * m)
+        mat_trans(H, m, N, Ht)
+        mat_mul(kf.P, Ht, N, N, m, PHt)
+        mat_mul(H, PHt, m, N, m, S)
+        for i in range(m * m):
+            S[i] += R[i]
+        mat_inv(S, m, Si)
+        mat_mul(PHt, Si, N, m, m, K)
+        for i in range(m):
+            for j in range(N):
+                e[i] -= H[i * N + j] * (prior[j] - kf.x[j])
+        dx = [0.0] * N
+        mat_mul(K, e, N, m, 1, dx)
+        for i in range(N):
+            kf.x[i] = prior[i] + dx[i]
     KH, KHP = [0.0] * (N * N), [0.0] * (N * N)
     mat_mul(K, H, N, m, N, KH)
     mat_mul(KH, kf.P, N, N, N, KHP)

@@ -54,10 +54,11 @@ def cvmeasjac(state, parameters):
 
 
 class trackingEKF:
-    def __init__(self, State, StateCovariance, AccelerationVariance=9.0):
+    def __init__(self, State, StateCovariance, AccelerationVariance=9.0, MaxNumIterations=3):
         self.State = State
         self.StateCovariance = StateCovariance
         self.AccelerationVariance = AccelerationVariance
+        self.MaxNumIterations = MaxNumIterations
 
     def predict(self, dt):
         F = constveljac(dt)
@@ -73,10 +74,12 @@ class trackingEKF:
         return res
 
     def correct(self, z, parameters):
-        H, P = cvmeasjac(self.State, parameters), self.StateCovariance
-        S = H @ P @ H.T + parameters.MeasurementNoise
-        K = P @ H.T @ np.linalg.inv(S)
-        self.State = self.State + K @ self.residual(z, parameters)
+        prior, P = self.State, self.StateCovariance
+        for _ in range(self.MaxNumIterations):
+            H = cvmeasjac(self.State, parameters)
+            S = H @ P @ H.T + parameters.MeasurementNoise
+            K = P @ H.T @ np.linalg.inv(S)
+            self.State = prior + K @ (self.residual(z, parameters) - H @ (prior - self.State))
         P = P - K @ S @ K.T
         self.StateCovariance = (P + P.T) / 2
 

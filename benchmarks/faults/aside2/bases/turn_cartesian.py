@@ -138,4 +138,5 @@ class Tracker:
                 A = np.eye(5) - K @ H
                 P = A @ P @ A.T + K @ sensor.noise @ K.T
         P = (P + P.T) / 2
-        return (scan.time, mean, P), (mean[self.order], P[np.ix_(self.order, self.order)])
+        time = scan.time if state is None else max(time, scan.time)
+        return (time, mean, P), (mean[self.order], P[np.ix_(self.order, self.order)])

@@ -95,7 +95,8 @@ class Graph:
     def optimize(self, values, iterations=3):
         for _ in range(iterations):
             A, e = self.stack(values)
-            step = np.linalg.lstsq(A, -e, rcond=None)[0]
+            Q, R = np.linalg.qr(A)
+            step = np.linalg.solve(R, -Q.T @ e)
             values = {key: values[key] + step[4 * i : 4 * i + 4] for i, key in enumerate(self.order)}
         return values
 
@@ -140,4 +141,5 @@ class Tracker:
             values = graph.optimize(values)
             x, root = values["now"], graph.root_of_last(values)
         inverse = np.linalg.inv(root)
-        return (scan.time, x, root), (x, inverse @ inverse.T)
+        time = scan.time if state is None else max(time, scan.time)
+        return (time, x, root), (x, inverse @ inverse.T)
