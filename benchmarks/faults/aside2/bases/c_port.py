@@ -3,7 +3,7 @@
 import math
 
 N = 4
-BOOT_TICK = 144_000_000  # milliseconds of up time at the first scan
+BOOT_TICK = 600_000_000  # milliseconds of up time at the first scan
 
 
 def mat_mul(a, b, n, k, m, out):

@@ -105,7 +105,8 @@ class Ekf:
         Kfusion = np.zeros(self.k_num_states)
         for row in range(self.k_num_states):
             Kfusion[row] = PH[row] / innov_var
-        self.P -= np.outer(Kfusion, PH)
+        kept = np.eye(self.k_num_states) - np.outer(Kfusion, H)
+        self.P = kept @ self.P @ kept.T + obs_var * np.outer(Kfusion, Kfusion)
         self.P = 0.5 * (self.P + self.P.T)
         for row in range(self.k_num_states):
             self.P[row, row] = max(self.P[row, row], self._params.pos_var_min)
