@@ -1,21 +1,20 @@
 """A graph of the last two states: factors are whitened and solved by Gauss and Newton; the older is removed."""
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 
 class Gaussian:
     """Of a factor's error: what it is multiplied by to have unit covariance."""
 
     def __init__(self, covariance):
-        self.root = np.linalg.cholesky(covariance)
+        self.root = np.linalg.inv(np.linalg.cholesky(covariance))
 
     @classmethod
     def sigmas(cls, sigmas):
         return cls(np.diag(np.asarray(sigmas) ** 2))
 
     def whiten(self, matrix):
-        return solve_triangular(self.root, matrix, lower=True)
+        return self.root @ matrix
 
 
 class PriorFactor:
