@@ -90,6 +90,8 @@ def kalman_init(kf, scan):
 
 
 def kalman_predict(kf, tick, accel=3.0):
+    if tick <= kf.tick:
+        return
     dt = float(tick - kf.tick) / 1000.0
     kf.tick = tick
     F, Ft, FP, x = [0.0] * (N * N), [0.0] * (N * N), [0.0] * (N * N), [0.0] * N
