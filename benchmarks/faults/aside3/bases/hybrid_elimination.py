@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-SPECTRAL = (0.08, 1.5, 25.0)  # (m/s^2)^2 s: cruising, manoeuvring, in an emergency
+SPECTRAL = (0.15, 2.0, 25.0)  # (m/s^2)^2 s: cruising, manoeuvring, in an emergency
 LASTS = (4.0, 1.5, 0.7)  # s
 GOES_TO = np.array([[0.0, 0.8, 0.2], [0.6, 0.0, 0.4], [0.4, 0.6, 0.0]])
 SMALLEST = -25.0
