@@ -43,7 +43,7 @@ def normalized(log_table):
 
 def moment_matched(weights, conditionals):
     means = np.array([g.mean for g in conditionals])
-    mean = weights @ means
+    mean = np.sum(weights[:, None] * means, axis=0)
     d = means - mean
     cov = np.einsum("i,ijk->jk", weights, np.array([g.cov for g in conditionals])) + (weights[:, None] * d).T @ d
     return GaussianConditional(mean, (cov + cov.T) / 2)
