@@ -24,8 +24,8 @@ def marginals(w):
     nu = np.ones_like(w)
     for _ in range(60):
         both = w * nu
-        mu = w / (1 + both.sum(axis=1, keepdims=True) - both)
-        nu = 1 / (1 + mu.sum(axis=0, keepdims=True) - mu)
+        mu = w / (1 + np.maximum(both.sum(axis=1, keepdims=True) - both, 0.0))
+        nu = 1 / (1 + np.maximum(mu.sum(axis=0, keepdims=True) - mu, 0.0))
     both = w * nu
     total = 1 + both.sum(axis=1)
     taken = mu.sum(axis=0)
@@ -72,7 +72,7 @@ class Tracker:
                     area = scan.measurement[0, j] if scan.kind == "radar" else 1.0  # polar to flat
                     clutter = max(scan.clutter_density, 1e-7) / max(area, 1.0) * (1 + BIRTH)
                     density = np.exp(-d2 / 2) / np.sqrt(np.linalg.det(2 * np.pi * S))
-                    w[i, j] = t.r * pd[i] * density / clutter / none
+                    w[i, j] = min(t.r * pd[i] * density / clutter / none, 1e8)
                     options[i, j] = parts.updated(t.x, t.P, z, H, R)
         p, missed, free = marginals(w) if len(found) else (w, np.ones(len(tracks)), np.ones(0))
         after = []

@@ -75,9 +75,9 @@ class Tracker:
         left = [j for j in range(len(found)) if j not in claimed]
         claimed |= self.associate([t for t in self.tracks if t.id < 0], found, left, scan)
         for t in self.tracks:
-            if t.id < 0 and t.hits > 2.4:
+            if t.id < 0 and t.hits > 2.8:
                 t.id, self.count = self.count, self.count + 1
-        self.tracks = [t for t in self.tracks if self.time - t.seen <= (1.0 if t.id >= 0 else 0.4) and t.misses < 8]
+        self.tracks = [t for t in self.tracks if self.lives(t)]
         self.tracks += [Track(d, scan.time) for j, d in enumerate(found) if j not in claimed]
         shown = [t for t in self.tracks if t.id >= 0]
         if not shown:
@@ -85,11 +85,16 @@ class Tracker:
         ids = np.array([t.id for t in shown])
         return None, (ids, np.stack([t.x for t in shown], axis=1), np.stack([t.P for t in shown], axis=2))
 
+    def lives(self, t):
+        if t.id < 0:
+            return t.misses < 2 and self.time - t.seen <= 0.4
+        return t.misses < 8 and self.time - t.seen <= 1.0
+
     def associate(self, tracks, found, columns, scan):
         """Columns that some track claims."""
         rows = []
         for t in tracks:
-            pd = scan.detection_probability if parts.in_view(t.x, scan) else 0.05
+            pd = min(scan.detection_probability, 0.97) if parts.in_view(t.x, scan) else 0.05
             row = {-1: 1 - pd}
             for j in columns:
                 z, H, R = found[j]
