@@ -1,7 +1,7 @@
 """The velocity decays slowly; transition and noise come from one matrix exponential; the state is vx, px, vy, py."""
 
 import numpy as np
-from benchmarks.faults.parts import expected, first, difference
+from benchmarks.faults.parts import difference, expected, first
 from scipy.linalg import expm
 
 ORDER = [1, 3, 0, 2]  # where px, py, vx, vy are

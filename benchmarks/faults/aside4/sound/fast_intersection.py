@@ -1,7 +1,7 @@
 """Two trackers, one a sensor, which do not know each other; what they say is joined by covariance intersection."""
 
 import numpy as np
-from benchmarks.faults.parts import constant_velocity, expected, difference, first
+from benchmarks.faults.parts import constant_velocity, difference, expected, first
 
 
 class Local:

@@ -63,7 +63,7 @@ class Tracker:
             return [], np.ones(len(found))
         w, options, pd = np.zeros((len(tracks), len(found))), {}, []
         for i, t in enumerate(tracks):
-            pd.append(min(scan.detection_probability, 0.97) * (1.0 if parts.in_view(t.x, scan) else 0.02))
+            pd.append(min(scan.detection_probability, 0.9) * (1.0 if parts.in_view(t.x, scan) else 0.02))
             none = 1 - t.r * pd[i]
             for j, (z, H, R) in enumerate(found):
                 y, S = z - H @ t.x, H @ t.P @ H.T + R

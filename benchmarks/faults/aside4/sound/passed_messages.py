@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 from benchmarks.faults.parts import difference, expected, first, transition
 
-
 DENSITY = 0.6  # of the white acceleration, m^2/s^3; its noise has the inverse in closed form
 
 

@@ -4,9 +4,7 @@ import numpy as np
 from benchmarks.faults import parts
 from scipy.optimize import linear_sum_assignment
 
-RECORD = np.dtype(
-    [("y", "f8", 4), ("Y", "f8", (4, 4)), ("seen", "f8"), ("hits", "i4"), ("missed", "i4"), ("id", "i4")]
-)
+RECORD = np.dtype([("y", "f8", 4), ("Y", "f8", (4, 4)), ("seen", "f8"), ("hits", "i4"), ("missed", "i4"), ("id", "i4")])
 LIMIT = {2: 18.4, 3: 21.1}
 
 

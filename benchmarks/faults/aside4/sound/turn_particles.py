@@ -50,7 +50,9 @@ class Tracker:
         y = z - x @ H.T
         S = H @ P @ H.T + R + 1e-6 * np.eye(len(z))
         K = np.linalg.solve(S, H @ P).transpose(0, 2, 1)
-        logw = logw - (np.einsum("ni,ni->n", y, np.linalg.solve(S, y[:, :, None])[:, :, 0]) + np.linalg.slogdet(S)[1]) / 2
+        logw = (
+            logw - (np.einsum("ni,ni->n", y, np.linalg.solve(S, y[:, :, None])[:, :, 0]) + np.linalg.slogdet(S)[1]) / 2
+        )
         x = x + np.einsum("nij,nj->ni", K, y)
         P = P - K @ S @ K.transpose(0, 2, 1)
         P = (P + P.transpose(0, 2, 1)) / 2 + 1e-9 * np.eye(4)
