@@ -6,7 +6,7 @@ import numpy as np
 from benchmarks.faults import parts
 
 GATE = {2: 18.42, 3: 21.11}
-LIFE_S = 20.0
+LIFE_S = 300.0
 BIRTH = 0.05  # density of new objects over that of clutter
 
 

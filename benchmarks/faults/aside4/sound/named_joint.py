@@ -1,4 +1,4 @@
-"""Gaussians over named variables: they are extended by linear equations, conditioned on values, and cut down to names."""
+"""Gaussians over named variables: they are extended by linear equations, conditioned on values and cut down."""
 
 import numpy as np
 from benchmarks.faults.parts import first, linear_at

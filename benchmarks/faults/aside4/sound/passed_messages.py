@@ -1,4 +1,4 @@
-"""A chain of variables and factors: a Gaussian message goes forward, and every factor sends its own into the variable."""
+"""A chain of variables and factors: a Gaussian message goes forward, and every factor sends its own."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""An observer whose two poles are placed, equal and real, at a time constant of 0.25 s; gains follow from the interval."""
+"""An observer whose two poles are placed, equal and real, at a time constant of 0.25 s; gains follow."""
 
 import numpy as np
 from benchmarks.faults.parts import first, moved, position, with_gain

@@ -1,4 +1,4 @@
-"""The state has the places of the last two measurements too, which go on being smoothed; what is shown is the present."""
+"""The state has the places of the last two measurements too, smoothed; what is shown is the present."""
 
 import numpy as np
 from benchmarks.faults.parts import constant_velocity, difference, expected, first

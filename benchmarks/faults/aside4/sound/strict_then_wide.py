@@ -1,6 +1,7 @@
 """After two-stage trackers: tracked ones match strictly, what is left and lost ones widely, new ones at last."""
 
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 from benchmarks.faults import parts
@@ -55,8 +56,8 @@ def linear_assignment(tracks, dets, left, thresh):
 
 class Tracker:
     identities = "hidden"
-    strict = {2: 9.21, 3: 11.34}
-    wide = {2: 21.0, 3: 24.0}
+    strict: ClassVar = {2: 9.21, 3: 11.34}
+    wide: ClassVar = {2: 21.0, 3: 24.0}
     track_buffer = 1.0
 
     def __init__(self):

@@ -1,4 +1,4 @@
-"""Joint probabilities of association, exact, by a table over subsets of detections; in clusters, so that it stays small."""
+"""Joint probabilities of association, exact: a table over subsets of detections, in clusters, so that it is small."""
 
 import numpy as np
 from benchmarks.faults import parts
