@@ -1,4 +1,4 @@
-"""Cruise and manoeuvre interact, each in three phases that follow on one another: a mode lasts a while before it ends."""
+"""Cruise and manoeuvre interact, each in three phases that follow on one another: it lasts a while."""
 
 import numpy as np
 from benchmarks.faults.parts import first, linear_at, moved, with_gain

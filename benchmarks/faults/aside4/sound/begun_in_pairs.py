@@ -1,4 +1,4 @@
-"""A track begins with two places of different scans that a vehicle could reach, with the velocity between; EKF in polar."""
+"""A track begins with two places of different scans in reach, with the velocity between; EKF in polar."""
 
 import numpy as np
 from benchmarks.faults import parts

@@ -1,4 +1,4 @@
-"""The filter is a generator that never ends: scans are sent in, estimates come out, and what it knows is its variables."""
+"""The filter is a generator that never ends: scans go in, estimates come out; its variables are what it knows."""
 
 import numpy as np
 from benchmarks.faults.parts import constant_velocity, difference, expected, first

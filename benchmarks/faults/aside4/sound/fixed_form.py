@@ -1,4 +1,5 @@
-"""Carried over from FORTRAN: north, east and compass bearings, indices from 1, and Potter's root, one number at a time."""
+"""Carried over from FORTRAN: north, east and compass bearings, indices from 1, and Potter's root, by numbers."""
+# ruff: noqa: E741
 
 import numpy as np
 

@@ -31,7 +31,7 @@ class Tracker:
         return (x, P) if row is None else updated(x, P, *row)
 
     def solved(self, x0, P0, window):
-        """Unknown are the start and the accelerations; those at the limit are fixed there, and the rest solved again."""
+        """Unknown are the start and the accelerations; those at the limit are fixed there, the rest solved again."""
         n = 4 + 2 * len(window)
         M = np.eye(4, n)  # the state now, of the unknowns
         W = np.linalg.inv(np.linalg.cholesky(P0))

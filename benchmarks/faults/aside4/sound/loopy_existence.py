@@ -1,4 +1,4 @@
-"""Each track is a Bernoulli: it may not exist. Marginal probabilities of association come from loopy belief propagation."""
+"""Each track is a Bernoulli: it may not exist. Probabilities of association come from loopy belief propagation."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""A pose of SE(2) with speed and turn rate; the error is in the object's own axes: ahead, left, heading, speed, turn."""
+"""A pose of SE(2) with speed and turn rate; the error is in its own axes: ahead, left, heading, speed, turn."""
 
 import numpy as np
 from benchmarks.faults.parts import first, moved, position, updated, wrapped
