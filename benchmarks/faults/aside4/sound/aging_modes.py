@@ -4,7 +4,7 @@ import numpy as np
 from benchmarks.faults.parts import first, linear_at, moved, with_gain
 from scipy.linalg import expm
 
-MODES = ((1.2, 3.0), (4.0, 1.5))  # sigma in m/s^2, mean duration in s
+MODES = ((1.5, 3.0), (4.0, 1.5))  # sigma in m/s^2, mean duration in s
 PHASES = 3
 SIGMA = np.repeat([m[0] for m in MODES], PHASES)
 

@@ -4,7 +4,7 @@ import numpy as np
 from benchmarks.faults.parts import first, linear_at, push, transition
 from scipy.linalg import expm
 
-SIGMA = np.array([0.5, 1.2, 3.0, 7.0])
+SIGMA = np.array([1.5, 2.5, 4.0, 7.0])
 STEPS = np.diag([0.8, 0.8, 0.8], k=1) + np.diag([1.2, 1.2, 1.2], k=-1)  # per second, from row to column
 RATES = STEPS - np.diag(STEPS.sum(axis=1))
 
