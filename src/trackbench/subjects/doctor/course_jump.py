@@ -26,6 +26,8 @@ NEAR_PI = 0.6
 #: Difference from the estimates of both turned scenes that is a jump, of a mean in their standard deviations and of a
 #: covariance in their variances.
 FAR = 3.0
+#: The same of a mean in m and m/s: stated standard deviations may be those of no error.
+MOVED = 0.05
 #: Share of it which the turned scenes may differ by: a tracker that starts with the course 0 has another track in each.
 ALIKE = 0.2
 #: Time for which a target is followed, s.
@@ -144,6 +146,8 @@ def _gap(here: Estimate | None, first: Estimate | None, second: Estimate | None)
     """The lesser difference from the two; 0 where they are not alike."""
     if here is None or first is None or second is None or not _alike(first, second):
         return 0.0
+    if np.abs(here.mean - first.mean).max() < MOVED:
+        here = here._replace(mean=first.mean)
     return min(apart(here, first), apart(here, second))
 
 
