@@ -11,11 +11,11 @@ from tests.support.places import ROOT
 PACKAGE = ROOT / "src" / "trackbench"
 FILES = sorted(PACKAGE.rglob("*.py"))
 #: Largest share of the code's lines in one folder.
-LARGEST_SHARE = 0.175
+LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 86_050
+MOST_LINES = 86_500
 MOST_FILES = 518
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
-from trackbench.base.errors import TrackbenchError, printable, text_of
+from trackbench.base.errors import InputError, InputErrors, TrackbenchError, printable, text_of
 from trackbench.base.user_code import place_of
 from trackbench.trackers.answers import TrackerFault
 
@@ -60,3 +60,21 @@ def _cause(error: BaseException) -> str:
     if name in ASKING:
         text += " (a process of its own has no terminal; see --in-process)"
     return f"{name}: {text.strip()}" if text else name
+
+
+def raise_reported(values: dict[str, Any], members: int) -> None:
+    """Raise the error that an answer reports, if any.
+
+    Raises:
+        InputError, TrackFault: the reported error.
+        TypeError, ValueError: the report is malformed.
+    """
+    problems, fault = values.get("input"), values.get("fault")
+    if problems:
+        errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
+        raise errors[0] if len(errors) == 1 else InputErrors(errors)
+    if fault:
+        cause, kind, place, member = fault
+        if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
+            raise ValueError(fault)
+        raise TrackFault(str(cause), kind, None if place is None else str(place), member)

@@ -6,12 +6,14 @@ import copy
 import faulthandler
 import io
 import os
+import pickle
 import resource
 import signal
 import socket
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -20,7 +22,7 @@ import numpy as np
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.printed import say_stray_errors
-from trackbench.base.types import Estimate, FieldOfView, Scan, Tracks
+from trackbench.base.types import Estimate, FieldOfView, Progress, Scan, Tracks
 from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
 from trackbench.driving.steppers import Stepper, local, refuse_truth
@@ -37,7 +39,8 @@ PROCESS_KEYS = ("do", "exchange", "drop", "path", "cwd", "classes")
 class Host:
     """Answers the requests of the bench, each named after a method."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
         self._stepped: dict[int, Alone | Stepper] = {}
         self._numbers = 0
 
@@ -112,6 +115,12 @@ class Host:
         """What a method of a tracker returns, an array."""
         return {}, {"returned": np.array(getattr(self._alone(number).tracker, method)(*arguments), dtype=float)}
 
+    def work(self, function: str, arguments: dict[str, Any]) -> tuple[dict[str, Any], Arrays]:
+        """What a function of the bench returns, ``module:name``, which tells of its progress and is called here."""
+        module, _, name = function.partition(":")
+        returned = getattr(import_module(module), name)(**arguments, progress=self._progress)
+        return {"returned": pickle.dumps(returned)}, {}
+
     def _alone(self, number: int) -> Alone:
         stepped = self._stepped[number]
         assert isinstance(stepped, Alone)
@@ -157,7 +166,12 @@ def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
     """
     _prepare(dump)
     say_stray_errors(lambda: name)
-    host = Host()
+    exchange = None
+
+    def progress(done: float, expected: float) -> None:
+        send_answer(connection, {"progress": [done, expected], "exchange": exchange}, {})
+
+    host = Host(progress)
     while True:
         try:
             request = receive(connection)
@@ -166,12 +180,13 @@ def serve(connection: socket.socket, dump: int, name: str) -> NoReturn:
         except BaseException:
             # What it takes to understand a request, or to answer one, is broken by the tracker.
             os._exit(1)
+        exchange = request.get("exchange")
         try:
             values, arrays = host.answer(request)
         except BaseException as error:
             values, arrays = _error_values(error), {}
         try:
-            send_answer(connection, {**values, "exchange": request.get("exchange")}, arrays)
+            send_answer(connection, {**values, "exchange": exchange}, arrays)
         except OSError:
             os._exit(0)
         except BaseException:

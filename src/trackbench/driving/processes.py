@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -13,7 +14,7 @@ import threading
 import time
 import weakref
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO, Protocol
 
@@ -23,8 +24,9 @@ import numpy.typing as npt
 from trackbench.base import at_hand
 from trackbench.base.errors import InputError, InputErrors, TrackbenchError
 from trackbench.base.process import how_it_ended
+from trackbench.base.types import Progress, no_progress
 from trackbench.base.user_code import place_in_dump
-from trackbench.driving.faults import KINDS, TrackFault
+from trackbench.driving.faults import TrackFault, raise_reported
 from trackbench.driving.isolation import GIGABYTE, Isolation
 from trackbench.driving.wire import REPORT_SIZE, Launch, Malformed, ProcessReport, framed, receive
 
@@ -224,6 +226,7 @@ class TrackerProcess(GuardedProcess):
     def __init__(self, isolation: Isolation, name: str, members: int = 0) -> None:
         self._members = members
         self._exchange = 0
+        self._progress: Progress = no_progress
         self.dropped: list[int] = []
         """Numbers of trackers in it that are no longer needed."""
         self._dump = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
@@ -231,6 +234,26 @@ class TrackerProcess(GuardedProcess):
         with theirs:
             files = (self._socket, self._dump)
             super().__init__(isolation, Launch(name), (theirs.fileno(), self._dump.fileno()), files)
+
+    def work(self, function: str, arguments: Mapping[str, Any], progress: Progress) -> Any:
+        """What a function of the bench returns that is called in the process: a tracker there is looked into.
+
+        Args:
+            function: ``module:name``. It tells of its progress, each time within the longest time of an answer.
+            arguments: of text and numbers.
+            progress: is told of it.
+
+        Raises:
+            InputError, TrackFault: as of ``ask``.
+        """
+        self._progress = progress
+        try:
+            values, _ = self.ask("work", function=function, arguments=arguments)
+            return pickle.loads(values["returned"])
+        except (InputError, InputErrors, TrackFault):
+            raise
+        except Exception:
+            raise self._ended(NO_ANSWER, signal.SIGTERM) from None
 
     def ask(self, do: str, **request: Any) -> Answer:
         """What the process answers to a request.
@@ -258,12 +281,17 @@ class TrackerProcess(GuardedProcess):
             self._socket.sendall(content)
             self.dropped = []
             answer = receive(self)
+            while "progress" in answer["values"]:
+                done, expected = map(float, answer["values"]["progress"])
+                self._until = time.monotonic() + self.timeout
+                self._progress(done, expected)
+                answer = receive(self)
             values, arrays = answer["values"], answer["arrays"]
             if values["exchange"] != self._exchange or not all(
                 isinstance(each, np.ndarray | np.generic) for each in arrays.values()
             ):
                 raise Malformed
-            _raise_error(values, self._members)
+            raise_reported(values, self._members)
         except TimeoutError:
             text = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
             raise self._ended(text, signal.SIGABRT) from None
@@ -307,24 +335,6 @@ class TrackerProcess(GuardedProcess):
         self._end()
         self.fault = TrackFault(cause, "died", place)
         return self.fault
-
-
-def _raise_error(values: dict[str, Any], members: int) -> None:
-    """Raise the error that an answer reports, if any.
-
-    Raises:
-        InputError, TrackFault: the reported error.
-        TypeError, ValueError: the report is malformed.
-    """
-    problems, fault = values.get("input"), values.get("fault")
-    if problems:
-        errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
-        raise errors[0] if len(errors) == 1 else InputErrors(errors)
-    if fault:
-        cause, kind, place, member = fault
-        if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
-            raise ValueError(fault)
-        raise TrackFault(str(cause), kind, None if place is None else str(place), member)
 
 
 def _end(template: Template, process: int, files: Sequence[Closeable]) -> None:

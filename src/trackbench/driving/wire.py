@@ -1,6 +1,6 @@
 """Messages between the bench and the process of a tracker in Python: frames as of programs in other languages.
 
-Nothing in them is pickled but classes of a notebook, which the bench sends.
+Nothing in them is pickled but classes of a notebook, which the bench sends, and what `work` returns.
 """
 
 from __future__ import annotations

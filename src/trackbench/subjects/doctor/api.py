@@ -14,10 +14,11 @@ import numpy as np
 
 from trackbench import results
 from trackbench.base import at_hand
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.processes import TrackerProcess
 from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.assumptions import require_known
 from trackbench.subjects.doctor.checks.steps import CannotRun
@@ -26,7 +27,7 @@ from trackbench.subjects.doctor.findings import CHECKS, LOG_CHECKS
 from trackbench.subjects.doctor.log_doctor import LogDoctor, objects_of
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
-from trackbench.subjects.doctor.subject import subject
+from trackbench.subjects.doctor.subject import lives_elsewhere, subject
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
 from trackbench.testing.rules import Identities, answers
 from trackbench.testing.tracker import drive
@@ -55,6 +56,28 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
     if hidden:
         return f"{target} follows one object: choose known" if answers(of_one) else ""
     return f"{target} follows several objects: choose hidden" if answers(of_several) else ""
+
+
+def _examined_there(
+    tracker: str, request: Mapping[str, Any], isolation: Isolation, progress: Progress
+) -> Examination | None:
+    """The examination in the process that the tracker gets, where it is looked into too.
+
+    None where it gets none, or where that fails: then it is asked from here, and what fails is found.
+    """
+    process = None
+    try:
+        if not lives_elsewhere(tracker, isolation):
+            return None
+        process = TrackerProcess(isolation, tracker)
+        arguments = {"tracker": tracker, "in_process": True, **request}
+        examination = process.work(f"{__name__}:doctor", arguments, progress)
+    except (TrackbenchError, TrackFault):
+        return None
+    finally:
+        if process is not None:
+            process.close()
+    return examination if isinstance(examination, Examination) else None
 
 
 def doctor(
@@ -101,6 +124,21 @@ def doctor(
     if not isinstance(tracker, str):
         tracker = at_hand.reference_to(tracker)
     values, isolation = dict(options or {}), Isolation(in_process, tracker_timeout, tracker_memory)
+    request = {
+        "options": values,
+        "scenario": None if scenario is None else str(scenario),
+        "identities": identities,
+        "static_sensors": static_sensors,
+        "no_misses": no_misses,
+        "skip": list(skip),
+        "log": None if log is None else str(log),
+    }
+    if (there := _examined_there(tracker, request, isolation, progress)) is not None:
+        if out is not None:
+            results.require_replaceable(Path(out), EXAMINATION)
+            results.require_writable(Path(out).parent)
+            there.save(out)
+        return there
     path = next((Path(file) for file in (log, scenario) if file is not None), None)
     if log is not None and (scenario is not None or static_sensors):
         raise InputError("a log has its own sensors and observer", key="log")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from trackbench.base.errors import counted
-from trackbench.subjects.doctor.findings import CERTAIN, SURE, Finding, known_faults
+from trackbench.subjects.doctor.findings import CERTAIN, PROVEN, SURE, Finding, known_faults
 
 if TYPE_CHECKING:
     from trackbench.subjects.doctor.report import Examination
@@ -65,7 +65,8 @@ def certainty(examination: Examination, finding: Finding | None = None) -> Certa
     besides = tuple(check.name for check in failed if of_cause.isdisjoint(check.faults))
     explained, kinds = len(failed) - len(besides), known_faults()[cause.fault].kinds
     word: Word = "unclear"
-    if "exact" in kinds and cause.confidence >= LEAST["shown"] and not besides:
+    exact = cause.confidence >= PROVEN or ("exact" in kinds and cause.confidence >= LEAST["shown"])
+    if exact and not besides:
         word = "shown"
     elif "driven" not in kinds and cause.confidence >= LEAST["likely"] and 2 * explained >= len(failed):
         word = "likely"

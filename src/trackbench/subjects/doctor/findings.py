@@ -257,6 +257,8 @@ OF_DRIVES = ("too_far_off", "covariance_unbelievable")
 SURE = 0.8
 #: Confidence from which on an exact finding is the consequence of no other.
 CERTAIN = 0.9
+#: That of a line that is seen to compute another value than the right one, and what it can cause.
+PROVEN, CAUSED = 1.0, {"numerical", "gain", "noise", "growth", "step", "points", "angle", "offset"}
 
 
 def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
@@ -274,7 +276,12 @@ def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
             unique[key] = finding
     ordered = sorted(
         unique.values(),
-        key=lambda one: (one.confidence < SURE, "driven" in faults[one.fault].kinds, faults[one.fault].role.rank),
+        key=lambda one: (
+            one.confidence < SURE,
+            one.confidence < PROVEN,
+            "driven" in faults[one.fault].kinds,
+            faults[one.fault].role.rank,
+        ),
     )
     ranked: list[Finding] = []
     for finding in ordered:
@@ -292,6 +299,8 @@ def _causes(faults: Mapping[str, KnownFault], root: Finding, finding: Finding) -
     if "driven" in fault.kinds and "driven" not in cause.kinds:
         return True
     if _includes(cause.role.always, finding.fault, fault):
+        return True
+    if root.confidence >= PROVEN and not CAUSED.isdisjoint(fault.kinds):
         return True
     if not _includes(cause.role.causes, finding.fault, fault):
         return False

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.driving.remote import fresh, fresh_tracks
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
@@ -89,6 +89,19 @@ def subject(
         return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
     alone = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))
     return alone if other is None else _observed(alone, other)
+
+
+def lives_elsewhere(target: str, isolation: Isolation) -> bool:
+    """Whether a tracker is a class of Python that gets a process of its own."""
+    file, mark, name = target.rpartition("#")
+    if not mark:
+        config: FilterConfig | PluginConfig = PluginConfig.model_validate({"use": use_of(target)})
+    else:
+        scenario = load_scenario(Path(file)).config
+        if name not in scenario.trackers:
+            return False
+        config = scenario.driven(name)
+    return isolation.of(config) and not is_program(config)
 
 
 def _observed(of: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:

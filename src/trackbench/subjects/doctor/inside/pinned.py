@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import Finding, PartResult
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
-from trackbench.subjects.doctor.inside.values import HeldAt, Path, held
+from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
@@ -144,14 +144,4 @@ def explained(findings: Sequence[Finding]) -> list[Finding]:
 
 def _put(place: HeldAt, matrix: Array) -> None:
     """The matrix in the form of what is there."""
-    place.put(_formed(place.get(), matrix))
-
-
-def _formed(there: Any, value: Array) -> Any:
-    if isinstance(there, np.ndarray):
-        return value.reshape(there.shape)
-    if isinstance(there, Mapping):
-        return {key: _formed(entry, part) for (key, entry), part in zip(there.items(), value, strict=True)}
-    if isinstance(there, list | tuple):
-        return type(there)(_formed(entry, part) for entry, part in zip(there, value, strict=True))
-    return float(value)
+    place.put(formed(place.get(), matrix))

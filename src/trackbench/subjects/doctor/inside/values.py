@@ -67,7 +67,7 @@ def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
         if array is not None or id(value) in seen or len(path) >= depth or isinstance(value, np.ndarray):
             continue
         seen.add(id(value))
-        for key, below in _parts(value):
+        for key, below in parts(value):
             changeable = not isinstance(value, tuple)
             waiting.append(((*path, key), below, HeldAt(value, key) if changeable else None))
 
@@ -88,7 +88,8 @@ def _numbers(value: Any) -> Array | None:
     return None
 
 
-def _parts(value: Any) -> Iterable[tuple[Any, Any]]:
+def parts(value: Any) -> Iterable[tuple[Any, Any]]:
+    """What an object holds, by name or place."""
     if isinstance(value, Scan | type | types.ModuleType | types.FunctionType | types.MethodType | str | bytes):
         return []
     if isinstance(value, Mapping):
@@ -105,6 +106,17 @@ def _parts(value: Any) -> Iterable[tuple[Any, Any]]:
             shared = {name: entry for name, entry in entries if _numbers(entry) is not None}
             own = {**shared, **own}
     return list(own.items())
+
+
+def formed(there: Any, value: Array) -> Any:
+    """A value in the form of what is there."""
+    if isinstance(there, np.ndarray):
+        return value.reshape(there.shape)
+    if isinstance(there, Mapping):
+        return {key: formed(entry, part) for (key, entry), part in zip(there.items(), value, strict=True)}
+    if isinstance(there, list | tuple):
+        return type(there)(formed(entry, part) for entry, part in zip(there, value, strict=True))
+    return float(value)
 
 
 class Pool:

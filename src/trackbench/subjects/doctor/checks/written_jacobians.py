@@ -1,0 +1,202 @@
+"""Are the Jacobians that a tracker's lines write those of its own motion, and of what the sensor measures?
+
+Of a filter whose mean and covariance are found in the tracker (`inside.own_filter`). Its derivatives are taken by
+differences of the filter itself: F of its prediction, and C of its estimate by its state. A line's matrix counts as the
+Jacobian that was used where covariances move, or gains come, as by it: by F D F^T a difference D of covariances, and as
+P H^T (H P H^T + R)^-1 the gain (Bar-Shalom, Li and Kirubarajan 2001, section 10.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, Scan
+from trackbench.driving.drive import empty_scan
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.checks.drives import harmless
+from trackbench.subjects.doctor.exhibits import Matrices, Panel
+from trackbench.subjects.doctor.findings import PROVEN, DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, own_filter
+from trackbench.subjects.doctor.inside.trace import Assigned
+from trackbench.subjects.doctor.session import StepFailed
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: Time of the prediction, s.
+OVER = 0.1
+#: Error of a covariance or gain relative to the right one from which on it is wrong: Jacobians that are taken elsewhere
+#: than at the mean, or cut off, have 0.03.
+WRONG = 0.1
+#: The same up to which it is that of a line's matrix, and of its transpose: both are near to no motion.
+USED, EXACT = 0.01, 1e-6
+#: Change of a measurement for a derivative, and innovation that is none, in its standard deviations.
+STEP, NONE = 0.1, 0.01
+#: Share of the largest gain that is none.
+NO_GAIN = 1e-6
+#: Times over which the process noise is compared, s, and share by which it falls from one to the next.
+TIMES, FALLS = (0.05, 0.1, 0.2, 0.4), 0.2
+#: Targets that are tried.
+TARGETS = 3
+
+
+def written_jacobians(tracker: TrackerUnderTest) -> PartResult:
+    """Look into predictions and updates; nothing of a filter whose mean and covariance are not found."""
+    if tracker.random:
+        return PartResult()
+    result, looked = PartResult(), 0
+    for probe in tracker.probes.general[:TARGETS]:
+        session = tracker.session_of_most(probe)
+        own = None if session is None else own_filter(session)
+        if own is None:
+            continue
+        scans = [probe.scan(name, sensor, 0.0)._replace(time=own.time) for name, sensor in tracker.sensors.items()]
+        try:
+            finding = (
+                _of_motion(own) or _of_noise(own) or next(filter(None, (_of_sensor(own, scan) for scan in scans)), None)
+            )
+        except StepFailed:
+            continue
+        looked += 1
+        if finding is None:
+            continue
+        if tracker.once(harmless) is not None:
+            return result.add("written_jacobians", True, f"no harm: {finding.evidence}")
+        return result.add("written_jacobians", False, finding.evidence, finding)
+    text = f"covariances and gains are those of the right ones at {looked} targets"
+    return result.add("written_jacobians", True, text) if looked else result
+
+
+def _of_motion(own: OwnFilter) -> Finding | None:
+    """A transition's Jacobian that moves covariances otherwise than the mean moves."""
+    scan = empty_scan(own.session.given[-1]._replace(time=own.time + OVER))
+    narrow = NARROW * own.covariance
+    right = own.derivative(scan, lambda after: after.mean, narrow)
+    less, more = (own.after(scan, covariance=size * narrow, trace=True) for size in (1.0, 2.0))
+    if right is None or less is None or more is None:
+        return None
+    moved = more.covariance - less.covariance
+    if _apart(right @ narrow @ right.T, moved) < WRONG:
+        return None
+    for at in _last_values(less.assigned, right.shape):
+        if _apart(at.value @ narrow @ at.value.T, moved) < USED:
+            return _wrong_entry(less.assigned, at, right, None, f"differences of the prediction over {OVER:g} s")
+        if _same(at.value, right) and _apart(right.T @ narrow @ right, moved) < EXACT:
+            text = f"{at.where}: with the Jacobian F = {at.name} covariances become F^T P F, and F P F^T is right"
+            exhibit = _shown("Covariance after a prediction", moved, right @ narrow @ right.T)
+            return Finding("predicted_covariance_wrong", PROVEN, text, exhibit=exhibit)
+    return None
+
+
+def _of_noise(own: OwnFilter) -> Finding | None:
+    """A process noise of some part of the state that is the smaller, the longer the time."""
+    stamps = [own.session.given[-1]._replace(time=own.time + time) for time in TIMES]
+    exact = np.finfo(float).eps * own.covariance
+    longer = [own.after(empty_scan(stamp), covariance=exact) for stamp in stamps]
+    added = np.array([np.diag(after.covariance) for after in longer if after is not None])
+    if len(added) < len(TIMES):
+        return None
+    falling = np.flatnonzero((np.diff(added, axis=0) < -FALLS * added[:-1]).all(axis=0))
+    if not len(falling):
+        return None
+    k, times = int(falling[0]), ", ".join(f"{time:g}" for time in TIMES)
+    text = (
+        f"the variance that a prediction over {times} s adds to entry {k + 1} of the state is "
+        f"{', '.join(f'{value:.3g}' for value in added[:, k])}: the less, the longer"
+    )
+    return Finding("q_wrong_power_of_dt", PROVEN, text)
+
+
+def _of_sensor(own: OwnFilter, scan: Scan) -> Finding | None:
+    """A sensor's Jacobian that gives the gain and is not that of what the sensor measures."""
+    scan = scan._replace(time=own.time + INSTANT)
+    model, missed, narrow = SENSOR_MODELS[scan.kind], empty_scan(scan), NARROW * own.covariance
+    before, outputs = own.after(missed, covariance=narrow), own.outputs(missed)
+    if before is None or before.estimate is None or outputs is None:
+        return None
+    where = before.estimate.mean, scan.sensor_pose, scan.sensor_velocity
+    expected, right, sigma = (
+        model.measure(*where),
+        model.jacobian(*where) @ outputs,
+        np.sqrt(np.diag(scan.noise_covariance)),
+    )
+    centre = own.after(scan._replace(measurement=expected), covariance=narrow, trace=True)
+    columns = []
+    for step in np.diag(STEP * sigma):
+        ahead, behind = (
+            own.after(scan._replace(measurement=expected + side * step), covariance=narrow) for side in (1, -1)
+        )
+        if ahead is None or behind is None:
+            return None
+        columns.append((ahead.mean - behind.mean) / (2 * STEP))
+    gain = np.stack(columns, axis=1)
+    used = np.abs(gain).max(axis=0) > NO_GAIN * np.abs(gain).max()
+    # What is predicted otherwise than measured has another name.
+    if centre is None or not used.any() or np.abs(centre.mean - before.mean).max() > NONE * np.abs(gain).max():
+        return None
+    gain, right, noise = (gain / sigma)[:, used], right[used], scan.noise_covariance[np.ix_(used, used)]
+    if _gain_apart(_gain(narrow, right, noise), gain, narrow, noise) < WRONG:
+        return None
+    for at in _last_values(centre.assigned, right.shape):
+        if _gain_apart(_gain(narrow, at.value, noise), gain, narrow, noise) < USED and not _same(at.value, right):
+            return _wrong_entry(centre.assigned, at, right, scan.sensor, f"differences of what {scan.sensor} measures")
+    return None
+
+
+def _gain(covariance: Array, jacobian: Array, noise: Array) -> Array:
+    return np.asarray(np.linalg.solve(jacobian @ covariance @ jacobian.T + noise, jacobian @ covariance).T)
+
+
+def _gain_apart(gain: Array, other: Array, covariance: Array, noise: Array) -> float:
+    """In standard deviations, relative to the largest entry."""
+    scale = np.sqrt(np.diag(noise)) / np.sqrt(np.diag(covariance))[:, None]
+    return float(np.abs((gain - other) * scale).max() / np.abs(other * scale).max())
+
+
+def _wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, sensor: str | None, by: str) -> Finding:
+    """The entry that is off most, and the line that has made it."""
+    off = np.abs(at.value - right) / (np.abs(at.value) + np.abs(right) + 1e-6 * np.abs(right).max())
+    i, j = np.unravel_index(int(np.argmax(off)), right.shape)
+    of_name = [entry for entry in assigned if (entry.file, entry.name) == (at.file, at.name)]
+    values = [entry for entry in of_name if entry.value.shape == right.shape]
+    made = next(entry for entry in values if entry.value[i, j] == at.value[i, j])
+    # What no line has set was missed by the last one.
+    where = at.where if made is values[0] else made.where
+    text = (
+        f"{where}: in row {i + 1}, column {j + 1} the Jacobian {at.name} has {at.value[i, j]:.4g}, and {by} give "
+        f"{right[i, j]:.4g}"
+    )
+    exhibit = _shown(f"Jacobian {at.name}, {at.where}", at.value, right, (int(i), int(j)))
+    return Finding("jacobian_wrong", PROVEN, text, sensor=sensor, exhibit=exhibit)
+
+
+def _shown(title: str, used: Array, right: Array, *marked: tuple[int, int]) -> Matrices:
+    rows, columns = (tuple(f"{k + 1}" for k in range(size)) for size in right.shape)
+    return Matrices(title, rows, columns, (Panel("tracker", used), Panel("right", right, "right")), marked)
+
+
+def _last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[Assigned]:
+    """Of the variables with matrices of a shape the last values."""
+    return list({(entry.file, entry.name): entry for entry in assigned if entry.value.shape == shape}.values())
+
+
+def _same(value: Array, other: Array) -> bool:
+    return bool(np.abs(value - other).max() < 1e-4 * np.abs(other).max())
+
+
+def _apart(covariance: Array, right: Array) -> float:
+    """The largest difference, in variances of the right one."""
+    sigma = np.sqrt(np.maximum(np.abs(np.diag(right)), np.finfo(float).tiny))
+    return float(np.abs((covariance - right) / np.outer(sigma, sigma)).max())
+
+
+WRITTEN_JACOBIANS_CHECK = DoctorCheck(
+    written_jacobians,
+    place=104,
+    questions=(
+        Question(
+            "written_jacobians", "Are the Jacobians that lines write the derivatives, and does noise grow with time?"
+        ),
+    ),
+    of_filters=True,
+)
