@@ -27,6 +27,8 @@ ERRORS = 3.0
 ASIDE = 2.0
 #: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
+#: Share of the trials with moving observers in which it may be zero where their motion is used wrongly.
+HALF = 0.5
 #: Share of the largest singular value of a gain that is none, and one that has to be there; in how many trials.
 NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
 EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
@@ -90,7 +92,7 @@ def _examined(
         f"{np.nanmedian(innovations[~right]):.3g} sigma in their median (largest: {worst.description})"
     )
     finding = _wrong_model(sensor, kind, moved, zero) or systematic_error(sensor, moved, zero)
-    if finding is None and moving.any() and np.mean(right[moving]) < MOST <= np.mean(right[~moving]):
+    if finding is None and moving.any() and np.mean(right[moving]) < HALF and np.mean(right[~moving]) >= MOST:
         finding = _while_moving(
             sensor, [trial for trial, moves in zip(moved, moving, strict=True) if moves], right, moving
         )

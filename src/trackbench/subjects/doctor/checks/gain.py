@@ -13,6 +13,7 @@ from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.implied_noise import DIRECTION, ERRORS, noise_factors, uncertainty, wrong_noise
 from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
+from trackbench.subjects.doctor.checks.written_jacobians import wrong_line
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import (
     ImpliedModel,
@@ -21,7 +22,7 @@ from trackbench.subjects.doctor.expected_gain import (
     gain_error,
     implied,
 )
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import CERTAIN, DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.right_answers import gain_shown, told_apart
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
@@ -63,13 +64,17 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
         if len(rows) < LEAST_LINEAR or len(rows) < 0.5 * len(linear):
             result.add(name, None, "the gains are not those of a Kalman filter" if trials else "there was no estimate")
             continue
-        findings = [*_jacobian(tracker, sensor, rows, errors), *wrong_noise(sensor, rows, errors)]
+        noise = wrong_noise(sensor, rows, errors)
+        sure = any(finding.confidence > CERTAIN for finding in noise)
+        # Of so much noise the gain is small, and what is left of it tells little of its rows.
+        findings = [one for one in _jacobian(tracker, sensor, rows, errors) if not sure or one.confidence > CERTAIN]
+        findings += noise
         passed: bool | None = not findings
         text = _result(rows)
         if findings and (learned := learned_offsets(tracker, sensor)):
             passed, findings = None, []
             text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
-        elif findings and _excusable(rows, findings) and (harm := tracker.once(harmless)) is not None:
+        elif findings and _excusable(tracker, rows, findings) and (harm := tracker.once(harmless)) is not None:
             passed, findings = True, []
             text = f"not a Kalman gain of the returned covariance and the stated noise, and no harm: {harm}; {text}"
         elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
@@ -80,14 +85,16 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     return of_every_sensor(inflated(tracker, result), tracker)
 
 
-def _excusable(rows: Sequence[ImpliedModel], findings: Sequence[Finding]) -> bool:
+def _excusable(tracker: TrackerUnderTest, rows: Sequence[ImpliedModel], findings: Sequence[Finding]) -> bool:
     """Whether it is a way of filtering, and no fault, where it does no harm: a noise somewhat larger than stated, or a
-    gain that is not Kalman's."""
+    gain that is not Kalman's, of which no line writes a wrong Jacobian."""
     if all(finding.fault == "r_too_large" for finding in findings):
         return all(finding.factor is not None and finding.factor < CAUTIOUS for finding in findings)
     if all(finding.fault not in GAIN_FAULTS for finding in findings):
         return False
-    return _mixes(rows) or (not _of_another_model(rows) and findings[0].fault == "jacobian_wrong")
+    looked, wrong = tracker.once(wrong_line)
+    other = not _of_another_model(rows) or (looked > 0 and wrong is None)
+    return _mixes(rows) or (other and findings[0].fault == "jacobian_wrong")
 
 
 def _mixes(rows: Sequence[ImpliedModel]) -> bool:

@@ -145,6 +145,9 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
     learned = 0.5 * (farther[1].covariance + nearer[1].covariance) - measured[1].covariance
     expected = moved_gain @ innovation @ moved_gain.T
     # A memory may fade on purpose.
+    if not np.any(expected):
+        # What moves the mean is not kept.
+        return None
     expected *= max(1.0, float(np.sum(left * expected) / np.sum(expected**2)))
     error = float(np.linalg.norm(left - expected) / np.linalg.norm(expected))
     share = float(np.linalg.norm(learned / scale) / np.linalg.norm(left))
