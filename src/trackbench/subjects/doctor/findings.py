@@ -274,8 +274,9 @@ def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
         key = (finding.fault, finding.sensor)
         if key not in unique or finding.confidence > unique[key].confidence:
             unique[key] = finding
+    of_sensors = {fault for fault, sensor in unique if sensor is not None}
     ordered = sorted(
-        unique.values(),
+        (finding for (fault, sensor), finding in unique.items() if sensor is not None or fault not in of_sensors),
         key=lambda one: (
             one.confidence < SURE,
             one.confidence < PROVEN,

@@ -256,7 +256,13 @@ EXPECTATION_CHECK = DoctorCheck(
             "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
             "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
             "target's velocity.",
-            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
+            Role(
+                "exact ego",
+                rank=10,
+                causes="measured noise arctan_quadrant",
+                always="ego_motion_wrong",
+                drive="moving_observer",
+            ),
         ),
         "ego_motion_wrong": KnownFault(
             "the sensor's own pose or velocity is applied wrongly",

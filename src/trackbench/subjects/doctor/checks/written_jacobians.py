@@ -31,6 +31,8 @@ OVER = 0.1
 WRONG = 0.1
 #: The same up to which it is that of a line's matrix, and of its transpose: both are near to no motion.
 USED, EXACT = 0.01, 1e-6
+#: Difference of an entry, over the sum of both values, from which on it is marked.
+OFF = 0.1
 #: Change of a measurement for a derivative, and innovation that is none, in its standard deviations.
 STEP, NONE = 0.1, 0.01
 #: Share of the largest gain that is none.
@@ -105,7 +107,7 @@ def _of_noise(own: OwnFilter) -> Finding | None:
         return None
     k, times = int(falling[0]), ", ".join(f"{time:g}" for time in TIMES)
     text = (
-        f"the variance that a prediction over {times} s adds to entry {k + 1} of the state is "
+        f"the variance that a prediction over {times} s adds to entry {k} of the state is "
         f"{', '.join(f'{value:.3g}' for value in added[:, k])}: the less, the longer"
     )
     return Finding("q_wrong_power_of_dt", PROVEN, text)
@@ -166,16 +168,15 @@ def _wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, senso
     made = next(entry for entry in values if entry.value[i, j] == at.value[i, j])
     # What no line has set was missed by the last one.
     where = at.where if made is values[0] else made.where
-    text = (
-        f"{where}: in row {i + 1}, column {j + 1} the Jacobian {at.name} has {at.value[i, j]:.4g}, and {by} give "
-        f"{right[i, j]:.4g}"
-    )
-    exhibit = _shown(f"Jacobian {at.name}, {at.where}", at.value, right, (int(i), int(j)))
+    marked = [(int(row), int(column)) for row, column in np.argwhere(off > OFF)]
+    others = f" ({len(marked)} of its entries differ)" if len(marked) > 1 else ""
+    text = f"{where}: {at.name}[{i}, {j}] is {at.value[i, j]:.4g}, and {by} give {right[i, j]:.4g}{others}"
+    exhibit = _shown(f"Jacobian {at.name}, {at.where}", at.value, right, *marked)
     return Finding("jacobian_wrong", PROVEN, text, sensor=sensor, exhibit=exhibit)
 
 
 def _shown(title: str, used: Array, right: Array, *marked: tuple[int, int]) -> Matrices:
-    rows, columns = (tuple(f"{k + 1}" for k in range(size)) for size in right.shape)
+    rows, columns = (tuple(map(str, range(size))) for size in right.shape)
     return Matrices(title, rows, columns, (Panel("tracker", used), Panel("right", right, "right")), marked)
 
 
