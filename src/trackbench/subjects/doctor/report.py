@@ -256,7 +256,9 @@ def text(examination: Examination, every_check: bool = False) -> str:
             lines += _wrapped(f"  {_mark(check):<8} {check.name}: {check.question}", " " * 11)
             lines += _wrapped(f"{' ' * 11}{check.result}", " " * 11)
         else:
-            lines += _wrapped(f"  {check.name}: {check.question}", "    ")
+            # What is found says the rest.
+            told = "" if check.faults else f" {check.result}"
+            lines += _wrapped(f"  {check.name}: {check.question}{told}", "    ")
     left_out = len(examination.checks) - len(made)
     if left_out and not every_check:
         lines.append(f"{counted(left_out, 'check')} not made:")

@@ -23,6 +23,9 @@ from trackbench.subjects.doctor.right_answers import named, reduction_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
+#: Ratio of the position's standard deviations after and before a measurement above which it has grown: no gain of a
+#: filter does that.
+LARGER = 1.2
 #: Change of a covariance that is none but rounding, relative to its variances.
 UNCHANGED = 1e-9
 #: Prediction after which a covariance has grown, s.
@@ -172,7 +175,7 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
             text = "no measurement moves the estimate" if len(updates) < 3 else "its covariance does not grow with time"
             result.add(f"covariance_update.{name}", None, text)
             continue
-        finding = _kept(name, updates) or _noise_again(tracker, name, updates)
+        finding = _kept(name, updates) or _noise_again(tracker, name, updates) or _larger(name, updates)
         ratios = [_position_sigma(update) / _predicted_sigma(update) for update in updates]
         text = (
             f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of "
@@ -195,6 +198,22 @@ def _grows(tracker: TrackerUnderTest, trial: Trial) -> bool:
     later = tracker.peek(trial.session, empty_scan(trial.scan._replace(time=trial.scan.time + GROWN)), trial.name)
     before = float(np.trace(trial.prediction.covariance[:2, :2]))
     return later is not None and float(np.trace(later.covariance[:2, :2])) > (1.0 + SAME) * before
+
+
+def _larger(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
+    """Of some updates by a measurement as it was predicted the position is less certain than before."""
+    larger = [update for update in updates if _position_sigma(update) > LARGER * _predicted_sigma(update)]
+    if len(larger) < 3:
+        return None
+    clearest = max(larger, key=lambda update: _position_sigma(update) / _predicted_sigma(update))
+    text = (
+        f"a measurement of {name} of {clearest.trial.description} makes the covariance larger: the standard deviation "
+        f"of the position is {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m after "
+        f"({len(larger)} of {len(updates)} trials)"
+    )
+    exhibit = reduction_shown(clearest.trial, clearest.estimate)
+    shown_by = clearest.trial.name
+    return Finding("covariance_update_wrong", 0.92, text, sensor=name, shown_by=shown_by, exhibit=exhibit)
 
 
 def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:

@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 #: By which target and observer are moved, m.
@@ -28,7 +28,7 @@ ANOTHER = 1.0
 def noise_place(tracker: TrackerUnderTest) -> PartResult:
     """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
     if has_samples(tracker):
-        return PartResult().add("noise_place", None, "the tracker's own samples move the covariance")
+        return PartResult().add("noise_place", None, OTHER_ANSWERS)
     growths = []
     for probe in tracker.probes.general[:3]:
         here, there = (tracker.predicted(place, STEP) for place in (probe, _moved(probe)))

@@ -23,6 +23,8 @@ from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
+#: Distance of a measurement from the predicted one by which both are compared, in its standard deviations.
+ASIDE = 2.0
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
 RIGHT = 0.05
 #: Error of the covariance, relative to its change in the update, that is wrong: correct filters have 0.003 in the
@@ -118,6 +120,17 @@ def _covariance_error(update: TrialUpdate, expected: Array, right: Array) -> flo
     return float(np.linalg.norm((update.estimate.covariance - expected) / spread) / change)
 
 
+def _by_innovation(errors: UpdateErrors) -> float:
+    """By how much the covariance after a measurement depends on its innovation, relative to its right change."""
+    trial = errors.update.trial
+    beside = trial.posterior(trial.predicted_measurement + ASIDE * trial.sigma)
+    if beside is None:
+        return 0.0
+    moved = beside.covariance - errors.update.estimate.covariance
+    right = trial.prediction.covariance - errors.right_covariance
+    return float(np.linalg.norm(moved / trial.variance_scale) / np.linalg.norm(right / trial.variance_scale))
+
+
 def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
     """The mean is moved by a multiple of the right gain, several times, or by a simpler gain."""
     found = _multiple(errors) or _simpler(errors)
@@ -210,6 +223,9 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
     """The mean is moved by the right gain, and the covariance is not that of it."""
     gain, (off, _) = float(np.median([one.gain for one in errors])), _covariance_errors(errors)
     if gain > RIGHT or off < max(WRONG, RATIO * gain):
+        return None
+    # By several models a measurement moves their probabilities, and with them the covariance.
+    if float(np.median([_by_innovation(one) for one in errors])) > off / RATIO:
         return None
     # A fading memory may multiply the covariance after the update, and one that is not reduced has a name of its own.
     if min(float(np.median([_best_multiple(one, p) for one in errors])) for p in (False, True)) < off / RATIO:

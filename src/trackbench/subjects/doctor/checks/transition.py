@@ -21,7 +21,7 @@ from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
-from trackbench.subjects.doctor.samples import has_samples
+from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.trial import GAIN_STEP, Trial
@@ -71,7 +71,7 @@ def transition(tracker: TrackerUnderTest) -> PartResult:
     if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
         return PartResult().add("transition", False, wrong.evidence, wrong)
     if has_samples(tracker):
-        return PartResult().add("transition", None, "the tracker's own samples move mean and covariance")
+        return PartResult().add("transition", None, OTHER_ANSWERS)
     pairs = [
         moved
         for probe in (target.placed(tracker.probes.site) for target in TURNING)
