@@ -192,10 +192,10 @@ class Doctor:
                 results.append(self._made(check, one))
         of_models = of_each_model(results)
         # What one of several models is for is its own affair, where it does no harm.
-        sizes = [one for one in of_models.findings if one.fault in ("q_too_large", "q_too_small")]
+        sizes = [finding for finding in of_models.findings if finding.fault in ("q_too_large", "q_too_small")]
         if sizes and tracker.once(harmless) is not None:
-            of_models.findings = [one for one in of_models.findings if one not in sizes]
-            of_models.checks = [replace(one, passed=True, faults=()) for one in of_models.checks]
+            of_models.findings = [finding for finding in of_models.findings if finding not in sizes]
+            of_models.checks = [replace(check, passed=True, faults=()) for check in of_models.checks]
         return of_models
 
     def _made(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:

@@ -257,8 +257,8 @@ def text(examination: Examination, every_check: bool = False) -> str:
             lines += _wrapped(f"{' ' * 11}{check.result}", " " * 11)
         else:
             # What is found says the rest.
-            told = "" if check.faults else f" {check.result}"
-            lines += _wrapped(f"  {check.name}: {check.question}{told}", "    ")
+            result = "" if check.faults else f" {check.result}"
+            lines += _wrapped(f"  {check.name}: {check.question}{result}", "    ")
     left_out = len(examination.checks) - len(made)
     if left_out and not every_check:
         lines.append(f"{counted(left_out, 'check')} not made:")

@@ -67,7 +67,8 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
         noise = wrong_noise(sensor, rows, errors)
         sure = any(finding.confidence > CERTAIN for finding in noise)
         # Of so much noise the gain is small, and what is left of it tells little of its rows.
-        findings = [one for one in _jacobian(tracker, sensor, rows, errors) if not sure or one.confidence > CERTAIN]
+        of_rows = _jacobian(tracker, sensor, rows, errors)
+        findings = [finding for finding in of_rows if not sure or finding.confidence > CERTAIN]
         findings += noise
         passed: bool | None = not findings
         text = _result(rows)
