@@ -78,7 +78,9 @@ def _verdicts() -> Iterator[TermPage]:
 
     source = "Schuirmann 1987" + (inspect.getdoc(verdict) or "").partition("Schuirmann 1987")[2].partition(")")[0]
     for word, meaning in MEANING.items():
-        test = f"the 95 % interval of the mean NEES against 4 +- {100 * TOLERANCE:g} %, an equivalence test ({source})"
+        of = "share of the NEES beyond a point" if word == "heavy-tailed" else "mean NEES"
+        right = "that of chi-square" if word == "heavy-tailed" else f"4 +- {100 * TOLERANCE:g} %"
+        test = f"the 95 % interval of the {of} against {right}, an equivalence test ({source})"
         yield TermPage(word, (("a verdict on a covariance", meaning), ("test", test)))
     near = f"the correlation of successive innovations is within {WHITENESS_TOLERANCE:g} of zero"
     yield TermPage("white", (("a verdict on innovations", near),))
