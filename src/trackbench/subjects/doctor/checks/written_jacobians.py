@@ -168,7 +168,7 @@ def _wrong_entry(assigned: Sequence[Assigned], at: Assigned, right: Array, senso
     marked = [(int(row), int(column)) for row, column in np.argwhere(off > OFF)]
     others = f" ({len(marked)} of its entries differ)" if len(marked) > 1 else ""
     text = f"{where}: {at.name}[{i}, {j}] is {at.value[i, j]:.4g}, and {by} give {right[i, j]:.4g}{others}"
-    exhibit = _shown(f"Jacobian {at.name}, {at.where}", at.value, right, *marked)
+    exhibit = _shown(f"Jacobian {at.name}, {where}", at.value, right, *marked)
     return Finding("jacobian_wrong", PROVEN, text, sensor=sensor, exhibit=exhibit)
 
 
