@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base import at_hand
-from trackbench.base.errors import InputError, InputErrors, TrackbenchError
+from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.process import how_it_ended
 from trackbench.base.types import Progress, no_progress
 from trackbench.base.user_code import place_in_dump
@@ -250,7 +250,7 @@ class TrackerProcess(GuardedProcess):
         try:
             values, _ = self.ask("work", function=function, arguments=arguments)
             return pickle.loads(values["returned"])
-        except (InputError, InputErrors, TrackFault):
+        except (InputError, TrackFault):
             raise
         except Exception:
             raise self._ended(NO_ANSWER, signal.SIGTERM) from None

@@ -133,10 +133,11 @@ def doctor(
         "skip": list(skip),
         "log": None if log is None else str(log),
     }
+    if out is not None:
+        results.require_replaceable(Path(out), EXAMINATION)
+        results.require_writable(Path(out).parent)
     if (there := _examined_there(tracker, request, isolation, progress)) is not None:
         if out is not None:
-            results.require_replaceable(Path(out), EXAMINATION)
-            results.require_writable(Path(out).parent)
             there.save(out)
         return there
     path = next((Path(file) for file in (log, scenario) if file is not None), None)
@@ -156,9 +157,6 @@ def doctor(
         elif no_misses or skip:
             key = "no_misses" if no_misses else "skip"
             raise InputError("only for a tracker of one object; this one follows several", key=key)
-        if out is not None:
-            results.require_replaceable(Path(out), EXAMINATION)
-            results.require_writable(Path(out).parent)
         try:
             if log is not None:
                 on_log = LogDoctor(objects_of(Path(log)), no_misses=no_misses, skip=skip)

@@ -18,7 +18,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import PROVEN, DoctorCheck, Finding, PartResult, Question
-from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, own_filter
+from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, covariances_apart, own_filter
 from trackbench.subjects.doctor.inside.trace import Assigned
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -63,8 +63,8 @@ def wrong_line(tracker: TrackerUnderTest) -> tuple[int, Finding | None]:
         looked += 1
         scans = [probe.scan(name, sensor, 0.0)._replace(time=own.time) for name, sensor in tracker.sensors.items()]
         with suppress(StepFailed):
-            parts = (_of_motion(own), _of_noise(own), *(_of_sensor(own, scan) for scan in scans))
-            finding = next(filter(None, parts), None)
+            of_sensors = (_of_sensor(own, scan) for scan in scans)
+            finding = _of_motion(own) or _of_noise(own) or next(filter(None, of_sensors), None)
             if finding is not None:
                 return looked, finding
     return looked, None
@@ -79,12 +79,12 @@ def _of_motion(own: OwnFilter) -> Finding | None:
     if right is None or less is None or more is None:
         return None
     moved = more.covariance - less.covariance
-    if _apart(right @ narrow @ right.T, moved) < WRONG:
+    if covariances_apart(right @ narrow @ right.T, moved) < WRONG:
         return None
     for at in _last_values(less.assigned, right.shape):
-        if _apart(at.value @ narrow @ at.value.T, moved) < USED:
+        if covariances_apart(at.value @ narrow @ at.value.T, moved) < USED:
             return _wrong_entry(less.assigned, at, right, None, f"differences of the prediction over {OVER:g} s")
-        if _same(at.value, right) and _apart(right.T @ narrow @ right, moved) < EXACT:
+        if _same(at.value, right) and covariances_apart(right.T @ narrow @ right, moved) < EXACT:
             text = f"{at.where}: with the Jacobian F = {at.name} covariances become F^T P F, and F P F^T is right"
             exhibit = _shown("Covariance after a prediction", moved, right @ narrow @ right.T)
             return Finding("predicted_covariance_wrong", PROVEN, text, exhibit=exhibit)
@@ -118,11 +118,8 @@ def _of_sensor(own: OwnFilter, scan: Scan) -> Finding | None:
     if before is None or before.estimate is None or outputs is None:
         return None
     where = before.estimate.mean, scan.sensor_pose, scan.sensor_velocity
-    expected, right, sigma = (
-        model.measure(*where),
-        model.jacobian(*where) @ outputs,
-        np.sqrt(np.diag(scan.noise_covariance)),
-    )
+    expected, right = model.measure(*where), model.jacobian(*where) @ outputs
+    sigma = np.sqrt(np.diag(scan.noise_covariance))
     centre = own.after(scan._replace(measurement=expected), covariance=narrow, trace=True)
     columns = []
     for step in np.diag(STEP * sigma):
@@ -184,12 +181,6 @@ def _last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[A
 
 def _same(value: Array, other: Array) -> bool:
     return bool(np.abs(value - other).max() < 1e-4 * np.abs(other).max())
-
-
-def _apart(covariance: Array, right: Array) -> float:
-    """The largest difference, in variances of the right one."""
-    sigma = np.sqrt(np.maximum(np.abs(np.diag(right)), np.finfo(float).tiny))
-    return float(np.abs((covariance - right) / np.outer(sigma, sigma)).max())
 
 
 WRITTEN_JACOBIANS_CHECK = DoctorCheck(

@@ -122,10 +122,11 @@ def _found(session: TrackerSession) -> Iterator[OwnFilter]:
         usual, wider = own.after(missed, covariance=small), own.after(missed, covariance=2.0 * small)
         if usual is None or wider is None or usual.estimate is None or wider.estimate is None:
             continue
-        if not _same(wider.estimate.covariance, 2.0 * usual.estimate.covariance):
+        if covariances_apart(wider.estimate.covariance, 2.0 * usual.estimate.covariance) > SAME:
             continue
         outputs = own.outputs(missed)
-        if outputs is not None and _same(outputs @ usual.covariance @ outputs.T, usual.estimate.covariance):
+        image = None if outputs is None else outputs @ usual.covariance @ outputs.T
+        if image is not None and covariances_apart(image, usual.estimate.covariance) < SAME:
             yield own
 
 
@@ -135,9 +136,10 @@ def _is_covariance(value: Array) -> bool:
     return np.allclose(value, value.T, rtol=1e-6, atol=1e-9) and float(np.diag(value).min()) > 0.0
 
 
-def _same(covariance: Array, other: Array) -> bool:
-    sigma = np.sqrt(np.maximum(np.abs(np.diag(other)), 1e-12))
-    return float(np.abs((covariance - other) / np.outer(sigma, sigma)).max()) < SAME
+def covariances_apart(covariance: Array, right: Array) -> float:
+    """The largest difference, in variances of the right one."""
+    sigma = np.sqrt(np.maximum(np.abs(np.diag(right)), np.finfo(float).tiny))
+    return float(np.abs((covariance - right) / np.outer(sigma, sigma)).max())
 
 
 def put(root: Any, path: Path, value: Array) -> bool:
