@@ -38,26 +38,19 @@ PLACES = {
     "mul dt dt": ("square", "*", 1, 0),
     "mul square 0.5": ("half", "* 0.5", 2, 0),
     "mul sigma half": ("gain", "* sigma", 3, 0),
-    "mul gain gain": ("noise p", "**2", 4.2, 0),
     "mul dt sigma": ("rate", "*", 1, 1.6),
-    "mul gain rate": ("noise pv", "*", 4.2, 0.9),
-    "mul rate rate": ("noise v", "**2", 4.2, 1.8),
     "mean 0": ("p", "px", 0, 6.9),
     "mean 2": ("v", "vx", 0, 8.1),
-    "mul v dt": ("way", "* dt", 1, 7.5),
-    "add p way": ("new p", "+", 2, 6.9),
+    "fma v dt p": ("new p", "+ * dt", 2, 6.9),
     "covariance 0": ("P", "P[px, px]", 0, 3.2),
     "covariance 8": ("C", "P[px, vx]", 0, 4.4),
     "covariance 10": ("V", "P[vx, vx]", 0, 5.6),
-    "mul C dt": ("C dt", "* dt", 1, 3.8),
-    "mul V dt": ("V dt", "* dt", 1, 5.0),
-    "add P C dt": ("P first", "+", 2, 3.2),
-    "add C V dt": ("C moved", "+", 2, 4.4),
-    "mul dt C moved": ("C moved dt", "* dt", 3, 3.8),
-    "add P first C moved dt": ("P moved", "+", 4.2, 3.2),
-    "add noise p P moved": ("new P", "+", 5.2, 3.2),
-    "add noise pv C moved": ("new C", "+", 5.2, 4.4),
-    "add V noise v": ("new V", "+", 5.2, 5.6),
+    "fma C dt P": ("P first", "+ * dt", 2, 3.2),
+    "fma V dt C": ("C moved", "+ * dt", 2, 4.4),
+    "fma dt C moved P first": ("P moved", "+ * dt", 4.2, 3.2),
+    "fma gain gain P moved": ("new P", "+ **2", 5.2, 3.2),
+    "fma gain rate C moved": ("new C", "+ *", 5.2, 4.4),
+    "fma rate rate V": ("new V", "+ **2", 5.2, 5.6),
     # A computed variance is rounded up by 2^-46 of itself.
     "mul new P 1": ("rounded P", "up", 6.2, 3.2),
     "mul new V 1": ("rounded V", "up", 6.2, 5.6),
@@ -129,7 +122,8 @@ def _formula(node: Node, arguments: tuple[str, ...]) -> str:
     if isinstance(node.value, tuple):
         return "{} {}".format(*node.value)
     # The order of exchangeable arguments depends on what was traced first.
-    ways = (" ".join((node.op, *order)) for order in (arguments, arguments[::-1]))
+    first, second, *rest = arguments
+    ways = (" ".join((node.op, *order, *rest)) for order in ((first, second), (second, first)))
     return next(way for way in ways if way in PLACES)
 
 

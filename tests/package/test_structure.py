@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 86_550
-MOST_FILES = 518
+MOST_LINES = 87_810
+MOST_FILES = 521
 
 
 def lines_of(file: Path) -> int:

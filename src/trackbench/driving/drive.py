@@ -134,10 +134,21 @@ class TrackerDrive(Generic[Answer]):
         """Of the latest scan; None before the first step."""
         self.engine_used: EngineUsed | None = None
         """What computed a built-in tracker, once the context is left."""
+        self._resumes = 0
 
     def __enter__(self) -> TrackerDrive[Answer]:
         self._tracker = self._start()
         return self
+
+    def skip(self, instants: int) -> None:
+        """Leave out instants before the next step: the tracker was taken through them otherwise."""
+        self.instant += instants
+        self._resumes = self.instant + 1
+
+    @property
+    def stepper(self) -> Stepper | None:
+        """The tracker, once the context is entered."""
+        return self._tracker
 
     @property
     def traits(self) -> Traits:
@@ -150,11 +161,17 @@ class TrackerDrive(Generic[Answer]):
         self.engine_used = self._tracker.engine_used
         self._tracker.close()
 
+    def deliveries(self) -> Iterator[list[Delivery]]:
+        """What the tracker gets at each instant."""
+        scans = [scan.prompt() for scan in self._scans] if isinstance(self._tracker, Offline) else self._scans
+        return deliveries(scans, self._sensors, self._each_measurement)
+
     def __iter__(self) -> Iterator[DriveStep[Answer]]:
         tracker: Any = self._tracker
         offline = isinstance(tracker, Offline)
-        scans = [scan.prompt() for scan in self._scans] if offline else self._scans
-        for instant, group in enumerate(deliveries(scans, self._sensors, self._each_measurement)):
+        for instant, group in enumerate(self.deliveries()):
+            if instant < self._resumes:
+                continue
             self.instant = instant
             for place, delivery in enumerate(group):
                 self.sensor = delivery.scan.sensor

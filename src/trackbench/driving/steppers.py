@@ -115,18 +115,18 @@ class Direct(Stepper):
     """A built-in tracker of one object, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
-        self._tracker = tracker
-        self._state: TrackState | None = None
+        self.tracker = tracker
+        self.state: TrackState | None = None
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Estimate:
         """Estimates of every member of the batch."""
-        self._state, estimate = self._tracker.step(self._state, scan)
+        self.state, estimate = self.tracker.step(self.state, scan)
         return estimate
 
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return self._tracker.engine_used
+        return self.tracker.engine_used
 
 
 class Offline(Stepper):

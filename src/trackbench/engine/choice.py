@@ -13,6 +13,7 @@ from trackbench.engine.machine import unavailable
 if TYPE_CHECKING:
     import numpy as np
 
+    from trackbench.engine.kernels import Kernels
     from trackbench.filters import Filter
 
 Engine = Literal["numpy", "fused"]
@@ -76,6 +77,16 @@ def compute_by(engine: Engine) -> Compute:
     from trackbench.engine.filters import kernels
 
     return kernels()
+
+
+def kernels_of(compute: Compute, members: int) -> Kernels | None:
+    """The kernels that compute, where they can make sequences of calls for groups of so many members."""
+    if compute is by_numpy:
+        return None
+    from trackbench.engine.kernels import Kernels
+    from trackbench.engine.vector_code import WIDTH
+
+    return compute if isinstance(compute, Kernels) and compute.compiles and members >= WIDTH else None
 
 
 def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:

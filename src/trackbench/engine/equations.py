@@ -57,6 +57,8 @@ class Equations(NamedTuple):
     """Inputs and outputs that mean nothing, and need not be finite, where a mask among the inputs does not hold."""
     key: Hashable = None
     """Where ``function`` was made for something: for what, so that others of the same name are told apart."""
+    modes: Mapping[str, str] = {}
+    """Outputs that a sequence of calls does not write but adds up: how, as ``trackbench.engine.layout`` has it."""
 
 
 class Compute(Protocol):

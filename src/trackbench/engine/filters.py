@@ -26,7 +26,7 @@ from trackbench.engine.beliefs import (
 )
 from trackbench.engine.constants import SourceFingerprint
 from trackbench.engine.equations import ComputedBy, EngineUsed, Equations, Values
-from trackbench.engine.kernels import CHANGED, Kernels
+from trackbench.engine.kernels import CHANGED, Kernel, Kernels
 from trackbench.engine.user_equations import is_traced, is_user_type, user_sources
 from trackbench.filters import (
     AnyBelief,
@@ -55,8 +55,8 @@ class FusedFilter:
         self.filter = filter
         self._kernels = kernels
         self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
-        self._options = options.options(filter)
-        self._per_member = any(np.ndim(value) > 0 for value in self._options.values())
+        self.options = options.options(filter)
+        self._per_member = any(np.ndim(value) > 0 for value in self.options.values())
         self.form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
@@ -158,6 +158,33 @@ class FusedFilter:
             mixture=result.get("log_likelihood"),
         )
 
+    def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
+        """The kernel of steps from such a belief to such a scan, for a sequence of calls; None where there is none."""
+        values = taken_apart(belief, without=REUSED) | self.time(0.1) | of_scan(scan)
+        return self._kernel("step", partial(_step, guard=guard), values, scan, guard)
+
+    def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
+        """The kernel of predictions from such a belief, as above."""
+        return self._kernel("prediction", _predicted, taken_apart(belief, without=REUSED) | self.time(0.1))
+
+    def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
+        """The kernel of px, py, vx, vy under such a belief, as above."""
+        return self._kernel("cartesian", _cartesian, taken_apart(belief, without=REUSED))
+
+    def _kernel(
+        self,
+        name: str,
+        function: Callable[[FilterCall, Values], Values],
+        values: dict[str, Any],
+        scan: Scan | None = None,
+        made_for: Hashable = None,
+    ) -> Kernel | None:
+        equations = self._equations_of(name, function, values, scan, made_for)
+        # Users' equations are compared with NumPy step by step.
+        if any(user_sources(equations.key)) or equations.ranks.keys() != (values | self.options).keys():
+            return None
+        return self._kernels.plan(equations, values | self.options).kernel
+
     def computed(
         self,
         name: str,
@@ -175,13 +202,9 @@ class FusedFilter:
             scan: the one on which it depends.
             made_for: what tells the function from others of its name.
         """
-        sensor = None if scan is None else SENSOR_MODELS[scan.kind]
-        key = name, sensor, self._sensor_of(scan), made_for, tuple(values)
-        values = values | self._options
+        equations = self._equations_of(name, function, values, scan, made_for)
+        values = values | self.options
         self._scan = scan
-        equations = self._equations.get(key)
-        if equations is None:
-            equations = self._equations[key] = self._made(name, function, values, scan, made_for)
         before, disagreements = self._kernels.members_by_numpy, self._kernels.disagreements
         try:
             return self._kernels(equations, values)
@@ -194,6 +217,23 @@ class FusedFilter:
                 self._untraced[title] = why
             else:
                 self._by_kernels = True
+
+    def _equations_of(
+        self,
+        name: str,
+        function: Callable[[FilterCall, Values], Values],
+        values: Mapping[str, Any],
+        scan: Scan | None,
+        made_for: Hashable,
+    ) -> Equations:
+        sensor = None if scan is None else SENSOR_MODELS[scan.kind]
+        key = name, sensor, self._sensor_of(scan), made_for, tuple(values)
+        equations = self._equations.get(key)
+        if equations is None:
+            self._scan = scan
+            made = self._made(name, function, {**values, **self.options}, scan, made_for)
+            equations = self._equations[key] = made
+        return equations
 
     def _sensor_of(self, scan: Scan | None) -> str | None:
         """The sensor's name, where the filter's equations depend on it."""
@@ -211,7 +251,7 @@ class FusedFilter:
         """The equations, with the options of the motion models as inputs, or else as constants."""
         kind, named = "" if scan is None else scan.kind, self._sensor_of(scan)
         sensors = () if scan is None else (SENSOR_MODELS[kind],)
-        inputs = {item: rank(item) for item in values if item not in self._options}
+        inputs = {item: rank(item) for item in values if item not in self.options}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
@@ -223,11 +263,11 @@ class FusedFilter:
         # Of a user's class its source counts too.
         sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
         key = name, self.form, *sources, named, made_for, tuple(inputs)
-        equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
-        if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
+        equations = Equations(title, any_filter, inputs | dict.fromkeys(self.options, 0), symmetric, counted, key)
+        if self._per_member or not self.options or self._kernels.why_numpy(equations, values) is None:
             return equations
         # A branch, or another library, needs the options as numbers.
-        stated = tuple((item, repr(value)) for item, value in self._options.items())
+        stated = tuple((item, repr(value)) for item, value in self.options.items())
         return equations._replace(ranks=inputs, key=(*key, stated))
 
 

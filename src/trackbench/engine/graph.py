@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
@@ -140,6 +141,14 @@ class Graph:
         """A truth value as 1.0 or 0.0; a number as it is."""
         return self.apply("where", node, self.constant(1.0), self.constant(0.0)) if node.boolean else node
 
+    def raw(self, op: str, *arguments: Node, boolean: bool = False) -> Node:
+        """An operation as it stands."""
+        return self._node(op, arguments, None, max(argument.level for argument in arguments), boolean)
+
+    def negative(self, node: Node) -> Node:
+        """The negative of a number."""
+        return self.constant(-node.value) if isinstance(node.value, float) and node.constant else self.raw("neg", node)
+
     def _made(self, op: str, arguments: tuple[Node, ...]) -> Node:
         if op in COMMUTATIVE and arguments[0].number > arguments[1].number:
             return self.apply(op, arguments[1], arguments[0])
@@ -257,6 +266,36 @@ class Graph:
 
 def _number(node: Node) -> float | None:
     return node.value if node.constant and isinstance(node.value, float) else None
+
+
+def fused(graph: Graph, roots: Sequence[Node]) -> list[Node]:
+    """The same nodes, each sum with a product that nothing else needs as one operation, rounded once: ``fma(a, b, c)``
+    is ``a b + c``.
+
+    Which sums these are does not depend on what is the same for all members.
+    """
+    steps = list(ordered(roots))
+    needed = Counter(argument.number for node in steps for argument in node.arguments)
+    needed.update(root.number for root in roots)
+
+    def is_own(node: Node) -> bool:
+        return node.op == "mul" and needed[node.number] == 1
+
+    made: dict[int, Node] = {}
+    for node in steps:
+        arguments = tuple([made[argument.number] for argument in node.arguments])
+        if node.op in ("add", "sub") and any(map(is_own, node.arguments)):
+            # Of two products the second: that of a sum of products is the latest.
+            second = is_own(node.arguments[1])
+            (a, b), other = arguments[second].arguments, arguments[not second]
+            if node.op == "sub":
+                a, other = (graph.negative(a), other) if second else (a, graph.negative(other))
+            made[node.number] = graph.raw("fma", a, b, other)
+        else:
+            made[node.number] = (
+                node if arguments == node.arguments else graph.raw(node.op, *arguments, boolean=node.boolean)
+            )
+    return [made[root.number] for root in roots]
 
 
 def ordered(roots: Sequence[Node], made: Iterable[int] = ()) -> Iterator[Node]:

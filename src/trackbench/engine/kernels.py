@@ -100,7 +100,7 @@ class Kernels:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
         if not self.compiles:
             return self._asked_again(equations, values)
-        plan = self._plan(equations, values)
+        plan = self.plan(equations, values)
         asked = plan.kernel is None and plan.of_user and equations.key not in self._distrusted
         if asked and self.comparisons.due(equations.key):
             # What cannot be asked again has no other fault than that.
@@ -121,9 +121,13 @@ class Kernels:
 
     def why_numpy(self, equations: Equations, values: Values) -> str | None:
         """Why NumPy computes the equations of such values; None where a kernel does."""
-        if not self.compiles or self._plan(equations, values).kernel is not None:
+        if not self.compiles or self.plan(equations, values).kernel is not None:
             return None
         return self.untraced[equations.key][1]
+
+    def kernel(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+        """The machine code of equations for a sequence of calls; None where there is none."""
+        return self._kernel(equations, tuple(inputs)) if self.compiles else None
 
     @cached_property
     def _processor(self) -> Processor:
@@ -133,7 +137,8 @@ class Kernels:
         """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
         return self._processor.function(self._code(text), arrays)
 
-    def _plan(self, equations: Equations, values: Values) -> CallPlan:
+    def plan(self, equations: Equations, values: Values) -> CallPlan:
+        """What is to be done with such inputs."""
         looks = []
         for name in equations.ranks:
             value = values[name]
@@ -149,12 +154,7 @@ class Kernels:
     def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
         batch = batch_of(equations.ranks, values)
         inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
-        made_for = equations.name, equations.key, inputs
-        if made_for not in self._found:
-            begin = time.perf_counter()
-            self._found[made_for] = self._made(equations, inputs)
-            self.seconds += time.perf_counter() - begin
-        kernel = self._found[made_for]
+        kernel = self._kernel(equations, inputs)
         ways = []
         for item in kernel.layout.inputs if kernel else ():
             value, kind = values[item.name], bool if item.boolean else float
@@ -168,6 +168,14 @@ class Kernels:
         of_user = any(user_sources(equations.key))
         plan = self._plans[key] = CallPlan(equations, kernel, batch, prod(batch), groups, ways, of_user)
         return plan
+
+    def _kernel(self, equations: Equations, inputs: tuple[Input, ...]) -> Kernel | None:
+        made_for = equations.name, equations.key, inputs
+        if made_for not in self._found:
+            begin = time.perf_counter()
+            self._found[made_for] = self._made(equations, inputs)
+            self.seconds += time.perf_counter() - begin
+        return self._found[made_for]
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
         refusals = (source.refusal for source in user_sources(equations.key))
@@ -186,13 +194,14 @@ class Kernels:
                 self.untraced[equations.key] = equations.name, f"{reason} ({where})" if where else str(reason)
                 return None
         layout, code = kept
-        parts, filled = [], [0, 1]
-        for output in layout.outputs:
-            first = filled[output.boolean]
-            filled[output.boolean] += output.size
-            parts.append((output.name, output.shape, slice(first, first + output.size), output.boolean))
+        parts = [
+            (output.name, output.shape, slice(first, first + output.size), output.boolean)
+            for output, first in zip(layout.outputs, layout.first_rows, strict=True)
+        ]
         function = self._processor.function(code, len(layout.inputs) + 2)
-        return Kernel(layout, function, parts, (filled[0], filled[1]))
+        numbers = sum(output.size for output in layout.outputs if not output.boolean)
+        masks = 1 + sum(output.size for output in layout.outputs if output.boolean)
+        return Kernel(layout, function, parts, (numbers, masks))
 
     def _traced(self, equations: Equations, inputs: Sequence[Input], own: str | None) -> tuple[KernelLayout, bytes]:
         """The code of equations, kept by their source ``own``; without it by what the trace says.

@@ -48,12 +48,19 @@ class Input(NamedTuple):
         return (*self.shape, *batch[:-1], 1) if self.shared else self.shape + batch
 
 
+#: What becomes of an output in a sequence of calls: the numbers of each member are added to what is there, or those of
+#: all members are summed. Otherwise they are written.
+ADDED, SUMMED = "added", "summed"
+
+
 class Output(NamedTuple):
     """An output."""
 
     name: str
     shape: tuple[int, ...]
     boolean: bool
+    mode: str = ""
+    """``ADDED``, ``SUMMED`` or neither."""
 
     @property
     def size(self) -> int:
@@ -70,15 +77,14 @@ class KernelLayout(NamedTuple):
     """Outputs that are the same as another, under its name."""
 
     @property
-    def rows(self) -> list[int]:
-        """For each component of each output its row, among those of numbers or those of masks."""
+    def first_rows(self) -> list[int]:
+        """For each output its first row, among those of numbers or those of masks."""
         result: list[int] = []
         # The first of the masks is the guard.
         filled = [0, 1]
         for output in self.outputs:
-            first = filled[output.boolean]
+            result.append(filled[output.boolean])
             filled[output.boolean] += output.size
-            result += range(first, filled[output.boolean])
         return result
 
 
@@ -139,7 +145,7 @@ def unpacked(data: bytes) -> tuple[KernelLayout, bytes] | None:
         inputs, outputs, same = json.loads(head)
         layout = KernelLayout(
             tuple(Input(name, tuple(shape), *more) for name, shape, *more in inputs),
-            tuple(Output(name, tuple(shape), boolean) for name, shape, boolean in outputs),
+            tuple(Output(name, tuple(shape), *more) for name, shape, *more in outputs),
             same,
         )
     except (ValueError, TypeError, RecursionError):

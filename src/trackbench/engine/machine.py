@@ -18,7 +18,7 @@ from trackbench.base.files import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
-FORM = "4"
+FORM = "6"
 FUNCTION = "kernel"
 #: To open a file without waiting for another process, and no link to another; Windows has neither.
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
@@ -114,7 +114,7 @@ class Processor:
     def object_code(self, text: str) -> bytes:
         """The object file of a module's text, after the name of its function, which no other has."""
         name = f"{FUNCTION}_{hashlib.sha256(text.encode()).hexdigest()}"
-        module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}(", f"@{name}("))
+        module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}", f"@{name}"))
         module.verify()
         return name.encode() + b"\n" + bytes(self._target.emit_object(module))
 
@@ -125,7 +125,8 @@ class Processor:
         if name not in self._loaded:
             self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(file))
             self._engine.finalize_object()
-            self._loaded[name] = MachineCode(self._engine, self._engine.get_function_address(name), arrays)
+            whole, part = (self._engine.get_function_address(name + end) for end in ("", ".part"))
+            self._loaded[name] = MachineCode(self._engine, whole, arrays, part)
         return self._loaded[name]
 
     @cached_property
@@ -136,11 +137,15 @@ class Processor:
 
 
 class MachineCode:
-    """Machine code in memory; ``call`` takes two numbers, and arrays by their ``id``."""
+    """Machine code in memory; ``call`` takes two numbers, and arrays by their ``id``.
 
-    def __init__(self, engine: Any, address: int, arrays: int) -> None:
+    ``part``: where the function of some members is, of kernels; see ``vector_code.function``.
+    """
+
+    def __init__(self, engine: Any, address: int, arrays: int, part: int) -> None:
         # The code lives as long as its engine.
         self._engine = engine
+        self.part = part
         self.call = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 3, *[ctypes.c_void_p] * arrays)(address)
 
 

@@ -90,11 +90,11 @@ def function(name: str, layout: KernelLayout, condition: Node) -> str:
     members, so that a vector of them that would end behind the last begins earlier.
     """
     numbers: dict[int, str] = {}
-    before, one = Text(1, "s", numbers, "1", "0"), Text(1, "g", numbers, "%firsts", "%i")
-    body = Text(WIDTH, "v", {}, "%seconds", "%at")
+    before, one, body = Text(1, "s", numbers, "0"), Text(1, "g", numbers, "%i"), Text(WIDTH, "v", {}, "%at")
     names = [f"%a{place}" for place in range(len(layout.inputs) + 4)]
     places = [before.data_of(item) for item in names]
-    bases = {item.name: place for item, place in zip(layout.inputs, places, strict=False)}
+    strides = {ALL: "1", GROUP: "%firsts", MEMBER: "%seconds"}
+    bases = {item.name: (place, strides[item.level]) for item, place in zip(layout.inputs, places, strict=False)}
     group, bounds, to_first, to_second = places[-4:]
     steps = list(ordered([condition]))
     before_members({ALL: before, GROUP: one, MEMBER: body}, steps, [condition], bases)

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.engine.arithmetic import lowered
 from trackbench.engine.equations import Equations
 from trackbench.engine.finite import conditions
-from trackbench.engine.graph import Graph, Node, Untraceable, ordered
+from trackbench.engine.graph import Graph, Node, Untraceable, fused, ordered
 from trackbench.engine.layout import Input, KernelLayout, Output
 from trackbench.engine.nodes import Nodes, is_boolean
 from trackbench.engine.symbols import Symbol, nodes_of_output
@@ -88,10 +88,16 @@ def _lowered(graph: Graph, equations: Equations, inputs: Sequence[Input], result
     dropped = [*every, *graph.dropped.values()]
     # What is the same as another output is written once.
     first: dict[tuple[object, ...], str] = {}
-    same = {name: first.setdefault((result[name].shape, *parts[name]), name) for name in result}
-    own = [Output(name, result[name].shape, is_boolean(result[name])) for name in result if same[name] == name]
+    modes = {name: equations.modes.get(name, "") for name in result}
+    same = {name: first.setdefault((modes[name], result[name].shape, *parts[name]), name) for name in result}
+    own = [
+        Output(name, array.shape, is_boolean(array), modes[name])
+        for name, array in result.items()
+        if same[name] == name
+    ]
     outputs = [node for output in own for node in parts[output.name]]
     guard = graph.joined([*graph.guards, *conditions(graph, equations.counted, parts, dropped)])
+    *outputs, guard = fused(graph, [*outputs, guard])
     used = {node.value[0] for node in ordered([*outputs, guard]) if isinstance(node.value, tuple)}
     others = {name: other for name, other in same.items() if name != other}
     layout = KernelLayout(tuple(item for item in inputs if item.name in used), tuple(own), others)

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 
 from trackbench.engine.graph import ALL, COMPARISONS, GROUP, LOGICAL, MEMBER, Node, ordered
-from trackbench.engine.layout import KernelLayout
+from trackbench.engine.layout import SUMMED, KernelLayout
 
 #: Members of a batch in a vector: 8 doubles are one register of AVX-512; narrower machines take two or four for it.
 WIDTH = 8
@@ -15,84 +15,132 @@ HEAD = object.__basicsize__
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 #: Ordered comparisons, which a NaN fails; "ne" alone holds of a NaN.
 COMPARED = {"lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge", "eq": "oeq", "ne": "une"}
-INTRINSICS = {"sqrt": "sqrt", "abs": "fabs", "ceil": "ceil", "floor": "floor", "rint": "rint", "copysign": "copysign"}
+INTRINSICS = {
+    "sqrt": "sqrt",
+    "abs": "fabs",
+    "ceil": "ceil",
+    "floor": "floor",
+    "rint": "rint",
+    "copysign": "copysign",
+    "fma": "fma",
+}
 #: Bits of a double: the place of the exponent, and what is added to it.
 FRACTION_BITS, BIAS = 52, 1023
+#: Where the data of an array begin, and how far its rows are apart.
+Place = tuple[str, str]
 
 
 def function(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
-    """The text of a function of the number of groups and of the members of each, and of the arrays of the inputs and of
-    the outputs.
+    """The text of two functions, ``name`` and ``name.part``.
 
-    The arrays are objects of NumPy, whose first field after the head of every object is the place of their data. Each
-    has rows of all members, or of all groups. The outputs are numbers and masks; the first row of the masks says of
-    each member whether the guard held. The function returns 1 if it held of all. A group has at least ``WIDTH``
-    members: the last vector may overlap the one before, so that outputs must not lie where inputs are.
+    ``name.part`` computes the members from a first to before an end, at least ``WIDTH``: the last vector may overlap
+    the one before, so that outputs must not lie where inputs are. It takes the two numbers, and a list of the places of
+    the inputs, of the outputs and of the mask of the guard, each with how far its rows are apart. It returns 1 if the
+    guard held of all. An output that is ``added`` is added to what lies there; one that is ``summed``, to a vector of
+    sums.
+
+    ``name`` computes groups, all members of which lie one after the other. It takes the number of groups and of the
+    members of each, and the arrays of the inputs, and of the numbers and masks of the outputs: objects of NumPy, whose
+    first field after the head of every object is the place of their data.
     """
     numbers: dict[int, str] = {}
-    before, group = Text(1, "s", numbers, "1", "0"), Text(1, "g", numbers, "%groups", "%g")
-    body = Text(WIDTH, "v", {}, "%members", "%i")
-    texts = {ALL: before, GROUP: group, MEMBER: body}
+    before, body = Text(1, "s", numbers, "0"), Text(WIDTH, "v", {}, "%i")
+    texts = {ALL: before, GROUP: before, MEMBER: body}
     # What the guard alone needs of an output comes next to it, so that no register keeps it until the end.
     others = ordered([guard], [node.number for node in ordered(outputs)])
     checks = {item.number: node for node in others for item in node.arguments}
     steps = list(ordered([step for node in outputs for step in (node, checks.get(node.number, node))] + [guard]))
-    names = [f"%a{place}" for place in range(len(layout.inputs) + 2)]
-    places = [before.data_of(name) for name in names]
+    places = [before.listed(number) for number in range(len(layout.inputs) + len(layout.outputs) + 1)]
     bases = {item.name: place for item, place in zip(layout.inputs, places, strict=False)}
-    into = places[-2:]
+    into = places[len(layout.inputs) :]
     before_members(texts, steps, (*outputs, guard), bases)
-    waiting: dict[int, list[int]] = {}
-    for place, node in enumerate(outputs):
-        waiting.setdefault(node.number, []).append(place)
+    waiting: dict[int, list[tuple[str, Place, int]]] = {}
+    rows = [
+        (item.mode, place, row) for item, place in zip(layout.outputs, into, strict=False) for row in range(item.size)
+    ]
+    for node, row in zip(outputs, rows, strict=True):
+        waiting.setdefault(node.number, []).append(row)
     for node in steps:
         if node.level == MEMBER:
             body.operation(node, bases)
-        for place in waiting.get(node.number, ()):
-            body.store(node, into[node.boolean], layout.rows[place])
+        for row in waiting.get(node.number, ()):
+            body.put(node, *row)
     held = body.value(guard)
-    body.store_mask(held, into[True], 0)
+    body.store_mask(held, into[-1], 0)
     lines = "\n".join
-    ones = _constants("true", "i1", WIDTH)
-    return f"""{lines(sorted(before.declared | group.declared | body.declared))}
-define i64 @{name}(i64 %groups, i64 %size, {", ".join(f"ptr {item}" for item in names)}) {{
+    ones, numbered = _constants("true", "i1", WIDTH), ", ".join(f"i64 {number}" for number in range(WIDTH))
+    return f"""{lines(sorted(before.declared | body.declared))}
+define i64 @{name}.part(i64 %first, i64 %end, ptr %list) {{
 entry:
-  %members = mul i64 %groups, %size
-{lines(before.lines)}
-  br label %group
-group:
-  %g = phi i64 [0, %entry], [%following, %grouped]
-  %first = phi i64 [0, %entry], [%end, %grouped]
-  %fine = phi <{WIDTH} x i1> [{ones}, %entry], [%still, %grouped]
-  %end = add i64 %first, %size
   %last = sub i64 %end, {WIDTH}
-{lines(group.lines)}
+{lines(before.lines)}
   br label %loop
 loop:
-  %i = phi i64 [%first, %group], [%next, %loop]
-  %good = phi <{WIDTH} x i1> [%fine, %group], [%still, %loop]
+  %i = phi i64 [%first, %entry], [%next, %loop]
+  %from = phi i64 [%first, %entry], [%after, %loop]
+  %good = phi <{WIDTH} x i1> [{ones}, %entry], [%still, %loop]
+  %early = sub i64 %from, %i
+  %single = insertelement <{WIDTH} x i64> poison, i64 %early, i32 0
+  %every = shufflevector <{WIDTH} x i64> %single, <{WIDTH} x i64> poison, <{WIDTH} x i32> zeroinitializer
+  %fresh = icmp sge <{WIDTH} x i64> <{numbered}>, %every
 {lines(body.lines)}
   %still = and <{WIDTH} x i1> %good, {held}
   %after = add i64 %i, {WIDTH}
   %over = icmp sgt i64 %after, %last
   %next = select i1 %over, i64 %last, i64 %after
   %more = icmp slt i64 %i, %last
-  br i1 %more, label %loop, label %grouped
-grouped:
-  %following = add i64 %g, 1
-  %others = icmp slt i64 %following, %groups
-  br i1 %others, label %group, label %done
+  br i1 %more, label %loop, label %done
 done:
   %bits = bitcast <{WIDTH} x i1> %still to i{WIDTH}
   %all = icmp eq i{WIDTH} %bits, -1
   %result = zext i1 %all to i64
   ret i64 %result
 }}
+{_of_groups(name, layout)}"""
+
+
+def _of_groups(name: str, layout: KernelLayout) -> str:
+    """The text of the function of whole groups, which calls ``name.part`` for each of them."""
+    text = Text(1, "t", {}, "0")
+    sizes = {ALL: ("1", "0"), GROUP: ("%groups", "%g"), MEMBER: ("%members", "%begin")}
+    arrays = [f"%a{number}" for number in range(len(layout.inputs) + 2)]
+    data = [text.data_of(item) for item in arrays]
+    opening, text.lines = text.lines, []
+    parts = [(base, item.boolean, 0, *sizes[item.level]) for base, item in zip(data, layout.inputs, strict=False)]
+    for output, first in zip(layout.outputs, layout.first_rows, strict=True):
+        parts.append((data[output.boolean - 2], output.boolean, first, *sizes[MEMBER]))
+    parts.append((data[-1], True, 0, *sizes[MEMBER]))
+    for number, (base, boolean, row, stride, at) in enumerate(parts):
+        text.lines.append(
+            f"  store ptr {text.place((base, stride), row, 'i8' if boolean else 'double', at)}, "
+            f"ptr {text.entry('%list', 2 * number)}, align 8"
+        )
+        text.lines.append(f"  store i64 {stride}, ptr {text.entry('%list', 2 * number + 1)}, align 8")
+    lines = "\n".join
+    return f"""define i64 @{name}(i64 %groups, i64 %size, {", ".join(f"ptr {item}" for item in arrays)}) {{
+entry:
+  %list = alloca [{2 * len(parts)} x i64], align 8
+  %members = mul i64 %groups, %size
+{lines(opening)}
+  br label %group
+group:
+  %g = phi i64 [0, %entry], [%following, %group]
+  %fine = phi i64 [1, %entry], [%still, %group]
+  %begin = mul i64 %g, %size
+{lines(text.lines)}
+  %held = call i64 @{name}.part(i64 0, i64 %size, ptr %list)
+  %still = and i64 %fine, %held
+  %following = add i64 %g, 1
+  %others = icmp slt i64 %following, %groups
+  br i1 %others, label %group, label %done
+done:
+  ret i64 %still
+}}
 """
 
 
 def before_members(
-    texts: Mapping[int, Text], steps: Sequence[Node], outputs: Iterable[Node], bases: Mapping[str, str]
+    texts: Mapping[int, Text], steps: Sequence[Node], outputs: Iterable[Node], bases: Mapping[str, Place]
 ) -> None:
     """Write what is the same for members, and make vectors of what they or the outputs need of it."""
     for node in steps:
@@ -109,12 +157,12 @@ def before_members(
 class Text:
     """Instructions on numbers (width 1) or vectors, one for each node, whose names begin with ``prefix``.
 
-    ``values``: by the number of a node, what stands for it. ``count``, ``at``: how long a row is, and where in it.
+    ``values``: by the number of a node, what stands for it. ``at``: where in a row.
     """
 
-    def __init__(self, width: int, prefix: str, values: dict[int, str], count: str, at: str) -> None:
+    def __init__(self, width: int, prefix: str, values: dict[int, str], at: str) -> None:
         self.width = width
-        self._count, self._at = count, at
+        self._at = at
         self.lines: list[str] = []
         self.declared: set[str] = set()
         self._values = values
@@ -145,9 +193,19 @@ class Text:
         """Where the data of an array lies."""
         return self._new(f"load ptr, ptr {self._new(f'getelementptr i8, ptr {array}, i64 {HEAD}')}, align 8")
 
-    def place(self, base: str, row: int, kind: str) -> str:
+    def listed(self, number: int) -> Place:
+        """What a list of places has at a number."""
+        base, stride = self.entry("%list", 2 * number), self.entry("%list", 2 * number + 1)
+        return self._new(f"load ptr, ptr {base}, align 8"), self._new(f"load i64, ptr {stride}, align 8")
+
+    def entry(self, array: str, number: int) -> str:
+        """Where an entry of an array of whole numbers is."""
+        return self._new(f"getelementptr i64, ptr {array}, i64 {number}")
+
+    def place(self, where: Place, row: int, kind: str, at: str | None = None) -> str:
         """Where the number of a row is, or the vector."""
-        offset = self._new(f"add i64 {self._new(f'mul i64 {self._count}, {row}')}, {self._at}")
+        base, stride = where
+        offset = self._new(f"add i64 {self._new(f'mul i64 {stride}, {row}')}, {at or self._at}")
         return self._new(f"getelementptr {kind}, ptr {base}, i64 {offset}")
 
     def spread(self, node: Node, number: str) -> list[str]:
@@ -162,21 +220,26 @@ class Text:
         made, self.lines = self.lines, own
         return made
 
-    def store(self, node: Node, base: str, row: int) -> None:
-        """Write a node to a row of the output."""
+    def put(self, node: Node, mode: str, where: Place, row: int) -> None:
+        """Write a node to a row of an output, or add it to what lies there; of members that come again nothing."""
+        value, number = self.value(node), self._type("double")
         if node.boolean:
-            self.store_mask(self.value(node), base, row)
-        else:
-            where = self.place(base, row, "double")
-            self.lines.append(f"  store {self._type('double')} {self.value(node)}, ptr {where}, align 8")
+            self.store_mask(value, where, row)
+            return
+        place = self.place(where, row, "double", "0" if mode == SUMMED else None)
+        if mode:
+            own = self._new(f"select {self._type('i1')} %fresh, {number} {value}, {number} {self.constant(0.0)}")
+            before = self._new(f"load {number}, ptr {place}, align 8")
+            value = self._new(f"fadd {number} {before}, {own}")
+        self.lines.append(f"  store {number} {value}, ptr {place}, align 8")
 
-    def store_mask(self, value: str, base: str, row: int) -> None:
+    def store_mask(self, value: str, where: Place, row: int) -> None:
         """Write truth values as bytes."""
-        where = self.place(base, row, "i8")
+        place = self.place(where, row, "i8")
         wide = self._new(f"zext {self._type('i1')} {value} to {self._type('i8')}")
-        self.lines.append(f"  store {self._type('i8')} {wide}, ptr {where}, align 1")
+        self.lines.append(f"  store {self._type('i8')} {wide}, ptr {place}, align 1")
 
-    def operation(self, node: Node, bases: Mapping[str, str]) -> None:
+    def operation(self, node: Node, bases: Mapping[str, Place]) -> None:
         """The instructions of a node; ``bases``: where the data of each input lie."""
         where = ""
         if isinstance(node.value, tuple):

@@ -7,10 +7,12 @@ import math
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Mask
 from trackbench.base.units import wrap_angle
 from trackbench.engine.equations import Equations, Values
-from trackbench.metrics.sums import OVERFLOW
+from trackbench.engine.layout import ADDED, SUMMED
+from trackbench.metrics.consistency import beyond_points
+from trackbench.metrics.sums import ERROR, OVERFLOW
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
@@ -41,10 +43,18 @@ GIVEN = Equations("given estimate", _given, {"mean": 1, "covariance": 2})
 
 
 def _errors(values: Values) -> Values:
-    mean, covariance, truth, scored = (values[name] for name in ("mean", "covariance", "truth", "scored"))
-    if not np.all(values["finite"]):
+    covariance, finite, scored = (values[name] for name in ("covariance", "finite", "scored"))
+    if not np.all(finite):
         # Any other that is positive definite, so that no fault is found.
-        covariance = np.where(values["finite"], covariance, linalg.expand(np.eye(4), covariance))
+        covariance = np.where(finite, covariance, linalg.expand(np.eye(4), covariance))
+    rows, definite = _rows(values["mean"], covariance, values["truth"], values["reference"], finite)
+    if not np.all(scored):
+        rows = np.where(scored, rows, 0.0)
+    return {"rows": rows, "definite": definite, "bounded": rows.max(axis=0) < OVERFLOW}
+
+
+def _rows(mean: Array, covariance: Array, truth: Array, reference: Array, finite: Mask) -> tuple[Array, Mask]:
+    """Rows as ERROR_FIELDS, and whether the covariance is positive definite."""
     error = mean - truth
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)
@@ -53,10 +63,10 @@ def _errors(values: Values) -> Values:
     nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
     nees_of_velocity = _nees_of_velocity(error * error, error[2] * error[3], covariance)
     directions = _nees_of_directions(error, truth, covariance)
-    given = np.where(values["finite"], 1.0, 0.0)
-    if not np.all(values["finite"]):
+    given = np.where(finite, 1.0, 0.0)
+    if not np.all(finite):
         nees, nees_of_position, nees_of_velocity, *directions = (
-            np.where(values["finite"], each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, *directions)
+            np.where(finite, each, 0.0) for each in (nees, nees_of_position, nees_of_velocity, *directions)
         )
     squares = error * error
     moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
@@ -71,13 +81,37 @@ def _errors(values: Values) -> Values:
             nees_of_position,
             nees_of_velocity,
             *directions,
-            *values["reference"],
+            *reference,
             given,
         ]
     )
-    if not np.all(scored):
-        rows = np.where(scored, rows, 0.0)
-    return {"rows": rows, "definite": factor.positive, "bounded": rows.max(axis=0) < OVERFLOW}
+    return rows, factor.positive
+
+
+def _scores(values: Values) -> Values:
+    mean, covariance, truth = (values[name] for name in ("mean", "covariance", "truth"))
+    rows, definite = _rows(mean, covariance, truth, values["reference"], np.ones((), dtype=bool))
+    squares = linalg.vector([rows[1] + rows[2], rows[3] + rows[4]])
+    rows = np.where(values["due"], rows, 0.0)
+    beyond = [np.where(rows[ERROR["nees"]] > point, 1.0, 0.0) for point in beyond_points(4)]
+    return {
+        "per_step": rows,
+        "by_class": np.concatenate([rows, linalg.vector(beyond)]),
+        "squares": np.where(values["expected"], squares, 0.0),
+        "definite": definite,
+        "bounded": rows.max(axis=0) < OVERFLOW,
+    }
+
+
+#: Of an estimate that is finite, in a sequence of calls: what is added to the sums where it is ``due``, those of its
+#: class with the points that its NEES is beyond; the squared errors of position and velocity where it is ``expected``.
+SCORES = Equations(
+    "scores of an estimate",
+    _scores,
+    {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "due": 0, "expected": 0},
+    frozenset({"covariance"}),
+    modes={"per_step": SUMMED, "by_class": ADDED},
+)
 
 
 def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:

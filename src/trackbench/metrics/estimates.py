@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.consistency import BEYOND, beyond_points
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.protocol import Chunk, Scope
+from trackbench.metrics.protocol import Chunk, Scope, SquaredErrors
 from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, Cells, ErrorSums, merge, stretches
+
+if TYPE_CHECKING:
+    from trackbench.metrics.score_sequence import ScoreSequence
 
 
 class EstimateSums:
@@ -55,6 +59,8 @@ class _Summing:
         self._per_class = np.zeros((rows, len(self._codes), scope.runs))
         # Farthest point passed: of each estimate the last alone.
         self._passed = np.zeros((len(BEYOND), len(self._codes), scope.runs))
+        # Each point that an estimate of a sequence passed.
+        self._beyond = np.zeros_like(self._passed)
         self._charged_per_step = np.zeros((rows, instants))
         self._charged_per_run = np.zeros((rows, scope.runs))
         self._diverged = np.zeros(scope.runs, dtype=bool)
@@ -75,21 +81,48 @@ class _Summing:
         self._seconds += chunk.seconds
         self._steps += chunk.steps
         here, scored, values = chunk.instants, chunk.scored, chunk.values
-        square = values[1] + values[2]
-        far = (square > self._scope.target.divergence**2) & chunk.given & scored
-        if far.any():
-            self._diverged |= self._by_run(far.any(axis=0)) > 0
-        if self._scope.first:
-            self._spread[:, here] = percentiles((0.1, 0.9), np.where(scored, square, np.nan))
+        self._note_spread(here, chunk.squares[0], scored, chunk.given)
         if (chunk.starting & ~scored).any():
             values = np.where(scored, values, 0.0)
-        self._per_step[:, here] = values @ np.ones(scored.shape[1])
+        self._per_step[:, here] = values.sum(axis=-1)
         self._add_by_class(values, self._class[here])
         self._count_beyond(values[ERROR["nees"]], self._class[here])
         if not chunk.given[scored].all():
             charged = np.where(chunk.given, 0.0, values)
             self._charged_per_step[:, here] = charged.sum(axis=-1)
             self._charged_per_run += self._by_run(charged.sum(axis=1))
+
+    @property
+    def classes(self) -> tuple[Indices, int]:
+        """``(instants, objects, runs or 1)`` number of the class of each object, and how many there are."""
+        return self._class, len(self._codes)
+
+    def add_sequence(self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array) -> None:
+        """Add some instants that were scored by kernels.
+
+        Args:
+            scores: their sums.
+            squares: the squared errors.
+            repaired: ``(runs,)`` number of repaired covariances.
+        """
+        fields, here, square = len(ERROR_FIELDS), scores.here, squares.squares[0]
+        self._per_step[:, here] = scores.per_step
+        self._per_class += scores.by_class[:fields]
+        self._beyond += scores.by_class[fields:]
+        self._repaired += repaired
+        self._note_spread(here, square, squares.scored, squares.given)
+
+    def innovations(self, sensor: str) -> Innovations:
+        """Those of a sensor."""
+        return self._innovations[sensor]
+
+    def _note_spread(self, here: slice, square: Array, scored: Mask, given: Mask) -> None:
+        """Note what squared errors of the position ``(instants, batch)`` tell of divergence and of their spread."""
+        far = (square > self._scope.target.divergence**2) & given & scored
+        if far.any():
+            self._diverged |= self._by_run(np.asarray(far.any(axis=0))) > 0
+        if self._scope.first:
+            self._spread[:, here] = percentiles((0.1, 0.9), np.where(scored, square, np.nan))
 
     def scores(self) -> BlockScores:
         """The sums of everything added."""
@@ -116,7 +149,7 @@ class _Summing:
         """What occurred."""
         cell, run = np.nonzero(per_class[0])
         code, stretch = divmod(self._codes[cell], self._stretches)
-        beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1]
+        beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1] + self._beyond[:, cell, run]
         return Cells(code, run + stretch, np.concatenate([combined(per_class[:, cell, run]), beyond]))
 
     def _by_run(self, batch: Array) -> Array:
@@ -130,7 +163,7 @@ class _Summing:
             of_row, rows = classes.reshape(-1), values.reshape(len(values), -1, runs)
             present = np.flatnonzero(np.bincount(of_row))
             if len(of_row) > 2 * len(present):
-                rows = (present[:, None] == of_row).astype(float) @ rows
+                rows = np.stack([rows[:, of_row == place].sum(axis=1) for place in present], axis=1)
                 of_row = present
             # Without the copy that an index of several classes makes.
             for number, place in enumerate(of_row):

@@ -19,7 +19,7 @@ from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
-from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
+from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope, SquaredErrors
 from trackbench.metrics.sums import BlockScores, Scores, stretches
 from trackbench.results import Health, MetricValue
 
@@ -209,11 +209,14 @@ class Guarded:
     def __init__(self, accumulator: Accumulator) -> None:
         self._accumulator = accumulator
         self.name = accumulator.name
+        own = type(accumulator).__module__.startswith("trackbench.")
+        self.of_squares = own and getattr(accumulator, "of_squares", False)
+        """Whether it is a metric of the bench that looks at no more of a chunk than at squared errors."""
 
     def init(self, scope: Scope) -> Any:
         return _guarded(self._accumulator, self._accumulator.init, scope)
 
-    def update(self, sums: Any, chunk: Chunk) -> Any:
+    def update(self, sums: Any, chunk: Chunk | SquaredErrors) -> Any:
         return _guarded(self._accumulator, self._accumulator.update, sums, chunk)
 
     def close(self, sums: Any) -> Any:

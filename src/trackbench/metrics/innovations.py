@@ -6,12 +6,16 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
+from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
+from trackbench.engine.layout import ADDED, SUMMED, Input
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
 
-#: How many measurements are summed at a time: their products with those before grow with its square.
+#: How many measurements are summed at a time by NumPy: their products with those before grow with its square.
 CHUNK = 10
+#: Measurements that fill the rows before the latest are moved to the front.
+ROWS = 4 * CHUNK
 
 
 def _innovation(values: Values) -> Values:
@@ -31,99 +35,179 @@ INNOVATION = Equations(
 )
 
 
+def _sums(values: Values) -> Values:
+    used = values["used"]
+    white = np.where(used[:, None], values["white"], 0.0)
+    latest = {"white": white[-1], "used": used[-1], "white_before": white[-2], "used_before": used[-2]}
+    rows = _innovation({**values, **latest})["rows"]
+    both, nis = used & used[-1], rows[NIS["nis"]]
+    products = np.einsum("m...,lm...->l...", white[-1], white)
+    lags = np.stack([np.where(both, 1.0, 0.0), products, np.where(both, nis, 0.0)])
+    return {"per_step": rows, "per_run": rows, "lags": lags, "bounded": nis < OVERFLOW}
+
+
+#: Of the whitened innovations of a measurement and the ``LAGS`` before it, the oldest first, and where they are
+#: ``used``: what is added to the sums; ``bounded``: whether it can be.
+SUMS = Equations(
+    "sums of whitened innovations",
+    _sums,
+    {"white": 2, "used": 1, "due": 0, "point95": 0},
+    modes={"per_step": SUMMED, "per_run": ADDED, "lags": SUMMED},
+)
+
+
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    The latest measurements are kept in a ring of as many rows as the longest lag needs, in which a chunk of them is
-    never broken. A row that was not written yet holds zeros, which add nothing to any sum.
+    They lie in rows, one for each measurement. Before those that are not summed yet there are as many rows as the
+    longest lag. A row that was not written yet is not used.
     """
 
     def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
         """``measurements``: how many the sensor takes."""
         self._shape = objects, runs
-        self._compute = compute
-        self._rows = CHUNK * (1 + -(-LAGS // CHUNK))
+        self._compute, self._kernels = compute, kernels_of(compute, runs)
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
         self._per_run = np.zeros((len(NIS_FIELDS), runs))
-        self._pairs = np.zeros((len(LAG_FIELDS), self._rows, self._rows))
-        # The last row of the ring comes first once more, so that each row has the one before it.
-        self._white: Array | None = None
-        self._used = np.zeros((self._rows + 1, objects * runs), dtype=bool)
-        self._due = np.zeros((CHUNK, objects * runs), dtype=bool)
-        self._measurement = self._row = self._filled = self._dof = 0
+        self._lags = np.zeros((len(LAG_FIELDS), LAGS + 1))
+        self._white = np.empty((0, 0, objects * runs))
+        self._used = np.zeros((LAGS + ROWS, objects * runs), dtype=bool)
+        self._due = self._used.copy()
+        self._measurement = self._dof = 0
+        self._first = self._next = LAGS
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
         """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
 
         ``used`` ``(batch,)``: which of them count. ``due`` ``(batch,)``: which of them there should be.
         """
-        if self._white is None:
-            if white is None:
-                self._per_step[NIS["missing"], self._measurement] = due.sum()
-                self._per_run[NIS["missing"]] += due.reshape(self._shape).sum(axis=0)
-                self._measurement += 1
-                return
-            self._white = np.zeros((self._rows + 1, *white.shape))
-            self._dof = len(white)
-        row = 1 + self._row + self._filled
-        self._white[row] = 0.0 if white is None else white
-        self._used[row] = False if white is None else used
-        self._due[self._filled] = due
-        self._filled += 1
-        if self._filled == CHUNK:
+        if white is None and not self._dof:
+            self._per_step[NIS["missing"], self._measurement] = due.sum()
+            self._per_run[NIS["missing"]] += due.reshape(self._shape).sum(axis=0)
+            self._measurement += 1
+            return
+        rows, its_used, its_due = self.rows(1, self._dof if white is None else len(white))
+        rows[0] = 0.0 if white is None else white
+        its_used[0] = False if white is None else used
+        its_due[0] = due
+        if self._next - self._first >= (ROWS if self._kernels else CHUNK):
             self.flush()
+
+    def rows(self, count: int, dof: int) -> tuple[Array, Mask, Mask]:
+        """Rows for the next measurements: of whitened innovations ``(count, dof, batch)``, which are used, and due."""
+        if not self._dof:
+            self._dof = dof
+            self._white = np.zeros((len(self._used), dof, self._used.shape[1]))
+        if self._next + count > len(self._white):
+            self.flush()
+            latest = slice(self._next - LAGS, self._next)
+            arrays = self._white, self._used, self._due
+            if LAGS + count > len(self._white):
+                self._white, self._used, self._due = (
+                    np.zeros((LAGS + count, *each.shape[1:]), each.dtype) for each in arrays
+                )
+            for before, after in zip(arrays, (self._white, self._used, self._due), strict=True):
+                after[:LAGS] = before[latest].copy()
+            self._first = self._next = LAGS
+        here = slice(self._next, self._next + count)
+        self._next += count
+        return self._white[here], self._used[here], self._due[here]
+
+    def drop(self, count: int) -> None:
+        """Take back the latest rows, which were not filled."""
+        self._next -= count
 
     def flush(self) -> None:
         """Sum what waits."""
-        if self._white is None or self._filled == 0:
-            return
-        count, row = self._filled, self._row
-        here = slice(1 + row, 1 + row + count)
-        _clear(self._white[here], self._used[here])
-        values = self._values(self._white, here)
-        measurements = slice(self._measurement, self._measurement + count)
-        self._per_step[:, measurements] = values @ np.ones(values.shape[-1])
-        self._per_run += (np.ones(count) @ values).reshape(len(values), *self._shape).sum(axis=1)
-        self._add_pairs(slice(row, row + count), self._white[here], values[NIS["nis"]])
-        self._measurement, self._row, self._filled = measurements.stop, (row + count) % self._rows, 0
-        if self._row == 0:
-            self._white[0], self._used[0] = self._white[-1], self._used[-1]
+        if self._next > self._first and not self._summed_by_kernels():
+            if self._kernels is not None:
+                # Kernels leave what is not used as it is.
+                before = slice(self._first - LAGS, self._first)
+                _clear(self._white[before], self._used[before])
+            for first in range(self._first, self._next, CHUNK):
+                self._sum(slice(first, min(first + CHUNK, self._next)))
+        self._measurement += self._next - self._first
+        self._first = self._next
 
-    def _values(self, ring: Array, here: slice) -> Array:
-        """``(7, count, batch)`` rows ``NIS_FIELDS`` of rows of the ring."""
+    def _summed_by_kernels(self) -> bool:
+        """Sum what waits by one sequence of calls; whether it could be done."""
+        if self._kernels is None:
+            return False
+        from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+
+        inputs = (
+            Input("white", (LAGS + 1, self._dof), 1, "d"),
+            Input("used", (LAGS + 1,), 1, "?"),
+            Input("due", (), 1, "?"),
+            Input("point95", (), 0, "d"),
+        )
+        kernel = self._kernels.kernel(SUMS, inputs)
+        if kernel is None:
+            return False
+        (objects, runs), count, fields = self._shape, self._next - self._first, len(NIS_FIELDS)
+        per_step, per_run = np.zeros((fields, count, 8)), np.zeros((fields, runs))
+        lags, bounded = np.zeros((*self._lags.shape, 8)), np.empty((count, objects, runs), dtype=bool)
+        at, nothing, limit = np.arange(count), np.zeros(count, dtype=np.intp), np.array([point95(self._dof)])
+        window, batch = self._first - LAGS + at, objects * runs
+        sequence = CallSequence(self._kernels, objects, runs, count)
+        inputs_at = {
+            "white": ArrayPlace(self._white.ctypes.data + window * self._white.strides[0], batch, runs * 8),
+            "used": ArrayPlace(self._used.ctypes.data + window * batch, batch, runs),
+            "due": ArrayPlace(self._due.ctypes.data + (self._first + at) * batch, 0, runs),
+            "point95": place(limit, 0, nothing),
+        }
+        outputs_at = {
+            "per_step": place(per_step[..., None], 1, at)._replace(group=0),
+            "per_run": place(per_run[:, None, None], 1, nothing),
+            "lags": place(lags[:, :, None, None], 2, nothing),
+            "bounded": place(bounded, 0, at),
+        }
+        sequence.call(kernel, at, inputs_at, outputs_at)
+        if not sequence.run() or not bounded.all():
+            return False
+        self._per_step[:, self._measurement : self._measurement + count] = summed(per_step)
+        self._per_run += per_run
+        self._lags += summed(lags)[:, ::-1]
+        return True
+
+    def _sum(self, here: slice) -> None:
+        """Sum some rows by NumPy."""
+        white, used = self._white[here], self._used[here]
+        _clear(white, used)
         before = slice(here.start - 1, here.stop - 1)
         inputs = {
-            "white": ring[here].swapaxes(0, 1),
-            "used": self._used[here],
-            "white_before": ring[before].swapaxes(0, 1),
+            "white": white.swapaxes(0, 1),
+            "used": used,
+            "white_before": self._white[before].swapaxes(0, 1),
             "used_before": self._used[before],
-            "due": self._due[: self._filled],
+            "due": self._due[here],
             "point95": point95(self._dof),
         }
-        return self._compute(INNOVATION, inputs)["rows"]
+        values = self._compute(INNOVATION, inputs)["rows"]
+        measurement = self._measurement + here.start - self._first
+        self._per_step[:, measurement : measurement + len(white)] = values.sum(axis=-1)
+        self._per_run += values.sum(axis=1).reshape(len(values), *self._shape).sum(axis=1)
+        self._add_pairs(here, values[NIS["nis"]])
 
-    def _add_pairs(self, here: slice, white: Array, nis: Array) -> None:
-        """Add the products of the measurements ``here`` with every one in the ring: one product of matrices."""
-        assert self._white is not None
-        ring, all_used = self._white[1:], self._used[1:]
-        count, pairs = len(white), self._pairs[:, here]
-        pairs[1] += white.reshape(count, -1) @ ring.reshape(self._rows, -1).T
-        if all_used.all():
-            pairs[0] += nis.shape[1]
-            pairs[2] += nis.sum(axis=1)[:, None]
+    def _add_pairs(self, here: slice, nis: Array) -> None:
+        """Add the products of some measurements with those that are not farther than ``LAGS`` before each."""
+        window = slice(here.start - LAGS, here.stop)
+        count, rows = here.stop - here.start, here.stop - here.start + LAGS
+        products = self._white[here].reshape(count, -1) @ self._white[window].reshape(rows, -1).T
+        if self._used[window].all():
+            pairs = np.full_like(products, nis.shape[1]), products, nis.sum(axis=1)[:, None] + np.zeros(rows)
         else:
-            used = all_used.astype(float)
-            pairs[0] += used[here] @ used.T
-            pairs[2] += nis @ used.T
+            used = self._used[window].astype(float)
+            pairs = used[LAGS:] @ used.T, products, nis @ used.T
+        lag = LAGS + np.arange(count)[:, None] - np.arange(rows)
+        near = (lag >= 0) & (lag <= LAGS)
+        for total, each in zip(self._lags, pairs, strict=True):
+            total += np.bincount(lag[near], each[near], LAGS + 1)
 
     def scores(self) -> NisScores:
         """The sums of everything taken in."""
         self.flush()
-        # Two measurements are as far apart as their rows, modulo the number of rows.
-        rows = np.arange(self._rows)
-        lag = (rows[:, None] - rows) % self._rows
-        lags = [np.bincount(lag.ravel(), pairs.ravel())[: LAGS + 1] for pairs in self._pairs]
-        return NisScores(self._dof, self._per_step, self._per_run, np.stack(lags))
+        return NisScores(self._dof, self._per_step, self._per_run, self._lags)
 
 
 def _clear(white: Array, used: Mask) -> None:

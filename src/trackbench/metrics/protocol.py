@@ -168,6 +168,23 @@ class Chunk:
         total = np.where(self.scored, values, 0.0).sum(axis=0)
         return np.asarray(total.reshape(-1, self.runs).sum(axis=0))
 
+    @cached_property
+    def squares(self) -> Array:
+        """``(2, instants, batch)`` squared errors of position and velocity; as ``values``."""
+        rows = self.values
+        return np.stack([rows[ERROR["px"]] + rows[ERROR["py"]], rows[ERROR["vx"]] + rows[ERROR["vy"]]])
+
+
+class SquaredErrors(NamedTuple):
+    """What metrics that are ``of_squares`` look at of a ``Chunk``."""
+
+    instants: slice
+    squares: Array
+    scored: Mask
+    starting: Mask
+    given: Mask
+    runs: int
+
 
 class Fault(Exception):
     """An estimate that cannot be scored."""
@@ -267,6 +284,8 @@ class Metric(Config):
     """How an expectation names the value; empty where it is the metric itself."""
     shared: ClassVar[Accumulator | None] = None
     """The sums that it is made of; None where they are its own."""
+    of_squares: ClassVar[bool] = False
+    """Whether ``update`` looks at no more of a chunk than :class:`SquaredErrors` have."""
     without_truth: ClassVar[bool] = False
     """Whether it needs no truth."""
     at_least: ClassVar[float] = -np.inf

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Indices, Mask, Truth
+from trackbench.engine.equations import Equations, Values
+from trackbench.engine.layout import Input
+from trackbench.engine.vector_code import WIDTH
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
+
+if TYPE_CHECKING:
+    from trackbench.engine.kernels import Kernels
 
 #: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e4
@@ -93,6 +99,7 @@ def conditional_bound(
     start: BoundStart,
     instants: Indices,
     drawn: Indices | None = None,
+    kernels: Kernels | None = None,
 ) -> Array:
     """Bound of the errors of each run, given which of its measurements there are.
 
@@ -113,10 +120,11 @@ def conditional_bound(
             measurements.
         drawn: indices of the truth's steps at which the acceleration is drawn anew, among them those of all
             measurements, and constant in between; unless given, it is at each measurement of these sensors.
+        kernels: which compute it, if any.
 
     Returns:
         ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the sum
-        over both axes; one for all runs where the measurements of all are of the same instants. NaN before the first
+        over both axes; one for all runs where the measurements of all are of the same instants. Zero before the first
         measurement, or before the target's time in the scene where tracks start from the truth.
     """
     motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
@@ -127,37 +135,163 @@ def conditional_bound(
     }
     if drawn is None:
         drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
-    objects, runs = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
+    shape = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
     prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
-    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, objects, runs))
-    known = np.zeros((objects, runs), dtype=bool)
-    result = np.full((2, len(instants), objects, runs), np.nan)
+    steps: list[BoundStep] = []
+    begun = np.zeros(shape, dtype=bool)
     latest = instants[0]
     for row, step in enumerate(instants):
         passed = drawn[(drawn > latest) & (drawn <= step)]
         if len(passed) > 0:
-            moved = _predicted(motion, covariance, truth.time[[latest, *passed]])
-            covariance, latest = moved if known.all() else np.where(known, moved, covariance), passed[-1]
+            steps.append(BoundStep(row, begun, {"motion": _motion(motion, truth.time[[latest, *passed]])}))
+            latest = passed[-1]
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
             if k == len(of.steps) or of.steps[k] != step:
                 continue
             if start.position_sigma is not None:
-                known = known | truth.alive[step][:, None]
-            root, seen = of.root[k][..., None], masks[name][k]
-            updated = _updated(covariance, root, seen)
-            begun = seen & ~known
-            if begun.any():
-                # The prior is too wide for the update of a covariance.
-                total = np.linalg.inv(prior)[:, :, None, None] + linalg.gram(root)
-                first = np.linalg.inv(total.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1)
-                updated = np.where(begun, first, updated)
-            covariance = updated
-            known = known | begun
-        now = covariance if step == latest else _predicted(motion, covariance, truth.time[[latest, step]])
-        variance = np.einsum("ii...->i...", now)
-        result[:, row] = np.where(known, [variance[0] + variance[1], variance[2] + variance[3]], np.nan)
+                begun = begun | truth.alive[step][:, None]
+            seen, root = masks[name][k], of.root[k]
+            # The prior is too wide for the update of a covariance.
+            first = np.linalg.inv((np.linalg.inv(prior)[:, :, None] + linalg.gram(root)).T).T
+            values = {"root": root[..., None], "first": first[..., None], "seen": np.broadcast_to(seen, shape)}
+            steps.append(BoundStep(row, begun, values))
+            begun = begun | seen
+        if step != latest or not steps or steps[-1].row != row:
+            times = truth.time[[latest, step]]
+            steps.append(BoundStep(row, begun, {"motion": _motion(motion, times)}, kept=False))
+    bound = _bound_by_kernels(prior, steps, kernels) if kernels is not None and shape[1] >= WIDTH else None
+    return _bound_by_numpy(prior, steps) if bound is None else bound
+
+
+class BoundStep(NamedTuple):
+    """One step of the recursion."""
+
+    row: int
+    """Number of the bound that is wanted; the last of its steps gives it."""
+    begun: Mask
+    """``(objects, runs)`` where something is known before it."""
+    values: dict[str, Any]
+    """As ``PREDICTION`` or ``MEASUREMENT`` has them."""
+    kept: bool = True
+    """Whether the recursion goes on from it."""
+
+    @property
+    def equations(self) -> Equations:
+        return PREDICTION if "motion" in self.values else MEASUREMENT
+
+
+def _motion(motion: ConstantVelocity, times: Array) -> Array:
+    """``(4,)`` from one time to the last: the elapsed time, s, and the process noise of position, of both, and of
+    velocity, per axis; the acceleration is drawn at each of the times but the last."""
+    nowhere, q = np.zeros(4), np.zeros((4, 4))
+    for dt in map(float, np.diff(times)):
+        step = motion.jacobian(nowhere, dt)
+        q = step @ q @ step.T + process_noise(motion, nowhere, dt)
+    return np.array([times[-1] - times[0], q[0, 0], q[0, 2], q[2, 2]])
+
+
+def _predicted(values: Values) -> Values:
+    """``P <- F P F^T + Q``"""
+    covariance, (dt, q_position, q_both, q_velocity) = values["covariance"], values["motion"]
+    f = linalg.matrix([[1.0, 0.0, dt, 0.0], [0.0, 1.0, 0.0, dt], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    q = linalg.matrix(
+        [
+            [q_position, 0.0, q_both, 0.0],
+            [0.0, q_position, 0.0, q_both],
+            [q_both, 0.0, q_velocity, 0.0],
+            [0.0, q_both, 0.0, q_velocity],
+        ]
+    )
+    moved = linalg.quadratic(f, covariance) + linalg.expand(q, covariance)
+    return _bound(np.where(values["begun"], moved, covariance), values["begun"])
+
+
+def _measured(values: Values) -> Values:
+    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``."""
+    covariance, root, seen, begun = (values[name] for name in ("covariance", "root", "seen", "begun"))
+    cross = linalg.matmul(root, covariance)
+    s = linalg.matmul_transposed(cross, root) + linalg.expand(np.eye(len(root)), covariance)
+    gain = linalg.cholesky(s).whiten(cross)
+    updated = covariance - linalg.gram(np.where(seen, gain, 0.0))
+    return _bound(np.where(seen & ~begun, values["first"], updated), begun | seen)
+
+
+def _bound(covariance: Array, begun: Mask) -> Values:
+    variances = [covariance[0, 0] + covariance[1, 1], covariance[2, 2] + covariance[3, 3]]
+    return {"covariance": covariance, "bound": np.where(begun, linalg.vector(variances), 0.0)}
+
+
+#: A prediction of the bound by ``motion`` where something is ``begun``.
+PREDICTION = Equations(
+    "prediction of the bound",
+    _predicted,
+    {"covariance": 2, "begun": 0, "motion": 1},
+    frozenset({"covariance"}),
+)
+#: A measurement with the ``root`` of its information where it is ``seen``; ``first``: the covariance after it where
+#: nothing was ``begun`` before.
+MEASUREMENT = Equations(
+    "measurement of the bound",
+    _measured,
+    {"covariance": 2, "begun": 0, "root": 2, "first": 2, "seen": 0},
+    frozenset({"covariance", "first"}),
+)
+
+
+def _bound_by_numpy(prior: Array, steps: Sequence[BoundStep]) -> Array:
+    shape = steps[0].begun.shape
+    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, *shape))
+    result = np.empty((2, 1 + steps[-1].row, *shape))
+    for step in steps:
+        values = step.equations.function({"covariance": covariance, "begun": step.begun, **step.values})
+        result[:, step.row] = values["bound"]
+        covariance = values["covariance"] if step.kept else covariance
     return result
+
+
+def _bound_by_kernels(prior: Array, steps: Sequence[BoundStep], kernels: Kernels) -> Array | None:
+    """The same by one sequence of calls; None where it cannot be done."""
+    from trackbench.engine.sequences import ArrayPlace, CallSequence, place, place_of_each
+
+    objects, runs = steps[0].begun.shape
+    # The third is of what is not kept.
+    covariance = np.empty((4, 4, 3, objects, runs))
+    covariance[:, :, 0] = prior[:, :, None, None]
+    result = np.empty((2, 1 + steps[-1].row, objects, runs))
+    kept = np.array([step.kept for step in steps])
+    before = np.cumsum(kept) - kept
+    rows, into = np.array([step.row for step in steps]), np.where(kept, (before + 1) % 2, 2)
+    sequence = CallSequence(kernels, objects, runs, len(steps))
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for number, step in enumerate(steps):
+        form = [str(np.shape(value)) for value in step.values.values()]
+        groups.setdefault((step.equations.name, *form), []).append(number)
+    alive = []
+    for numbers in groups.values():
+        own, at = [steps[number] for number in numbers], np.array(numbers)
+        equations = own[0].equations
+        inputs = [Input("covariance", (4, 4), 1, "d"), Input("begun", (), 1, "?")]
+        places = {
+            "covariance": place(covariance, 2, before[at] % 2),
+            "begun": place_of_each([step.begun for step in own], 0, runs),
+        }
+        for name, value in own[0].values.items():
+            axes = equations.ranks[name]
+            arrays = np.ascontiguousarray(np.stack([step.values[name] for step in own], axis=axes))
+            alive.append(arrays)
+            kind = "?" if arrays.dtype == bool else "d"
+            inputs.append(Input(name, value.shape[:axes], int(value.ndim > axes), kind, shared=value.shape[-1] == 1))
+            places[name] = place(arrays, axes, np.arange(len(own)))
+        kernel = kernels.kernel(equations, inputs)
+        if kernel is None:
+            return None
+        outputs: dict[str, ArrayPlace] = {
+            "covariance": place(covariance, 2, into[at]),
+            "bound": place(result, 1, rows[at]),
+        }
+        sequence.call(kernel, at, places, outputs)
+    return result if sequence.run() else None
 
 
 def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
@@ -169,21 +303,3 @@ def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
     weight = np.broadcast_to(sensor.visible[measurement], target.shape[1:]).astype(float)
     total = np.einsum("or,aior,ajor->oij", weight, h, weighted)
     return np.asarray(total / np.maximum(weight.sum(axis=1), 1.0)[:, None, None])
-
-
-def _predicted(motion: ConstantVelocity, covariance: Array, times: Array) -> Array:
-    """``P <- F P F^T + Q``, the acceleration being drawn at each of the times but the last."""
-    nowhere = np.zeros(4)
-    f, q = np.eye(4), np.zeros((4, 4))
-    for dt in map(float, np.diff(times)):
-        step = motion.jacobian(nowhere, dt)
-        f, q = step @ f, step @ q @ step.T + process_noise(motion, nowhere, dt)
-    return linalg.quadratic(f, covariance) + q[:, :, None, None]
-
-
-def _updated(covariance: Array, root: Array, seen: Mask) -> Array:
-    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``."""
-    cross = linalg.matmul(root, covariance)
-    s = linalg.matmul_transposed(cross, root) + np.eye(len(root))[:, :, None, None]
-    gain = linalg.cholesky(s).whiten(cross)
-    return covariance - linalg.gram(gain if seen.all() else np.where(seen, gain, 0.0))

@@ -4,24 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.errors import ERRORS, GIVEN
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import accumulators
-from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, Target, reject
+from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, SquaredErrors, Target, reject
 from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
+if TYPE_CHECKING:
+    from trackbench.engine.kernels import Kernels
+    from trackbench.metrics.score_sequence import ScoreSequence
+
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
 BATCH = 16_000
+#: Instants that are scored by themselves, at most, before a sequence of calls is tried again.
+BEFORE_SEQUENCES = 8
 
 
 def no_measurements() -> Array:
@@ -76,6 +86,7 @@ class Scorer:
         scope = Scope(*read_only, tracker, first, single, self.chunk, compute)
         self._due, self._starting = scope.expected, scope.starting
         self._expected = self._due | self._starting
+        self._classes = classes
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
         self._mean = np.empty((4, self.chunk, batch))
@@ -85,6 +96,8 @@ class Scorer:
         self._silence = Silence(target.state, target.due | target.starting, measured)
         self._sensors = tuple(measurements)
         self._begin_chunk()
+        if self.kernels is not None:
+            self.chunk = min(self.chunk, BEFORE_SEQUENCES)
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
@@ -113,6 +126,72 @@ class Scorer:
     def full(self) -> bool:
         """Whether what was taken in must be scored before the next instant."""
         return self._filled == self.chunk
+
+    @property
+    def waits(self) -> bool:
+        """Whether something was taken in that is not scored yet."""
+        return self._filled > 0
+
+    @cached_property
+    def kernels(self) -> Kernels | None:
+        """The kernels by whose sequences of calls instants can be scored; None: they cannot."""
+        others = dict(self._accumulators)
+        if others.pop(ESTIMATES.name, None) is None or self._classes.shape[-1] > 1:
+            return None
+        of_squares = all(getattr(item, "of_squares", False) for item in others.values())
+        return kernels_of(self._compute, self._runs) if of_squares else None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of objects and of runs."""
+        return self._objects, self._runs
+
+    @property
+    def due(self) -> Mask:
+        """``(instants, batch)`` where an estimate is due."""
+        return self._due
+
+    def has_all(self, started: Mask, here: slice) -> bool:
+        """Whether tracks ``(batch,)`` that have started are all that an estimate is expected of at some instants."""
+        return not (self._expected[here] & ~started).any()
+
+    def sequence(self, here: slice) -> ScoreSequence:
+        """What scores some instants, the next ones, by a sequence of calls."""
+        from trackbench.metrics.score_sequence import ScoreSequence
+
+        kernels = self.kernels
+        assert kernels is not None
+        classes, count = self._sums[ESTIMATES.name].classes
+        return ScoreSequence(kernels, self._target, self._expected, classes[..., 0], count, here)
+
+    def innovations(self, sensor: str) -> Innovations:
+        """What sums the innovations of a sensor."""
+        innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
+        return innovations
+
+    def take(self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask) -> None:
+        """Take in what a sequence has scored.
+
+        Args:
+            scores: at the next instants.
+            repaired: ``(instants, batch or 1)`` number of repaired covariances.
+            latest: ``(4, batch)`` the estimates at the last of them.
+            given: ``(batch,)`` which of them there are.
+        """
+        here = scores.here
+        due = self._due[here]
+        squares = SquaredErrors(
+            here, scores.squares, due, self._starting[here], np.broadcast_to(given, due.shape), self._runs
+        )
+        repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
+        for name, accumulator in self._accumulators.items():
+            if name == ESTIMATES.name:
+                self._sums[name].add_sequence(scores, squares, repairs)
+            else:
+                self._sums[name] = accumulator.update(self._sums[name], squares)
+        self._first = here.stop
+        self._had = given & self._expected[here.stop - 1]
+        self._silence.note(np.where(given, latest, np.nan), here.stop - 1)
 
     def close(self) -> dict[str, Any]:
         """By accumulator, the sums of everything that was scored."""

@@ -72,6 +72,11 @@ class Silence:
         self._shape = (copies, *expected.shape[1:])
         self._latest = np.full((4, math.prod(self._shape)), np.nan)
 
+    def note(self, mean: Array, instant: int) -> None:
+        """Note the estimates ``(4, batch)`` of an instant at which all that are expected were given."""
+        expected = np.broadcast_to(self._expected[instant], self._shape).reshape(-1)
+        self._latest = np.where(expected, mean, np.nan)
+
     def charge(self, mean: Array, given: Mask, here: slice) -> None:
         """Change ``(4, instants, batch)`` estimates in place where they are expected and not given.
 
@@ -83,7 +88,7 @@ class Silence:
         shape = len(given), *self._shape
         expected = np.broadcast_to(self._expected[here, None], shape).reshape(given.shape)
         if given[expected].all():
-            self._latest = np.where(expected[-1], mean[:, -1], np.nan)
+            self.note(mean[:, -1], here.stop - 1)
             return
         own = own_estimates(self._latest, mean, given, expected)
         self._latest = own[:, -1]

@@ -153,8 +153,14 @@ def _advance(
     """Take trackers side by side through so many instants, and score them; ``step`` is called after each step of one,
     ``observe`` with the estimates of the recorded run at each instant."""
     labelled = [tracker for tracker in trackers.values() if isinstance(tracker, LabelledRun)]
-    chunk = next(iter(trackers.values())).chunk
-    for instant in range(count):
+    instant = 0
+    while instant < count:
+        many = labelled[0].advance_many(instant) if labelled and observe is None else 0
+        for _ in range(many):
+            step()
+        instant += many
+        if many:
+            continue
         estimates: dict[str, Gaussian] = {}
         for name, tracker in trackers.items():
             estimate = tracker.advance()
@@ -163,7 +169,8 @@ def _advance(
             step()
         if observe is not None:
             observe(RecordedInstant(instant, estimates))
-        if labelled and ((instant + 1) % chunk == 0 or instant == count - 1):
+        instant += 1
+        if labelled and (instant == count or any(tracker.scorer.full for tracker in labelled)):
             score_labelled_runs(labelled)
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trackbench.base.types import Estimate, Gaussian, Scan
-from trackbench.driving.drive import DriveStep, TrackerDrive, scans_read
+from trackbench.base.supervised import at_work
+from trackbench.base.types import Array, Estimate, Gaussian, Scan
+from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive, scans_read
 from trackbench.driving.faults import TrackFault
+from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import compute_by
 from trackbench.metrics import BlockScores, MetricSums, Scorer, score_waiting
 from trackbench.metrics.consistency import whitened_innovation
@@ -22,6 +26,12 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
+
+if TYPE_CHECKING:
+    from trackbench.runner.filter_sequence import SequenceResult
+
+#: Instants that are taken by one sequence of calls, at most.
+INSTANTS = 64
 
 
 @dataclass
@@ -94,6 +104,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         batch = objects * len(piece.runs)
         self._none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
         self._modes: ModeSums | None = None
+        self._step_by_step_until = 0
         self._recorded: RecordedEstimates | None = None
         if kept is not None:
             self._recorded = RecordedEstimates(
@@ -117,6 +128,49 @@ class LabelledRun(TrackerRun[Estimate | None]):
         """Number of instants that are scored at a time."""
         return self.scorer.chunk
 
+    def advance_many(self, first: int) -> int:
+        """Take the tracker through the instants from ``first`` on by one sequence of calls, and score it.
+
+        Returns:
+            How many instants; 0 where they have to be taken step by step.
+        """
+        direct = self._drive.stepper
+        if self._work.engine_here == "numpy" or first < self._step_by_step_until or not isinstance(direct, Direct):
+            return 0
+        if self.failure is not None or self._second is not None or direct.state is None or self.scorer.waits:
+            return 0
+        from trackbench.runner.filter_sequence import through
+
+        instants = self._deliveries[first : first + INSTANTS]
+        scans = [[delivery.scan for delivery in group] for group in instants]
+        with at_work(self._plugins):
+            taken = through(direct.tracker, direct.state, scans, self.scorer, first, self._kept)
+        if taken is None:
+            # Most of the time it is because of a single instant.
+            self._step_by_step_until = first + self.chunk
+            return 0
+        self._keep_sequence(taken, first, [delivery.number for group in instants for delivery in group])
+        direct.state, count = taken.sequence.state(), taken.steps[-1].instant + 1
+        self._drive.skip(count)
+        return count
+
+    @cached_property
+    def _deliveries(self) -> list[list[Delivery]]:
+        return list(self._drive.deliveries())
+
+    def _keep_sequence(self, taken: SequenceResult, first: int, numbers: Sequence[int | None]) -> None:
+        """Keep what the recorded run and the modes have of a sequence; ``numbers``: of the scans of its steps."""
+        members = slice(self._kept, None, len(self._piece.runs))
+        for place, (step, number) in enumerate(zip(taken.steps, numbers, strict=False)):
+            instant, probability = first + step.instant, taken.probability(place)
+            if step.last and probability is not None:
+                self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)
+                self._modes.take(instant, probability, self._target)
+            if taken.recorded is not None and step.last:
+                self._keep(instant, *taken.recorded.estimate(place))
+            if taken.recorded is not None and number is not None and place in taken.whitened:
+                self._keep_nis(number, step.scan, taken.whitened[place][:, members], members)
+
     def close(self) -> LabelledOutcome | Failure:
         """What it left behind, once all instants were taken and scored."""
         self.end()
@@ -130,37 +184,33 @@ class LabelledRun(TrackerRun[Estimate | None]):
     def _take(self, step: DriveStep[Estimate | None]) -> Gaussian | None:
         latest = step.answer or self._none
         self.scorer.scan(step.instant, step.scan, latest, step.seconds)
-        if step.number is not None:
-            self._keep_nis(step.number, step.scan, latest)
+        members = slice(self._kept, None, len(self._piece.runs))
+        if step.number is not None and self._recorded is not None:
+            white = whitened_innovation(latest, members)
+            if white is not None:
+                self._keep_nis(step.number, step.scan, white, members)
         if not step.last:
             return None
         self.scorer.estimate(latest)
         if latest.mode_probabilities is not None:
             self._modes = self._modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
             self._modes.take(step.instant, latest.mode_probabilities, self._target)
-        return self._keep(step.instant, latest)
-
-    def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
-        """What the recorded run has of an estimate."""
-        if self._recorded is None or self._kept is None:
+        if self._recorded is None:
             return None
-        members = slice(self._kept, None, len(self._piece.runs))
+        return self._keep(step.instant, latest.mean[:, members], latest.covariance[:, :, members])
+
+    def _keep(self, instant: int, mean: Array, covariance: Array) -> Gaussian:
+        """What the recorded run has of estimates ``(4, objects)``."""
+        assert self._recorded is not None
         alive = self._target.alive[instant]
-        recorded = Gaussian(
-            np.where(alive, estimate.mean[:, members], np.nan),
-            np.where(alive, estimate.covariance[:, :, members], np.nan),
-        )
+        recorded = Gaussian(np.where(alive, mean, np.nan), np.where(alive, covariance, np.nan))
         self._recorded.mean[:, instant], self._recorded.covariance[:, :, instant] = recorded
         return recorded
 
-    def _keep_nis(self, number: int, scan: Scan, estimate: Estimate) -> None:
-        if self._recorded is None or self._kept is None:
-            return
-        nis = np.full(len(self._scene.truth.ids), np.nan)
-        members = slice(self._kept, None, len(self._piece.runs))
-        white = whitened_innovation(estimate, members)
-        if white is not None:
-            nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
+    def _keep_nis(self, number: int, scan: Scan, white: Array, members: slice) -> None:
+        """What it has of the whitened innovations ``(m, objects)`` of a scan."""
+        assert self._recorded is not None
+        nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
         self._recorded.nis[scan.sensor][self._of_sensor[number]] = nis
 
     def _place(self, member: int | None) -> tuple[str | None, int | None]:

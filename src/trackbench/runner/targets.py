@@ -6,6 +6,7 @@ import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
 from trackbench.driving.drive import deliveries
+from trackbench.engine.choice import compute_by, kernels_of
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import FIRST, Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
@@ -125,8 +126,9 @@ class Targets:
             start,
             steps,
             np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
+            kernels_of(compute_by(work.engine_here), len(self._piece.runs)),
         )
-        return np.nan_to_num(bound[:, number], copy=False)
+        return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:

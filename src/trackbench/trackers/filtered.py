@@ -21,6 +21,7 @@ from trackbench.filters import (
     MultiModelBelief,
     SingleModelFilter,
     Step,
+    StepGuard,
     Update,
     bare,
     choose,
@@ -164,6 +165,11 @@ class FilterTracker(ScanTracker):
         """What computed the steps so far."""
         return used(self.computed_filter)
 
+    @property
+    def guard(self) -> StepGuard | None:
+        """Tells of a predicted belief where a step is not the filter's alone."""
+        return self._fallback.guard
+
     def predicted(self, state: TrackState, time: float) -> TrackState:
         """The state predicted to a time at which it does not advance."""
         elapsed = time - state.time
@@ -247,7 +253,7 @@ class FilterTracker(ScanTracker):
             return None
         if not np.all(state.started) and (self.prior is not None or not np.any(state.started)):
             return None
-        step = self.computed_filter.step(state.belief, elapsed, scan, self._fallback.guard)
+        step = self.computed_filter.step(state.belief, elapsed, scan, self.guard)
         refused = step.refused is not None and np.any(state.started & step.refused)
         return None if refused else step
 

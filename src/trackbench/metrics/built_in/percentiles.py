@@ -10,8 +10,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.metrics.estimates import percentiles
 from trackbench.metrics.intervals import ratio
-from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope
-from trackbench.metrics.sums import ERROR
+from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope, SquaredErrors
 
 SHARE = 0.95
 
@@ -25,16 +24,16 @@ class ErrorPercentile(Metric):
 
     better = "smaller"
     at_least = 0.0
-    rows: ClassVar[tuple[str, ...]]
-    """Of the squared errors, which are added."""
+    of_squares = True
+    row: ClassVar[int]
+    """Of the squared errors."""
 
     def init(self, scope: Scope) -> list[Array]:
         """Squared errors ``(instants, batch)`` of each chunk, NaN where none counts; and the number of runs."""
         return [np.zeros(scope.runs)]
 
-    def update(self, sums: list[Array], chunk: Chunk) -> list[Array]:
-        first, second = (chunk.values[ERROR[row]] for row in self.rows)
-        squares = first + second
+    def update(self, sums: list[Array], chunk: Chunk | SquaredErrors) -> list[Array]:
+        squares = chunk.squares[self.row]
         sums.append(squares if chunk.scored.all() else np.where(chunk.scored, squares, np.nan))
         return sums
 
@@ -57,10 +56,10 @@ class ErrorPercentile(Metric):
 
 
 class PositionP95(ErrorPercentile):
-    name, unit, rows = "position_p95", "m", ("px", "py")
+    name, unit, row = "position_p95", "m", 0
     meaning = "error of the position that 95 % of the estimates of a run stay below, mean over runs"
 
 
 class VelocityP95(ErrorPercentile):
-    name, unit, rows = "velocity_p95", "m/s", ("vx", "vy")
+    name, unit, row = "velocity_p95", "m/s", 1
     meaning = "error of the velocity that 95 % of the estimates of a run stay below, mean over runs"

@@ -9,8 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.metrics.intervals import ratio, root
-from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope
-from trackbench.metrics.sums import ERROR
+from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope, SquaredErrors
 
 
 class StartMetric(Metric):
@@ -21,6 +20,7 @@ class StartMetric(Metric):
 
     better = "smaller"
     at_least = 0.0
+    of_squares = True
     nothing: ClassVar[str] = "no object was detected"
 
     def merge(self, blocks: Sequence[Array]) -> Array:
@@ -38,7 +38,7 @@ class StartDelay(StartMetric):
         sums[1] = begins.sum(axis=0).reshape(-1, scope.runs).sum(axis=0)
         return sums, np.diff(time, append=time[-1:])[:, None]
 
-    def update(self, sums: tuple[Array, Array], chunk: Chunk) -> tuple[Array, Array]:
+    def update(self, sums: tuple[Array, Array], chunk: Chunk | SquaredErrors) -> tuple[Array, Array]:
         silent = chunk.starting & ~chunk.given
         if silent.any():
             lasts = np.where(silent, sums[1][chunk.instants], 0.0)
@@ -60,10 +60,9 @@ class StartPositionRmse(StartMetric):
     def init(self, scope: Scope) -> Array:
         return np.zeros((2, scope.runs))
 
-    def update(self, sums: Array, chunk: Chunk) -> Array:
+    def update(self, sums: Array, chunk: Chunk | SquaredErrors) -> Array:
         if chunk.starting.any():
-            squares = chunk.values[ERROR["px"]] + chunk.values[ERROR["py"]]
-            for row, terms in enumerate((squares, 1.0)):
+            for row, terms in enumerate((chunk.squares[0], 1.0)):
                 of_start = np.where(chunk.starting, terms, 0.0).sum(axis=0)
                 sums[row] += of_start.reshape(-1, chunk.runs).sum(axis=0)
         return sums

@@ -1,0 +1,179 @@
+"""Many calls of kernels, one after the other for some members at a time, whose data so stay in the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import Array, Indices
+from trackbench.engine.kernels import Kernel, Kernels
+from trackbench.engine.machine import MachineCode
+from trackbench.engine.vector_code import HEAD, WIDTH
+
+#: Members that go through all calls before the next ones do: of a filter their data fit the first-level cache.
+BLOCK = 256
+Addresses = npt.NDArray[np.int64]
+
+
+class ArrayPlace(NamedTuple):
+    """Where an array of an input or output lies at each call."""
+
+    address: Addresses
+    """``(calls,)`` or ``(groups, calls)``"""
+    stride: int
+    """How far its components are apart, in numbers."""
+    group: int = 0
+    """How far the groups are apart, in bytes."""
+
+
+def place(array: npt.NDArray[Any], axes: int, steps: Indices) -> ArrayPlace:
+    """The place of an array in calls.
+
+    Args:
+        array: its ``axes`` axes of components, then its steps; then, unless it is the same for all members, groups (or
+            1) and members (or 1).
+        axes: how many axes of components it has, whose entries are equally far apart.
+        steps: ``(calls,)`` which step each call has.
+    """
+    step, *groups = array.strides[axes:]
+    stride = array.strides[axes - 1] if axes else 0
+    address = array.ctypes.data + steps.astype(np.int64) * step
+    return ArrayPlace(address, stride // array.itemsize, groups[0] if groups and array.shape[axes + 1] > 1 else 0)
+
+
+def place_of_each(arrays: Sequence[npt.NDArray[Any]], axes: int, size: int) -> ArrayPlace:
+    """The place of an array of each call, all alike: components, then all members of all groups of ``size``."""
+    first = arrays[0]
+    addresses = np.array([array.__array_interface__["data"][0] for array in arrays], dtype=np.int64)
+    stride = first.strides[axes - 1] // first.itemsize if axes else 0
+    return ArrayPlace(addresses, stride, size * first.itemsize)
+
+
+class CallSequence:
+    """Calls of kernels for groups of members, which have the same calls.
+
+    Args:
+        kernels: of this process.
+        groups: number of groups.
+        size: number of members of each, at least ``WIDTH``.
+        length: number of calls.
+    """
+
+    def __init__(self, kernels: Kernels, groups: int, size: int, length: int) -> None:
+        self._kernels, self._groups, self._size, self._length = kernels, groups, size, length
+        self._calls: list[tuple[Indices, int, list[ArrayPlace | None]]] = []
+        self._rows = 1
+        """Of outputs that nobody wants."""
+
+    def call(
+        self, kernel: Kernel, at: Indices, inputs: Mapping[str, ArrayPlace], outputs: Mapping[str, ArrayPlace]
+    ) -> None:
+        """Add calls of a kernel.
+
+        Args:
+            kernel: which.
+            at: ``(calls,)`` which calls of the sequence they are.
+            inputs: of each input of the kernel its place.
+            outputs: of those outputs that are wanted, under the name that the layout has for them.
+        """
+        unwanted = (item.size for item in kernel.layout.outputs if item.name not in outputs)
+        self._rows = max([self._rows, *unwanted])
+        read = [inputs[item.name] for item in kernel.layout.inputs]
+        written = [outputs.get(item.name) for item in kernel.layout.outputs]
+        self._calls.append((at, kernel.code.part, [*read, *written, None]))
+
+    def run(self) -> bool:
+        """Make the calls; whether the traces held of all members. If not, the outputs mean nothing."""
+        words = 1 + 2 * max(len(places) for _, _, places in self._calls)
+        scratch = np.empty((self._rows, self._size))
+        nowhere = ArrayPlace(np.array([scratch.ctypes.data]), self._size)
+        table = np.zeros((self._groups, self._length, words), dtype=np.int64)
+        groups = np.arange(self._groups)[:, None]
+        for at, part, places in self._calls:
+            table[:, at, 0] = part
+            for number, item in enumerate(places):
+                address, stride, group = item or nowhere
+                table[:, at, 1 + 2 * number] = address + groups * group
+                table[:, at, 2 + 2 * number] = stride
+        numbers = np.array([self._length, words, BLOCK], dtype=np.int64)
+        return bool(_code(self._kernels).call(self._groups, self._size, id(table), id(numbers)))
+
+
+@cache
+def _code(kernels: Kernels) -> MachineCode:
+    return kernels.code(TEXT, 2)
+
+
+def summed(sums: Array) -> Array:
+    """``(...)`` the totals of vectors of sums ``(..., WIDTH)``, always in the same order."""
+    total: Array = sums[..., 0].copy()
+    for lane in range(1, WIDTH):
+        total += sums[..., lane]
+    return total
+
+
+def _data(name: str, array: str) -> str:
+    return f"""  %{name}.at = getelementptr i8, ptr %{array}, i64 {HEAD}
+  %{name} = load ptr, ptr %{name}.at, align 8"""
+
+
+def _number(name: str, place: int) -> str:
+    return f"""  %{name}.at = getelementptr i64, ptr %numbers, i64 {place}
+  %{name} = load i64, ptr %{name}.at, align 8"""
+
+
+#: The function of the number of groups and of the members of each; of the table, which has for each call the kernel and
+#: its list of places; and of how many calls there are, how many words each has in the table, and of how many members a
+#: block is. It returns 1 if the guards of all kernels held.
+TEXT = f"""
+define i64 @kernel(i64 %groups, i64 %size, ptr %a0, ptr %a1) {{
+entry:
+{_data("table", "a0")}
+{_data("numbers", "a1")}
+{_number("length", 0)}
+{_number("words", 1)}
+{_number("least", 2)}
+  %all = mul i64 %length, %words
+  br label %group
+group:
+  %g = phi i64 [0, %entry], [%next.group, %grouped]
+  %skipped = mul i64 %g, %all
+  %rows = getelementptr i64, ptr %table, i64 %skipped
+  br label %block
+block:
+  %first = phi i64 [0, %group], [%end, %blocked]
+  %wanted = add i64 %first, %least
+  %rest = sub i64 %size, %wanted
+  %short = icmp slt i64 %rest, {WIDTH}
+  %end = select i1 %short, i64 %size, i64 %wanted
+  br label %step
+step:
+  %s = phi i64 [0, %block], [%next.step, %held]
+  %before = mul i64 %s, %words
+  %row = getelementptr i64, ptr %rows, i64 %before
+  %code = load ptr, ptr %row, align 8
+  %list = getelementptr i64, ptr %row, i64 1
+  %fine = call i64 %code(i64 %first, i64 %end, ptr %list)
+  %holds = icmp ne i64 %fine, 0
+  br i1 %holds, label %held, label %refused
+held:
+  %next.step = add i64 %s, 1
+  %more.steps = icmp slt i64 %next.step, %length
+  br i1 %more.steps, label %step, label %blocked
+blocked:
+  %more.blocks = icmp slt i64 %end, %size
+  br i1 %more.blocks, label %block, label %grouped
+grouped:
+  %next.group = add i64 %g, 1
+  %more.groups = icmp slt i64 %next.group, %groups
+  br i1 %more.groups, label %group, label %done
+refused:
+  ret i64 0
+done:
+  ret i64 1
+}}
+"""

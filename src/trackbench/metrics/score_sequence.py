@@ -1,0 +1,90 @@
+"""Scores of estimates that are made by a sequence of calls of kernels, summed by the same sequence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.layout import Input
+from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+from trackbench.metrics.consistency import BEYOND
+from trackbench.metrics.errors import SCORES
+from trackbench.metrics.protocol import Target
+from trackbench.metrics.sums import ERROR_FIELDS
+
+
+class ScoreSequence:
+    """Scores at successive instants.
+
+    Args:
+        kernels: of this process.
+        target: what the estimates are held against.
+        expected: ``(instants, batch)`` where an estimate is due, or its object was detected a moment ago.
+        classes: ``(instants, objects)`` number of the class of each object.
+        count: how many classes there are.
+        here: which instants.
+    """
+
+    def __init__(
+        self, kernels: Kernels, target: Target, expected: Mask, classes: Indices, count: int, here: slice
+    ) -> None:
+        self._kernels, self._target, self.here = kernels, target, here
+        instants, objects, runs = here.stop - here.start, *target.due.shape[1:]
+        self._shape = instants, objects, runs
+        self._expected = np.ascontiguousarray(expected).reshape(-1, objects, runs)
+        self._classes = classes[here]
+        self._per_step = np.zeros((len(ERROR_FIELDS), instants, 8))
+        self.by_class = np.zeros((len(ERROR_FIELDS) + len(BEYOND), count, runs))
+        """Sums of the classes in each run: rows as ``ERROR_FIELDS``, and how many NEES are beyond each point."""
+        self._squares = np.empty((2, *self._shape))
+        self._definite, self._bounded = np.empty((2, *self._shape), dtype=bool)
+
+    def add(self, sequence: CallSequence, at: Indices, mean: ArrayPlace, covariance: ArrayPlace) -> bool:
+        """Add the calls ``(instants,)`` that score estimates to a sequence; whether there is a kernel for them."""
+        state, reference = self._target.state, self._target.reference
+        inputs = (
+            Input("mean", (4,), 1, "d"),
+            Input("covariance", (4, 4), 1, "d"),
+            Input("truth", (4,), 1, "d", shared=state.shape[-1] == 1),
+            Input("reference", (2,), 1, "d", shared=reference.shape[-1] == 1),
+            Input("due", (), 1, "?"),
+            Input("expected", (), 1, "?"),
+        )
+        kernel = self._kernels.kernel(SCORES, inputs)
+        if kernel is None:
+            return False
+        instants, runs = np.arange(self.here.start, self.here.stop), self._shape[2]
+        own, rows = np.arange(len(instants)), self.by_class
+        inputs_at = {
+            "mean": mean,
+            "covariance": covariance,
+            "truth": place(state, 1, instants),
+            "reference": place(reference, 1, instants),
+            "due": place(self._target.due, 0, instants),
+            "expected": place(self._expected, 0, instants),
+        }
+        outputs_at = {
+            "per_step": place(self._per_step[..., None], 1, own)._replace(group=0),
+            "by_class": ArrayPlace(rows.ctypes.data + self._classes.T * (8 * runs), rows.strides[0] // 8),
+            "squares": place(self._squares, 1, own),
+            "definite": place(self._definite, 0, own),
+            "bounded": place(self._bounded, 0, own),
+        }
+        sequence.call(kernel, at, inputs_at, outputs_at)
+        return True
+
+    @property
+    def sound(self) -> bool:
+        """Whether all estimates could be scored."""
+        return bool(self._definite.all() and self._bounded.all())
+
+    @property
+    def per_step(self) -> Array:
+        """``(17, instants)`` sums, rows ``ERROR_FIELDS``."""
+        return summed(self._per_step)
+
+    @property
+    def squares(self) -> Array:
+        """``(2, instants, batch)`` squared errors of position and velocity where an estimate is expected; else 0."""
+        return self._squares.reshape(2, self._shape[0], -1)

@@ -1,0 +1,377 @@
+"""A built-in tracker of single objects taken through many scans by one sequence of calls of its kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import Array, Indices, Mask, Scan
+from trackbench.engine.beliefs import REUSED, put_together, rank, taken_apart
+from trackbench.engine.filters import FusedFilter, kernels
+from trackbench.engine.sequences import Addresses, ArrayPlace, CallSequence, place, place_of_each
+from trackbench.engine.vector_code import WIDTH
+from trackbench.filters import choose
+from trackbench.metrics import Scorer
+from trackbench.trackers.filtered import FilterTracker, TrackState, where_tracked
+
+#: Instants from which on a sequence is worth the making.
+LEAST = 4
+
+
+class SequenceStep(NamedTuple):
+    """One step of a sequence."""
+
+    instant: int
+    """From 0, the first of the sequence."""
+    scan: Scan
+    elapsed: float
+    """Since the latest scan at which the state advanced, s."""
+    reads: bool
+    """Whether the measurements update the state."""
+    advances: bool
+    """Whether the state moves on."""
+    last: bool
+    """Whether the tracker is scored by the estimate after it."""
+
+
+def steps_of(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
+    """The steps of a tracker through the scans of the first of some instants that are mere steps of its filter.
+
+    They end before an instant at which a track may start. There are none where a track is followed by position and
+    velocity, or may have to be where no measurement is read; or where past states are kept for late scans.
+    """
+    started = state.started
+    waits = not started.all()
+    waits_otherwise = waits and (tracker.prior is not None or tracker.initial.waiting == "at_rest")
+    steps: list[SequenceStep] = []
+    if state.fallback is not None or tracker.lag_s > 0.0 or not started.any() or waits_otherwise:
+        return steps
+    starting, time = tracker.initial.sensors or tracker.sensors, state.time
+    for instant, scans in enumerate(instants):
+        own: list[SequenceStep] = []
+        for number, taken in enumerate(scans):
+            scan = tracker.assumed.read(taken)
+            advances = tracker.advances(scan.sensor) and not scan.asked
+            reads = advances and (tracker.sensors is None or scan.sensor in tracker.sensors)
+            may_start = waits and advances and (starting is None or scan.sensor in starting)
+            if (
+                scan.arrival_time != scan.time
+                or scan.time < time
+                or (not reads and tracker.guard is not None)
+                or (may_start and (scan.valid & ~started).any())
+            ):
+                return steps
+            own.append(SequenceStep(instant, scan, scan.time - time, reads, advances, number == len(scans) - 1))
+            time = scan.time if advances else time
+        steps += own
+    return steps
+
+
+class Slot(NamedTuple):
+    """Where an array of a step lies: ``(components..., slots, objects, runs)``."""
+
+    array: Array
+    number: int
+
+    @property
+    def value(self) -> Array:
+        """``(components..., batch)``"""
+        axes = self.array.ndim - 3
+        value: Array = self.array[(slice(None),) * axes + (self.number,)]
+        return value.reshape(*value.shape[:axes], -1)
+
+
+class FilterSequence:
+    """The steps of a tracker as calls of kernels.
+
+    Args:
+        tracker: whose filter is computed by kernels.
+        state: before the first step.
+        steps: its steps.
+        shape: numbers of objects and of runs.
+        some: which runs, where it is not all of them; the estimates of all steps of these are kept, and not scored.
+    """
+
+    def __init__(
+        self,
+        tracker: FilterTracker,
+        state: TrackState,
+        steps: Sequence[SequenceStep],
+        shape: tuple[int, int],
+        some: range | None = None,
+    ) -> None:
+        assert isinstance(tracker.computed_filter, FusedFilter)
+        self._tracker, self._filter, self._state, self._steps = tracker, tracker.computed_filter, state, steps
+        self._keeps, self._all_runs = some is not None, shape[1]
+        runs = some or range(shape[1])
+        self._first_run, self.shape = runs.start, (shape[0], len(runs))
+        """Numbers of objects and runs."""
+        advances = np.array([step.advances for step in steps])
+        # The slot that each step reads, and the one that it writes: of the state, or of predictions that are not kept.
+        self._from = np.cumsum(advances) - advances
+        self._to = np.where(advances, np.cumsum(advances), np.cumsum(~advances) - 1)
+        belief = taken_apart(state.belief._replace(repaired=None), without=REUSED)
+        self._own = {name: self._slots(name, value.shape[:-1], 1 + advances.sum()) for name, value in belief.items()}
+        for name, value in belief.items():
+            self._own[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
+        self._others = {name: self._slots(name, value.shape[:-1], (~advances).sum()) for name, value in belief.items()}
+        slots = len(steps) if self._keeps else 1
+        self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
+        self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
+        """``(steps, objects, runs)`` where a step should not have been made, and whose covariance was repaired."""
+        # Behind a prediction px, py, vx, vy have a call, and the scores of an estimate behind it.
+        calls = np.array([1 + (not step.reads) + (step.last and some is None) for step in steps])
+        self._first, self.length = np.cumsum(calls) - calls, int(calls.sum())
+        self.scored = np.flatnonzero([step.last for step in steps])
+        """Numbers of the steps that are scored."""
+        self.score_calls = (self._first + calls - 1)[self.scored]
+        """The calls that are left for their scores."""
+        self.cartesian: list[tuple[Slot, Slot]] = []
+        """Where the mean and the covariance of px, py, vx, vy after each step lie, once the calls are added."""
+        self._alive: list[Any] = []
+        """Arrays whose places the calls have."""
+
+    def _slots(self, name: str, components: tuple[int, ...], count: int) -> Array:
+        count = count if self._keeps or name == "probability" else min(2, count)
+        return np.empty((*components, count, *self.shape))
+
+    def add(self, sequence: CallSequence, white: Addresses | None = None) -> bool:
+        """Add the calls to a sequence; whether there are kernels for all of them.
+
+        Args:
+            sequence: of ``length`` calls.
+            white: ``(steps,)`` addresses of where the whitened innovations of each step are put, each component a row
+                of all members; 0 where nothing is read. None: they are not wanted.
+        """
+        self.cartesian = [(Slot(self._cartesian[0], 0), Slot(self._cartesian[1], 0))] * len(self._steps)
+        groups: dict[Any, list[int]] = {}
+        for number, step in enumerate(self._steps):
+            scan = step.scan
+            kind = scan.kind, scan.sensor, scan.noise_covariance.ndim
+            groups.setdefault((step.reads, step.advances, kind if step.reads else None), []).append(number)
+        return all(
+            self._add_updates(sequence, np.array(numbers), white)
+            if reads
+            else self._add_predictions(sequence, np.array(numbers), self._own if advances else self._others)
+            for (reads, advances, _), numbers in groups.items()
+        )
+
+    def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses | None) -> bool:
+        """Predictions to scans and updates with them, whose measurements are of one form."""
+        scans = [self._steps[number].scan for number in numbers]
+        kernel = self._filter.step_kernel(self._state.belief, scans[0], self._tracker.guard)
+        if kernel is None:
+            return False
+        noise = [scan.noise_covariance for scan in scans]
+        inputs = {
+            **self._inputs(self._own, self._from[numbers]),
+            **self._time(numbers),
+            "measurement": self._each([scan.measurement for scan in scans], 1),
+            "valid": self._each([scan.valid for scan in scans], 0),
+            "noise": self._of_all(noise, 2) if noise[0].ndim == 2 else self._each(noise, 2),
+            "pose": self._of_all([scan.sensor_pose for scan in scans], 1),
+            "velocity": self._of_all([scan.sensor_velocity for scan in scans], 1),
+        }
+        outputs = {
+            **self._outputs(self._own, self._to[numbers]),
+            "refused": place(self.refused, 0, numbers),
+            "repaired": place(self.repaired, 0, numbers),
+        }
+        if white is not None:
+            outputs["whitened"] = ArrayPlace(white[numbers], self.shape[0] * self.shape[1], 8 * self.shape[1])
+        same = kernel.layout.same
+        if same.get("cartesian") == "mean" and same.get("cartesian covariance") == "covariance":
+            self._note(numbers, (self._own["mean"], self._own["covariance"]), self._to[numbers])
+        else:
+            outputs |= self._cartesian_places(numbers)
+        sequence.call(kernel, self._first[numbers], inputs, outputs)
+        return True
+
+    def _add_predictions(self, sequence: CallSequence, numbers: Indices, into: dict[str, Array]) -> bool:
+        """Predictions, the latest estimate that is kept being the one before."""
+        prediction = self._filter.prediction_kernel(self._state.belief)
+        cartesian = self._filter.cartesian_kernel(self._state.belief)
+        if prediction is None or cartesian is None:
+            return False
+        at, inputs = self._first[numbers], self._inputs(self._own, self._from[numbers]) | self._time(numbers)
+        sequence.call(prediction, at, inputs, self._outputs(into, self._to[numbers]))
+        inputs = self._inputs(into, self._to[numbers])
+        sequence.call(cartesian, at + 1, inputs, self._cartesian_places(numbers))
+        return True
+
+    def _inputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
+        """The state in some slots, and the options of the motion models."""
+        constants = {
+            name: self._of_all([np.float64(value)] * len(slots), 0) for name, value in self._filter.options.items()
+        }
+        return self._outputs(arrays, slots) | constants
+
+    def _outputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
+        return {name: place(array, rank(name), slots % array.shape[-3]) for name, array in arrays.items()}
+
+    def _time(self, numbers: Indices) -> dict[str, ArrayPlace]:
+        times = [self._filter.time(self._steps[number].elapsed) for number in numbers]
+        return {name: self._of_all([time[name] for time in times], rank(name)) for name in times[0]}
+
+    def _cartesian_places(self, numbers: Indices) -> dict[str, ArrayPlace]:
+        slots = numbers if self._keeps else np.zeros_like(numbers)
+        self._note(numbers, self._cartesian, slots)
+        mean, covariance = self._cartesian
+        return {"cartesian": place(mean, 1, slots), "cartesian covariance": place(covariance, 2, slots)}
+
+    def _note(self, numbers: Indices, arrays: tuple[Array, Array], slots: Indices) -> None:
+        """Note where the estimates of some steps lie."""
+        for number, slot in zip(numbers, slots % arrays[0].shape[-3], strict=True):
+            self.cartesian[number] = Slot(arrays[0], slot), Slot(arrays[1], slot)
+
+    def _each(self, arrays: Sequence[npt.NDArray[Any]], axes: int) -> ArrayPlace:
+        """The place of arrays ``(components..., batch)``, one for each call."""
+        arrays = [np.ascontiguousarray(array) for array in arrays]
+        self._alive.append(arrays)
+        result = place_of_each(arrays, axes, self._all_runs)
+        return result._replace(address=result.address + self._first_run * arrays[0].itemsize)
+
+    def _of_all(self, arrays: Sequence[Any], axes: int) -> ArrayPlace:
+        """The place of arrays that are the same for all members, one for each call."""
+        array = np.stack(arrays, axis=-1)
+        self._alive.append(array)
+        return place(array, axes, np.arange(len(arrays)))
+
+    def places(self, numbers: Indices) -> tuple[ArrayPlace, ArrayPlace]:
+        """Where the mean and the covariance of px, py, vx, vy after some steps lie."""
+        result = []
+        for axes in (1, 2):
+            slots = [self.cartesian[number][axes - 1] for number in numbers]
+            each = [place(slot.array, axes, np.array([slot.number])) for slot in slots]
+            addresses = np.concatenate([item.address for item in each])
+            result.append(ArrayPlace(addresses, each[0].stride, each[0].group))
+        return result[0], result[1]
+
+    def repairs(self) -> Array:
+        """``(instants, batch)`` number of repaired covariances."""
+        instants, repaired = [step.instant for step in self._steps], self.repaired.reshape(len(self._steps), -1)
+        starts = np.flatnonzero(np.diff(instants, prepend=-1))
+        return np.add.reduceat(repaired, starts, axis=0, dtype=float) if repaired.any() else np.zeros((len(starts), 1))
+
+    def probability(self, number: int) -> Array | None:
+        """``(M, batch)`` the mode probabilities after a step, of a filter that has modes."""
+        arrays = self._own if self._steps[number].advances else self._others
+        return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
+
+    def state(self) -> TrackState:
+        """The state after the last step."""
+        before, steps = self._state, [step for step in self._steps if step.advances]
+        if not steps:
+            return before
+        slots = {name: Slot(array, len(steps) % array.shape[-3]) for name, array in self._own.items()}
+        belief = put_together({name: slot.value.copy() for name, slot in slots.items()}, self._filter.modes)
+        # Of tracks that have not started nothing is predicted.
+        return before._replace(time=steps[-1].scan.time, belief=choose(before.started, belief, before.belief))
+
+
+class RecordedSequence(NamedTuple):
+    """The estimates of one run after all steps."""
+
+    sequence: FilterSequence
+    member: int
+    """Which of its runs it is."""
+    started: Mask
+    """``(objects,)`` where there is a track."""
+
+    def estimate(self, number: int) -> tuple[Array, Array]:
+        """Mean ``(4, objects)`` and covariance after a step, NaN where there is no track."""
+        slots = self.sequence.cartesian[number]
+        runs = self.sequence.shape[1]
+        mean, covariance = (np.where(self.started, slot.value[..., self.member :: runs], np.nan) for slot in slots)
+        return mean, covariance
+
+
+class SequenceResult(NamedTuple):
+    """What a tracker made of a sequence of steps, all of which are scored."""
+
+    steps: Sequence[SequenceStep]
+    sequence: FilterSequence
+    whitened: Mapping[int, Array]
+    """By the number of each step that reads ``(m, batch)`` whitened innovations; they hold other values soon."""
+    started: Mask
+    recorded: RecordedSequence | None
+
+    def probability(self, number: int) -> Array | None:
+        """``(M, batch)`` mode probabilities after a step, NaN where there is no track; None without modes."""
+        probability = self.sequence.probability(number)
+        return None if probability is None else where_tracked(self.started, probability)
+
+
+def through(
+    tracker: FilterTracker,
+    state: TrackState,
+    instants: Sequence[Sequence[Scan]],
+    scorer: Scorer,
+    first: int,
+    recorded: int | None,
+) -> SequenceResult | None:
+    """Take a tracker through instants by one sequence of calls, and score it.
+
+    Args:
+        tracker: the tracker.
+        state: its state before them.
+        instants: the scans of each.
+        scorer: scores it; nothing waits there.
+        first: number of the first instant.
+        recorded: the run whose estimates are kept, if any.
+
+    Returns:
+        None where they have to be taken step by step.
+    """
+    by, objects, runs = scorer.kernels, *scorer.shape
+    steps = steps_of(tracker, state, instants) if by and isinstance(tracker.computed_filter, FusedFilter) else []
+    here = slice(first, first + (steps[-1].instant + 1 if steps else 0))
+    if by is None or here.stop - first < LEAST or not scorer.has_all(state.started, here):
+        return None
+    rows: dict[str, list[int]] = {}
+    for number, step in enumerate(steps):
+        if step.reads:
+            rows.setdefault(step.scan.sensor, []).append(number)
+    whitened: dict[int, Array] = {}
+    for sensor, numbers in rows.items():
+        white, used, due = scorer.innovations(sensor).rows(len(numbers), len(steps[numbers[0]].scan.measurement))
+        for row, number in enumerate(numbers):
+            whitened[number] = white[row]
+            due[row] = used[row] = steps[number].scan.valid & scorer.due[first + steps[number].instant]
+    addresses = np.zeros(len(steps), dtype=np.int64)
+    for number, white in whitened.items():
+        addresses[number] = white.ctypes.data
+    sequence = FilterSequence(tracker, state, steps, (objects, runs))
+    calls, scores = CallSequence(by, objects, runs, sequence.length), scorer.sequence(here)
+    if not (
+        sequence.add(calls, addresses)
+        and scores.add(calls, sequence.score_calls, *sequence.places(sequence.scored))
+        and calls.run()
+        and scores.sound
+        and not (sequence.refused.reshape(len(steps), -1) & state.started).any()
+    ):
+        for sensor, numbers in rows.items():
+            scorer.innovations(sensor).drop(len(numbers))
+        return None
+    nobody = np.zeros(objects * runs, dtype=bool)
+    for step in steps:
+        if not step.reads and not step.scan.asked:
+            scorer.innovations(step.scan.sensor).add(None, nobody, nobody)
+    scorer.take(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started)
+    of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
+    return SequenceResult(steps, sequence, whitened, state.started, of_recorded)
+
+
+def _recorded(
+    tracker: FilterTracker, state: TrackState, steps: Sequence[SequenceStep], shape: tuple[int, int], run: int
+) -> RecordedSequence:
+    """The same steps of a run and as many beside it as make a vector, of which all estimates are kept."""
+    first = min(run, shape[1] - WIDTH)
+    sequence = FilterSequence(tracker, state, steps, shape, range(first, first + WIDTH))
+    calls = CallSequence(kernels(), *sequence.shape, sequence.length)
+    sequence.add(calls)
+    calls.run()
+    return RecordedSequence(sequence, run - first, state.started[run :: shape[1]])

@@ -1,0 +1,106 @@
+"""Built-in trackers taken through many scans by one sequence of calls: what steps and scores by themselves give."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trackbench as tb
+from trackbench.engine.machine import unavailable
+from trackbench.runner import filter_sequence
+from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun
+
+pytestmark = pytest.mark.skipif(unavailable() is not None, reason=f"no machine code here: {unavailable()}")
+
+#: Effects of what is left to steps: a track that starts late, and one whose course is lost.
+SCENARIOS = ("highway", "sensor_dropout", "intersection")
+RUNS = 70
+
+
+def outcomes(monkeypatch: pytest.MonkeyPatch, scenario: tb.Scenario, by_steps: bool) -> dict[str, LabelledOutcome]:
+    """What each tracker leaves of the first block."""
+    left: dict[str, LabelledOutcome] = {}
+    close = LabelledRun.close
+
+    def kept(self: LabelledRun) -> Any:
+        outcome = close(self)
+        assert isinstance(outcome, LabelledOutcome)
+        left.setdefault(self.name, outcome)
+        return outcome
+
+    with monkeypatch.context() as patch:
+        patch.setattr(LabelledRun, "close", kept)
+        if by_steps:
+            patch.setattr(LabelledRun, "advance_many", lambda self, first: 0)
+        tb.run(scenario, engine="fused")
+    return left
+
+
+def same(value: Any, expected: Any, what: str) -> None:
+    """To 1e-11 of the largest of a row: sums of other orders, of estimates that agree to 1e-12."""
+    if hasattr(expected, "__dict__"):
+        for name in vars(expected):
+            if name not in ("seconds", "steps"):
+                same(getattr(value, name), getattr(expected, name), f"{what}.{name}")
+    elif isinstance(expected, dict):
+        assert value.keys() == expected.keys(), what
+        for key in expected:
+            same(value[key], expected[key], f"{what} {key}")
+    elif isinstance(expected, list | tuple):
+        for number, (own, other) in enumerate(zip(value, expected, strict=True)):
+            same(own, other, f"{what} {number}")
+    elif isinstance(expected, np.ndarray):
+        largest = np.nanmax(np.abs(np.atleast_2d(expected)), axis=-1, initial=1e-9, keepdims=True)
+        np.testing.assert_allclose(
+            np.atleast_2d(value) / largest, np.atleast_2d(expected) / largest, 0, 1e-11, err_msg=what
+        )
+    else:
+        assert value == expected, what
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_sequence_gives_the_scores_of_its_steps(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    instants = [0]
+    through = filter_sequence.through
+
+    def counted(*arguments: Any) -> Any:
+        taken = through(*arguments)
+        instants[0] += 0 if taken is None else taken.steps[-1].instant + 1
+        return taken
+
+    monkeypatch.setattr(filter_sequence, "through", counted)
+    scenario = tb.load(name, {"truth.duration_s": 8}, runs=RUNS)
+    by_sequences = outcomes(monkeypatch, scenario, by_steps=False)
+    every = sum(outcome.scores.errors.per_step.shape[1] for outcome in by_sequences.values())
+    assert instants[0] > 0.6 * every
+    by_steps = outcomes(monkeypatch, scenario, by_steps=True)
+    assert by_sequences.keys() == by_steps.keys()
+    for tracker, outcome in by_sequences.items():
+        same(outcome, by_steps[tracker], f"{name} {tracker}")
+
+
+NOISE = {"acceleration_sigma_mps2": 3}
+JERK = {"jerk_sigma_mps3": 3}
+MODES = {"imm": [{"model": "cv", **NOISE}, {"model": "ca", **JERK}], "stay_s": [5, 1]}
+LIDAR, RADAR = ["roof_lidar"], ["front_radar"]
+#: Trackers that read one sensor, advance at all scans, start from one sensor, from the truth, or from two scans.
+ODD = {
+    "part": {"filter": "ekf", "motion": "cv", **NOISE, "sensors": LIDAR},
+    "part_ca": {"filter": "ekf", "motion": "ca", **JERK, "sensors": RADAR},
+    "all": {"filter": "ekf", "motion": "cv", **NOISE, "sensors": LIDAR, "advance_at": "all_scans"},
+    "from_lidar": {"filter": "ukf", "motion": "ca", **JERK, "initial": {"sensors": LIDAR}},
+    "true": {"filter": "ekf", "motion": "ctrv", **NOISE, "yaw_acceleration_sigma_radps2": 0.3, "initial": "truth"},
+    "two": {"filter": "kf", "motion": "cv", **NOISE, "initial": "two_measurements"},
+    "imm": {"filter": "ukf", "motion": MODES, "sensors": RADAR},
+}
+
+
+def test_odd_trackers_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    odd = {f"trackers.{name}": entry for name, entry in ODD.items()}
+    scenario = tb.load("highway", {"truth.duration_s": 6, **odd}, runs=RUNS, trackers=[*ODD])
+    by_sequences, by_steps = (outcomes(monkeypatch, scenario, steps) for steps in (False, True))
+    assert by_sequences.keys() == ODD.keys()
+    for tracker, outcome in by_sequences.items():
+        same(outcome, by_steps[tracker], tracker)
