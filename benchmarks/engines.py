@@ -17,6 +17,8 @@ from trackbench.metrics.conditions import conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.runner.block import keep_freed_memory
+from trackbench.runner.filter_sequence import through
+from trackbench.runner.labelled_run import INSTANTS
 from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
@@ -136,13 +138,19 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
     classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
     stepper = Direct(prepared(of, name, engine))
     scorer = Scorer(target, classes, counts, compute=compute_by(engine))
-    begin = time.perf_counter()
-    for instant, scan in enumerate(of.scans):
-        estimate = stepper.step(scan)
-        scorer.scan(instant, scan, estimate)
+    begin, instant = time.perf_counter(), 0
+    while instant < of.steps:
+        if engine == "fused" and stepper.state is not None:
+            scans = [[scan] for scan in of.scans[instant : instant + INSTANTS]]
+            taken = through(stepper.tracker, stepper.state, scans, scorer, instant, None)
+            if taken is not None:
+                stepper.state, instant = taken.sequence.state(), instant + len(scans)
+                continue
+        estimate = stepper.step(of.scans[instant])
+        scorer.scan(instant, of.scans[instant], estimate)
         scorer.estimate(estimate)
-        if scorer.full or instant == of.steps - 1:
-            score_waiting([scorer])
+        score_waiting([scorer])
+        instant += 1
     scores: BlockScores = scorer.close()[ESTIMATES.name]
     return time.perf_counter() - begin, scores
 

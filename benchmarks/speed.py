@@ -15,16 +15,38 @@ import json
 import platform
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from benchmarks import filters, isolation, languages, sensing, stages, table, traffic_scores, traffic_trackers
+from benchmarks import (
+    filters,
+    growth,
+    isolation,
+    languages,
+    sensing,
+    stages,
+    table,
+    traffic_scores,
+    traffic_trackers,
+    whole_run,
+)
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"
 REPETITIONS = 7
 MEMORY_REQUIRED = 2 * 1024**3
+#: What can be measured by itself.
+PARTS: dict[str, Callable[[], Any]] = {
+    "whole_run": whole_run.measure,
+    "filters": lambda: filters.measure(REPETITIONS),
+    "sensing": sensing.measure,
+    "traffic_trackers": traffic_trackers.measure,
+    "growth": growth.measure,
+    "stages": stages.measure,
+    "languages": languages.measure,
+}
 
 
 def main() -> None:
@@ -32,10 +54,11 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=REPETITIONS)
     parser.add_argument("--no-memory", action="store_true", help="leave out the large run, which takes a minute")
     parser.add_argument("--no-stages", action="store_true", help="leave out where the time goes, eight minutes")
-    parser.add_argument("--languages", action="store_true", help="only what another language costs; the rest stays")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=[], help="measure these again; the rest stays")
     options = parser.parse_args()
-    if options.languages:
-        write(json.loads((RESULTS / "benchmark.json").read_text()) | {"languages": languages.measure()})
+    if options.only:
+        kept = json.loads((RESULTS / "benchmark.json").read_text())
+        write(kept | {name: PARTS[name]() for name in options.only})
         return
     if reason := unavailable():
         sys.exit(f"the fused engine cannot be measured: {reason}")
@@ -43,6 +66,7 @@ def main() -> None:
     found = {
         "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
         "versions": {name: version(name) for name in names},
+        "whole_run": whole_run.measure(),
         "filters": filters.measure(options.repetitions),
         "sensing": sensing.measure(),
         "traffic_trackers": traffic_trackers.measure(),
@@ -50,6 +74,7 @@ def main() -> None:
         "memory": None if options.no_memory else memory(),
         "isolation": isolation.measure(),
         "languages": languages.measure(),
+        "growth": growth.measure(),
         "stages": None if options.no_stages else stages.measure(),
     }
     write(found)
@@ -57,6 +82,7 @@ def main() -> None:
 
 def write(found: dict[str, Any]) -> None:
     """Print the tables and write them."""
+    growth.draw(found["growth"])
     text = table.markdown({**found, "stages_before": stages.before()})
     print(text)
     RESULTS.mkdir(exist_ok=True)

@@ -7,7 +7,7 @@ from typing import Any
 from benchmarks.table_cells import digits, goals, met
 from benchmarks.table_stages import compiling, stages
 
-from benchmarks import sensing
+from benchmarks import growth, sensing, whole_run
 
 
 def markdown(found: dict[str, Any]) -> str:
@@ -20,6 +20,7 @@ def markdown(found: dict[str, Any]) -> str:
             "",
             f"Made by `make benchmark`. {machine['cpu']}, one thread, Python {machine['python']}, {versions}.",
             "",
+            whole_run.section(found["whole_run"]),
             filters(found["filters"]),
             sensing.section(found["sensing"]),
             *([memory(found["memory"])] if found["memory"] else []),
@@ -27,6 +28,7 @@ def markdown(found: dict[str, Any]) -> str:
             traffic_scores(found["traffic_scores"]),
             isolation(found["isolation"]),
             languages(found["languages"]),
+            growth.section(found["growth"]),
             *([compiling(found["stages"]), stages(found["stages_before"], found["stages"])] if found["stages"] else []),
         ]
     )

