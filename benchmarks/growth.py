@@ -120,7 +120,7 @@ def section(measured: Sequence[dict[str, Any]]) -> str:
         "## How it grows",
         "",
         "Processor time of `tb.run` by the fused engine on one thread, best of two, truth and kernels cached. The "
-        "power is that of a straight line through the larger half of the points, on logarithmic axes: 1 is proportional.",
+        "power is that of a straight line through the larger half of the points, both axes logarithmic: 1 is linear.",
         "",
         "| over | power | seconds | the rest |",
         "|---|---:|---|---|",

@@ -227,14 +227,14 @@ class FilterTracker(ScanTracker):
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
         elapsed, started, waiting = scan.time - state.time, state.started, state.waiting
-        reads = (self.sensors is None or scan.sensor in self.sensors) and (
-            # Kernels make a prediction and a step without a measurement other bits.
-            self.engine == "fused" or bool(np.any(scan.valid))
-        )
+        some = bool(np.any(scan.valid))
+        # Without a measurement the kernel of a step gives other last bits than that of a prediction.
+        reads = (self.sensors is None or scan.sensor in self.sensors) and (some or self.engine == "fused")
         step, own = self._fused_step(state, scan, elapsed) if reads else (None, started)
         if step is not None and np.all(own):
             belief = step.update.belief
-            estimate = with_innovation(estimate_of(belief, step.cartesian), step.update, None)
+            estimate = estimate_of(belief, step.cartesian)
+            estimate = with_innovation(estimate, step.update, None) if some else estimate
             return state._replace(time=scan.time, belief=belief._replace(repaired=None)), estimate
         update: Update[Any] | None = None
         if step is not None and self.prior is None and np.array_equal(own, started):
@@ -268,7 +268,7 @@ class FilterTracker(ScanTracker):
             estimate = estimate._replace(
                 mean=np.where(own, mean, estimate.mean), covariance=np.where(own, covariance, estimate.covariance)
             )
-        if update is not None:
+        if update is not None and some:
             estimate = with_innovation(estimate, update, before)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
