@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackbench.engine.arithmetic import ERROR, LARGEST_ANGLE, LARGEST_SQUARE, SMALLEST_SQUARE
+from trackbench.engine.arithmetic import ERROR, LARGEST_ANGLE, LARGEST_SQUARE, SMALLEST_SQUARE, by_arithmetic
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 
@@ -155,3 +155,26 @@ def test_beyond_the_largest_angle_numpy_computes(kernels: Kernels, name: str) ->
     found = kernels(equations, {"x": x})["y"]
     assert kernels.members_by_numpy - before == 3
     np.testing.assert_array_equal(found[1:], FUNCTIONS[name](x[1:]))
+
+
+def test_numpy_evaluates_the_arithmetic_of_kernels(kernels: Kernels) -> None:
+    rng = np.random.default_rng(5)
+    finite = EVERY_SIGN[np.isfinite(EVERY_SIGN)]
+    y, x = np.array([*product(finite, finite), *spread(rng, -5, 5, 2 * SIZE).reshape(-1, 2)]).T
+    evaluated = np.arctan2(by_arithmetic(y), x)
+    assert np.asarray(evaluated).tobytes() == computed(kernels, "arctan2", y, x).tobytes()
+    assert np.asarray(np.arctan2(y, by_arithmetic(x))).tobytes() == np.asarray(evaluated).tobytes()
+
+
+def test_angles_of_no_end_are_those_of_numpy() -> None:
+    y, x = np.array([*product(EVERY_SIGN, [np.inf, -np.inf, np.nan])]).T
+    np.testing.assert_array_equal(np.asarray(np.arctan2(by_arithmetic(y), x)), np.arctan2(y, x))
+
+
+def test_other_functions_of_such_an_array_are_those_of_numpy() -> None:
+    x = np.linspace(0.1, 3.0, 7)
+    own = by_arithmetic(x.copy())
+    own += 1.0
+    np.testing.assert_array_equal(np.asarray(own), x + 1.0)
+    np.testing.assert_array_equal(np.asarray(np.tan(own)), np.tan(x + 1.0))
+    assert np.add.reduce(own) == np.add.reduce(x + 1.0)

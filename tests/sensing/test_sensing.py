@@ -1,14 +1,20 @@
 """Measurements: geometry by hand, visibility, noise, and random streams that depend on nothing else."""
 
+import os
+import platform
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy import stats
+from tests.support.places import SCENARIOS
 from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Observer
 from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import hashed, ideal_sensors, sense
 from trackbench.sensing.view import sensor_motion
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
@@ -232,3 +238,39 @@ def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():
     ideal = ideal_sensors(of, {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)})
     for seen in sense(ideal, 1, "test", range(1, 3)).scans:
         np.testing.assert_allclose(seen.measurement[0], [20, 30], atol=1e-6)
+
+
+def test_fingerprints_tell_signs_and_places():
+    values = np.random.default_rng(3).standard_normal((1, 3, 8, 2))
+    changed = [values.copy() for _ in range(4)]
+    changed[0][0, 0, :2] *= -1.0
+    changed[1][0, 1, [2, 3], 0] = values[0, 1, [3, 2], 0]
+    changed[2][0, 2, 7, 1] = np.nextafter(values[0, 2, 7, 1], 9.0)
+    changed[3][0, 0, 0, 0] = np.nan
+    keys = np.random.default_rng(4).integers(2**64, size=2 * values[0].size, dtype=np.uint64)
+    assert len({hashed(each, keys).tobytes() for each in [values, *changed]}) == 5
+
+
+#: What NumPy takes for faster functions where the processor has it.
+WIDE_VECTORS = "X86_V4 AVX512_ICL AVX512_SPR"
+SCANS = """
+from trackbench.runner.work import work_of
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.sensing.scans import sense
+import sys
+scenario = load_scenario(sys.argv[1])
+work = work_of(scenario, truths_of(scenario))
+print(*(digest.hex() for digest in sense(work.scenes[0].sensors, 1, "test", range(3)).digests))
+"""
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="NumPy has no such switch here")
+def test_scans_are_the_same_bits_without_the_vectors_of_the_processor():
+    command = [sys.executable, "-c", SCANS, str(SCENARIOS / "highway.yaml")]
+    printed = [
+        subprocess.run(command, env=os.environ | switched, capture_output=True, text=True, check=True).stdout
+        for switched in ({}, {"NPY_DISABLE_CPU_FEATURES": WIDE_VECTORS})
+    ]
+    assert printed[0].split()
+    assert printed[0] == printed[1]

@@ -6,6 +6,7 @@ Run 17's noise does not depend on how many runs, workers, trackers or other sens
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from functools import cached_property, lru_cache
 
@@ -34,7 +35,7 @@ def _words(number: int) -> tuple[int, ...]:
 
 
 class RunStreams:
-    """The generators of some runs for one purpose; what is drawn has a last axis of runs."""
+    """The generators of some runs for one purpose; what is drawn has a last axis of runs, which lie one by one."""
 
     def __init__(self, seed: int, scenario: str, runs: range, purpose: str) -> None:
         self._of = seed, scenario, runs, purpose
@@ -57,5 +58,9 @@ class RunStreams:
         """``(*shape, runs)`` uniform from 0 to 1."""
         return self._drawn(np.random.Generator.random, shape)
 
-    def _drawn(self, draw: Callable[..., Array | float], shape: int | tuple[int, ...]) -> Array:
-        return np.stack([np.asarray(draw(random, shape)) for random in self.each], axis=-1)
+    def _drawn(self, draw: Callable[..., Array], shape: int | tuple[int, ...]) -> Array:
+        shape = (shape,) if isinstance(shape, int) else shape
+        drawn = np.empty((len(self.each), math.prod(shape)))
+        for random, of_run in zip(self.each, drawn, strict=True):
+            draw(random, out=of_run)
+        return np.moveaxis(drawn.reshape(-1, *shape), 0, -1)

@@ -1,5 +1,7 @@
 """Transcendental functions by arithmetic alone, so that every machine computes the same bits.
 
+The engine compiles them; NumPy evaluates the same operations where scans are made.
+
 Coefficients: W. J. Cody and W. Waite (1980), "Software Manual for the Elementary Functions", as the Cephes library
 (tan) and FreeBSD's msun (sin, cos, atan, exp, log) have them. ``ERROR`` holds the largest errors that the tests find.
 """
@@ -10,6 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import Array
 from trackbench.engine.graph import Graph, Node, ordered
 
 #: Largest errors against correctly rounded values, in units in the last place.
@@ -266,3 +272,60 @@ def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
             lowered_nodes[node.number] = node if arguments == node.arguments else graph.apply(node.op, *arguments)
     graph.guards = list(dict.fromkeys([*(lowered_nodes[guard.number] for guard in guards), *graph.guards]))
     return [lowered_nodes[root.number] for root in roots]
+
+
+#: What NumPy makes of the operations of ``arctan2``.
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "abs": np.abs,
+    "min": np.minimum,
+    "max": np.maximum,
+    "gt": np.greater,
+    "eq": np.equal,
+    "not": np.logical_not,
+    "where": np.where,
+    "negative": np.signbit,
+    "copysign": np.copysign,
+}
+
+
+class Evaluation:
+    """In the place of a graph: arrays are computed at once."""
+
+    def __init__(self) -> None:
+        self.guards: list[Any] = []
+
+    def constant(self, value: float) -> float:
+        return value
+
+    def apply(self, op: str, *values: Any) -> Any:
+        return OPERATIONS[op](*values)
+
+
+class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
+    """An array of which ``numpy.arctan2`` is computed by arithmetic: NumPy's own has other bits on other processors."""
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **options: Any) -> Any:
+        if "out" in options:
+            options["out"] = tuple(map(_plain, options["out"]))
+        inputs = tuple(map(_plain, inputs))
+        if ufunc is np.arctan2 and method == "__call__" and not options:
+            graph: Any = Evaluation()
+            with np.errstate(all="ignore"):
+                angle: Any = arctan2(*(Term(graph, value) for value in inputs)).node
+            result = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(*inputs))
+        else:
+            result = getattr(ufunc, method)(*inputs, **options)
+        return by_arithmetic(result) if isinstance(result, np.ndarray) else result
+
+
+def _plain(value: Any) -> Any:
+    return np.asarray(value) if isinstance(value, ByArithmetic) else value
+
+
+def by_arithmetic(values: npt.ArrayLike) -> Array:
+    """The same numbers, as ``ByArithmetic`` computes with them."""
+    return np.asarray(values).view(ByArithmetic)

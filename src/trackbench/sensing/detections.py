@@ -13,6 +13,7 @@ from trackbench.base.streams import stream
 from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import FALSE_ALARM, UNKNOWN_ORIGIN, Array, Indices, Mask, Scan
 from trackbench.base.units import difference, wrap_angle
+from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.models.sensors.effects import Sensed, answers
@@ -184,8 +185,8 @@ def _at_place(sensor: IdealSensor, place: ClutterPlace, random: np.random.Genera
         x = pose[0] + np.cos(yaw) * ahead - np.sin(yaw) * left
         y = pose[1] + np.sin(yaw) * ahead + np.cos(yaw) * left
     still = np.zeros(count)
-    target = np.stack([x, y, still, still])
-    ideal = sensor.config.measure(target, pose, velocity)
+    target = by_arithmetic(np.stack([x, y, still, still]))
+    ideal = np.asarray(sensor.config.measure(target, pose, velocity))
     alarms = _noisy(sensor, instant, ideal, random)
     distance, azimuth, _ = Radar.measure(target, pose, velocity)
     field = field_of_view(sensor.config)

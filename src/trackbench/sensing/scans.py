@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from trackbench.base.streams import RunStreams, stream
 from trackbench.base.supervised import at_work, plugins_among
@@ -22,7 +23,8 @@ from trackbench.base.types import (
     Truth,
     of_runs,
 )
-from trackbench.base.units import difference
+from trackbench.base.units import difference, wrap_angle
+from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Sensor
 from trackbench.models.sensors.effects import Bodies, Sensed, answers
 from trackbench.sensing.view import detection_probability, firing_steps, in_view, motion_at, polar, silent
@@ -156,8 +158,8 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
     """What a synthesised sensor would read without noise at some steps of the truth."""
     motion = motion_at(truth, config, steps)
     pose, velocity, _ = motion
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
-    measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
+    measurement = np.asarray(config.measure(target, pose[:, :, None, None], velocity[:, :, None, None]))
     seen = polar(truth, steps, motion)
     within = in_view(truth, steps, config, motion, seen)
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
@@ -222,8 +224,8 @@ class ObjectMeasurements(NamedTuple):
     """Before its white noise, of a sensor that has effects."""
 
 
-#: Measurements of a component that are made at a time: as many as the cache of a processor holds some arrays of.
-AT_A_TIME = 2**14
+#: Measurements of a component that are made at a time: as many as the cache of a processor holds.
+AT_A_TIME = 2**16
 
 
 def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[tuple[range, ObjectMeasurements]]:
@@ -252,7 +254,8 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
     else:
         noisy = with_noise(sensor.config, ideal, draws)
-    return ObjectMeasurements(np.where(detected, noisy, np.nan), detected, sensed)
+    noisy += np.where(detected, 0.0, np.nan)
+    return ObjectMeasurements(noisy, detected, sensed)
 
 
 def affected(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Sensed:
@@ -283,10 +286,21 @@ def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, ru
 
 
 def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
-    """Measurements ``(m, ...)`` with the sensor's noise, from ``draws`` of a standard normal, and its bias."""
+    """Measurements ``(m, ...)`` with the sensor's noise, which ``draws`` of a standard normal become, and its bias."""
     own = (slice(None), *(None,) * (ideal.ndim - 1))
-    error = draws * np.array(config.sigmas())[own] + np.array(config.biases())[own]
-    return as_given(config, difference(ideal, -error, config.angular))
+    draws *= np.array(config.sigmas())[own]
+    if any(config.biases()):
+        draws += np.array(config.biases())[own]
+    draws += ideal
+    for angle in (draws[i] for i in config.angular):
+        # Of most sensors no angle needs to be wrapped.
+        if not (angle.min(initial=0.0) > -SURELY_WRAPPED and angle.max(initial=0.0) < SURELY_WRAPPED):
+            angle[...] = wrap_angle(angle)
+    return as_given(config, draws)
+
+
+#: Angles up to this are what they were once they are wrapped, rad.
+SURELY_WRAPPED = 3.0
 
 
 def as_given(config: Sensor, measurement: Array) -> Array:
@@ -303,10 +317,21 @@ def _stacked(
     size, instants, objects = sensor.measurement.shape[:3]
     measurements = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
+    keys = stream(0, "", 0, "fingerprints").integers(2**64, size=2 * size * instants * objects, dtype=np.uint64)
     for part, (noisy, detected, _) in measured(sensor, seed, scenario, runs):
         place = slice(part.start - runs.start, part.stop - runs.start)
         measurements[..., place] = np.swapaxes(noisy, 0, 1)
         valid[..., place] = detected
-        for i, hash in enumerate(hashes[place]):
-            hash.update(noisy[..., i].tobytes())
+        for hash, total in zip(hashes[place], hashed(np.moveaxis(noisy, -1, 0), keys), strict=True):
+            hash.update(total)
     return measurements, valid
+
+
+def hashed(values: Array, keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """``(runs,)`` hashes of numbers ``(runs, ...)``: the sums of their halves times random ``keys``, modulo 2^64.
+
+    Source: Lemire and Kaser (2014), "Strongly universal string hashing is fast", MULTILINEAR: two lists of numbers have
+    the same with a probability of less than 2^-32.
+    """
+    halves = np.ascontiguousarray(values).reshape(len(values), -1).view(np.uint32)
+    return np.asarray(np.einsum("rn,n->r", halves, keys))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Indices, Mask, Observer, Truth
 from trackbench.base.units import wrap_angle
+from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Mount, Radar, Sensor
 from trackbench.models.sensors.detection import detected_share
 
@@ -156,7 +157,7 @@ def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
         steps: ``(instants,)`` of the truth.
         motion: the sensor's, at these instants.
     """
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
+    target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
     return Radar.measure(target, motion.pose[:, :, None, None], motion.velocity[:, :, None, None])
 
 

@@ -104,7 +104,7 @@ class Sensed:
 
     def ideal(self) -> Array:
         """``(m, instants, objects, runs or 1)`` what the sensor reads of the points without any error."""
-        return self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None])
+        return np.asarray(self.sensor.measure(self.bodies.target, self.pose[:, :, None], self.velocity[:, :, None]))
 
     def sigmas(self) -> Array:
         """``(m, 1, 1, 1)`` standard deviations of the sensor's options, in SI units and radians."""
