@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
@@ -40,10 +42,12 @@ class Targets:
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
         }
+        self._order = {name: np.argsort(arrival, kind="stable") for name, arrival in self._arrival.items()}
         self._scans = measurements.scans
-        self.due, self.starting = self._where_due()
+        self.due, self.starting = self._where_due(shape)
         """``(instants, objects, runs)``"""
         self._measured: dict[frozenset[str], Array] = {}
+        self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
@@ -70,11 +74,14 @@ class Targets:
 
     def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
         """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
-        scene, named = self._scene, tracker.sensors
-        read = [sensor for sensor in scene.sensors if named is None or sensor.name in named]
-        return conditions(scene.truth, scene.instants(), read, self._piece.runs)
+        sensors = frozenset(self._valid if tracker.sensors is None else tracker.sensors)
+        if sensors not in self._conditions:
+            read = [sensor for sensor in self._scene.sensors if sensor.name in sensors]
+            scene = self._scene
+            self._conditions[sensors] = conditions(scene.truth, scene.instants(), read, self._piece.runs)
+        return self._conditions[sensors]
 
-    def _where_due(self) -> tuple[Mask, Mask]:
+    def _where_due(self, shape: tuple[int, int]) -> tuple[Mask, Mask]:
         """``(instants, objects, runs)`` where estimates count, and the first second after a detection.
 
         The same for all trackers, so that what one does not read is no excuse.
@@ -85,34 +92,34 @@ class Targets:
         seen = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
         lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
         last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
-        before = self._detections(last_lost)
-        ages = {self._work.settle, FIRST} - {0.0}
-        since = {age: self._detections(self._time[:, None, None] - age) > before for age in ages}
-        since[0.0] = self._delivered() > before
-        in_view = self._alive[:, :, None] & ~lost
-        return in_view & since[self._work.settle], in_view & since[0.0] & ~since[FIRST]
+        latest = {name: _latest(valid[self._order[name]]) for name, valid in self._valid.items()}
+        before = self._arrived(last_lost)
 
-    def _delivered(self) -> Indices:
-        """``(instants, objects, runs)`` how many detections a tracker can have been given."""
-        shape = next(iter(self._valid.values())).shape[1:]
-        number = np.zeros((len(self._time), *shape), dtype=np.int32)
+        def since(numbers: Mapping[str, Indices]) -> Mask:
+            """Whether one of the first so many scans of each sensor, by instant, detected an object after it was lost."""
+            detected = np.zeros((len(self._time), *shape), dtype=bool)
+            for name, number in numbers.items():
+                detected |= latest[name][number] > before[name]
+            return detected
+
+        seen_for = {age: since(self._arrived(self._time - age)) for age in {self._work.settle, FIRST} - {0.0}}
+        seen_for[0.0] = since(self._delivered())
+        in_view = self._alive[:, :, None] & ~lost
+        return in_view & seen_for[self._work.settle], in_view & seen_for[0.0] & ~seen_for[FIRST]
+
+    def _delivered(self) -> dict[str, Indices]:
+        """By sensor ``(instants,)`` how many of its scans a tracker can have been given."""
+        number = {name: np.zeros(len(self._time), dtype=np.intp) for name in self._valid}
         for instant, group in enumerate(deliveries(self._scans, each_measurement=self._scene.each_measurement)):
             for delivery in group:
                 if delivery.number is not None:
-                    number[instant] += delivery.scan.valid.reshape(shape)
-        return np.cumsum(number, axis=0, dtype=np.int32, out=number)
+                    number[delivery.scan.sensor][instant] += 1
+        return {name: np.cumsum(of_sensor) for name, of_sensor in number.items()}
 
-    def _detections(self, until: Array) -> Indices:
-        """``(instants, objects, runs)`` how many had arrived by some times, ``(instants, objects or 1, runs or 1)``."""
-        shape = (len(until), *next(iter(self._valid.values())).shape[1:])
-        number = np.zeros(shape, dtype=np.int32)
-        for name, valid in self._valid.items():
-            order = np.argsort(self._arrival[name], kind="stable")
-            total = np.zeros((len(valid) + 1, *shape[1:]), dtype=np.int32)
-            np.cumsum(valid[order], axis=0, out=total[1:])
-            arrived = np.searchsorted(self._arrival[name][order], until + SAME_TIME, side="right")
-            number += np.take_along_axis(total, np.broadcast_to(arrived, shape), axis=0)
-        return number
+    def _arrived(self, until: Array) -> dict[str, Indices]:
+        """By sensor, how many of its scans had arrived by some times."""
+        arrival = {name: self._arrival[name][order] for name, order in self._order.items()}
+        return {name: np.searchsorted(times, until + SAME_TIME, side="right") for name, times in arrival.items()}
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""
@@ -129,6 +136,15 @@ class Targets:
             kernels_of(compute_by(work.engine_here), len(self._piece.runs)),
         )
         return bound if np.array_equal(number, np.arange(len(steps))) else bound[:, number]
+
+
+def _latest(valid: Mask) -> Indices:
+    """``(scans + 1, objects, runs)`` of the first so many scans the number of the latest that detected an object, from
+    1; 0: none did."""
+    kind = np.min_scalar_type(-len(valid) - 1)
+    latest = np.zeros((len(valid) + 1, *valid.shape[1:]), dtype=kind)
+    np.multiply(valid, np.arange(1, len(valid) + 1, dtype=kind)[:, None, None], out=latest[1:])
+    return np.maximum.accumulate(latest, axis=0, out=latest)
 
 
 def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
