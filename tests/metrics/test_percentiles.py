@@ -7,6 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_waiting
+from trackbench.metrics.built_in.percentiles import percentile
 from trackbench.metrics.estimates import percentiles
 
 
@@ -22,6 +23,17 @@ def test_a_run_without_an_estimate_has_none() -> None:
     squares = np.array([[1.0, 4.0], [np.nan, np.nan]])
     assert percentiles((0.95,), squares)[0, 0] == pytest.approx(1.95)
     assert np.isnan(percentiles((0.95,), squares)[0, 1])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.95, 1.0])
+@pytest.mark.parametrize("missing", [0.0, 0.1, 0.5, 0.97])
+def test_a_single_share_of_many_rows_is_the_same_bits(share: float, missing: float) -> None:
+    random = np.random.default_rng(7)
+    for size in (0, 1, 2, 3, 20, 41):
+        squares = np.round(random.normal(size=(50, size)) ** 2, 1)
+        squares[random.random(squares.shape) < missing] = np.nan
+        expected = percentiles((share,), squares)[0] if size else np.full(50, np.nan)
+        np.testing.assert_array_equal(percentile(share, squares.copy()), expected)
 
 
 def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:

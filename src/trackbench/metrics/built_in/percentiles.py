@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.types import Array
-from trackbench.metrics.estimates import percentiles
 from trackbench.metrics.intervals import ratio
 from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope, SquaredErrors
 
@@ -40,10 +39,12 @@ class ErrorPercentile(Metric):
     def close(self, sums: list[Array]) -> Array:
         """``(runs,)`` percentile of each run; NaN where it has no estimate."""
         runs, *chunks = sums
-        if not chunks:
-            return np.full(len(runs), np.nan)
-        squares = np.concatenate([chunk.reshape(-1, len(runs)) for chunk in chunks])
-        return np.asarray(percentiles((SHARE,), squares.T)[0])
+        squares, filled = np.empty((len(runs), sum(map(np.size, chunks)) // max(1, len(runs)))), 0
+        for chunk in chunks:
+            of_runs = chunk.reshape(-1, len(runs)).T
+            squares[:, filled : filled + of_runs.shape[1]] = of_runs
+            filled += of_runs.shape[1]
+        return percentile(SHARE, squares)
 
     def merge(self, blocks: Sequence[Array]) -> Array:
         return np.concatenate(blocks)
@@ -53,6 +54,34 @@ class ErrorPercentile(Metric):
         if not finite.any():
             return self.no_value("there is no estimate of any object to score")
         return ratio(np.where(finite, sums, 0.0), finite.astype(float), at_least=self.at_least)
+
+
+def percentile(share: float, squares: Array) -> Array:
+    """``(rows,)`` errors below which a share of each row lies, as :func:`trackbench.metrics.estimates.percentiles`.
+
+    Args:
+        share: 0 to 1.
+        squares: ``(rows, errors)`` of the errors, NaN where one does not count; they are changed.
+    """
+    rows, size = squares.shape
+    if not size:
+        return np.full(rows, np.nan)
+    row, column = np.nonzero(np.isnan(squares))
+    missing = np.bincount(row, minlength=rows)
+    rank = share * np.maximum(size - missing - 1, 0)
+    whole = np.floor(rank)
+    place = int(share * (size - 1))
+    # So many of those that do not count are put first, and the others last, that what is sought has one place in all
+    # rows: NumPy finds a single place of contiguous rows many times faster than several.
+    number = np.arange(len(row)) - np.searchsorted(row, row)
+    squares[row, column] = np.where(number < (place - whole)[row], -1.0, np.inf)
+    above = min(place + 1, size - 1)
+    squares.partition(above, axis=1)
+    low, high = squares[:, : place + 1].max(axis=1), squares[:, above]
+    rest = rank - whole
+    with np.errstate(invalid="ignore"):
+        low, high = np.sqrt(low), np.sqrt(np.where(rest > 0.0, high, low))
+        return np.where(missing < size, low + rest * (high - low), np.nan)
 
 
 class PositionP95(ErrorPercentile):
