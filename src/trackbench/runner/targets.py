@@ -96,7 +96,7 @@ class Targets:
         before = self._arrived(last_lost)
 
         def since(numbers: Mapping[str, Indices]) -> Mask:
-            """Whether one of the first so many scans of each sensor, by instant, detected an object after it was lost."""
+            """Whether one of the first so many scans of a sensor, by instant, detected an object that was lost."""
             detected = np.zeros((len(self._time), *shape), dtype=bool)
             for name, number in numbers.items():
                 detected |= latest[name][number] > before[name]
