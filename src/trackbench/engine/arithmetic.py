@@ -292,7 +292,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-class Evaluation:
+class Immediate:
     """In the place of a graph: arrays are computed at once."""
 
     def __init__(self) -> None:
@@ -313,7 +313,7 @@ class ByArithmetic(np.ndarray[Any, np.dtype[np.float64]]):
             options["out"] = tuple(map(_plain, options["out"]))
         inputs = tuple(map(_plain, inputs))
         if ufunc is np.arctan2 and method == "__call__" and not options:
-            graph: Any = Evaluation()
+            graph: Any = Immediate()
             with np.errstate(all="ignore"):
                 angle: Any = arctan2(*(Term(graph, value) for value in inputs)).node
             result = np.where(np.logical_and.reduce(graph.guards), angle, np.arctan2(*inputs))
