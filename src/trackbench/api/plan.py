@@ -34,8 +34,8 @@ class RunPlan:
 
     out: Path | None = None
     """Each scenario gets a folder in it; nothing is written unless given."""
-    workers: int = 1
-    """Number of processes."""
+    workers: int | None = 1
+    """Number of processes; None: as many as there are cores, where the work takes long."""
     cluster: str | None = None
     """The Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N``."""
     left_out: frozenset[str] = frozenset()
@@ -48,9 +48,9 @@ class RunPlan:
     """The share and the largest number of runs, where the precision decides on their number."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.workers, int) or self.workers < 1:
+        if self.workers is not None and (not isinstance(self.workers, int) or self.workers < 1):
             raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
-        if self.workers > 1 and self.cluster is not None:
+        if (self.workers or 1) > 1 and self.cluster is not None:
             raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
         require_engine(self.engine)
 

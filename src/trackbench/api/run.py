@@ -26,7 +26,7 @@ Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
 def run(
     scenario: Scenario | Named,
     *,
-    workers: int = 1,
+    workers: int | None = None,
     cluster: str | None = None,
     out: Path | str | None = None,
     engine: EngineName = "auto",
@@ -40,7 +40,7 @@ def run(
 def run(
     scenario: Several,
     *,
-    workers: int = 1,
+    workers: int | None = None,
     cluster: str | None = None,
     out: Path | str | None = None,
     engine: EngineName = "auto",
@@ -53,7 +53,7 @@ def run(
 def run(
     scenario: Scenario | Named | Several,
     *,
-    workers: int = 1,
+    workers: int | None = None,
     cluster: str | None = None,
     out: Path | str | None = None,
     engine: EngineName = "auto",
@@ -69,7 +69,7 @@ def run(
 
     Args:
         scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.
-        workers: number of processes.
+        workers: number of processes; as many as there are cores unless given, where the work takes long.
         cluster: a Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor, Future
@@ -199,7 +200,8 @@ class _Batch:
         self._alone = len(prepared) == 1
         # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
         one_by_one = isinstance(executor, InProcess) or listener.observes
-        self._ahead = 0 if one_by_one else plan.workers if plan.cluster is None else AHEAD
+        cores = os.cpu_count() or 1
+        self._ahead = 0 if one_by_one else AHEAD if plan.cluster is not None else plan.workers or cores
 
     def run(self) -> list[Result]:
         """The results in the scenarios' order, each saved where the plan says so."""

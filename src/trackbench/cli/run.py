@@ -83,7 +83,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("Each scenario gets a folder in it.", "results")
-@click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays. Same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
 @isolation_options
@@ -105,7 +105,7 @@ def run_command(
     worlds: str | None,
     settings: tuple[str, ...],
     out: Path,
-    workers: int,
+    workers: int | None,
     cluster: str | None,
     engine: EngineName,
     isolation: Isolation,

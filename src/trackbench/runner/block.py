@@ -41,6 +41,8 @@ Outcome = LabelledOutcome | TrafficScores | Failure
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 #: The largest that glibc takes, bytes.
 LARGEST = 32 * 2**20
+#: Steps of single objects from which a run takes some seconds.
+LONG = 20_000_000
 
 
 @dataclass
@@ -242,7 +244,10 @@ class PendingBlocks:
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
         folder = own_folder(loaded)
-        tasks = {scene: Task(run_block, work.of_scene(scene), folder) for scene in {piece.scene for piece in pieces}}
+        tasks = {
+            scene: Task(run_block, work.of_scene(scene), folder, long=work.steps > LONG)
+            for scene in {piece.scene for piece in pieces}
+        }
         here = InProcess()
         self._futures = [
             (here if (alone and len(pieces) == 1) or (observed and work.has_recorded_run(piece)) else executor).submit(

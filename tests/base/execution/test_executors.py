@@ -8,11 +8,14 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 from typing import Any
 
+import loky
 import pytest
 import threadpoolctl
 from tests.base.execution.results import without_times
@@ -21,10 +24,10 @@ from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.session import prepare
 from trackbench.api.session import run as run_all
 from trackbench.base.errors import TrackbenchError
-from trackbench.base.execution import Here, InProcess, Task, executor, one_blas_thread
+from trackbench.base.execution import Here, InProcess, Shared, Task, executor, one_blas_thread, task
 from trackbench.results import Result
 from trackbench.runner.run import run
-from trackbench.scenario import Scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 
 Write = Callable[..., Scenario]
@@ -65,6 +68,89 @@ def test_workers_that_die_again_end_the_run_with_a_message() -> None:
                 match=r"^no result: a second worker has ended: its process ended itself, with status 7, with ",
             ):
                 future.result()
+
+
+def test_a_run_that_takes_long_is_made_by_others_too(line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(task, "ALONE", 0.0)
+    monkeypatch.setattr(loky, "cpu_count", lambda: 2)
+    others = set(multiprocessing.active_children())
+    seen: list[int] = []
+    truths = truths_of(line)
+    with executor(None) as shared:
+        found = run(line, truths, executor=shared, progress=lambda *_: seen.append(len(workers() - others)))
+    assert max(seen) == 1
+    assert without_times(found) == without_times(run(line, truths))
+    assert workers() == others
+
+
+def workers() -> set[Any]:
+    return set(multiprocessing.active_children())
+
+
+def test_a_short_run_is_made_in_this_process(line: Scenario) -> None:
+    before = workers()
+    with executor(None) as shared:
+        run(load_scenario(line.path, ["monte_carlo.runs=4"]), truths_of(line), executor=shared)
+        assert workers() == before
+
+
+def test_on_one_core_nobody_helps(line: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(task, "ALONE", 0.0)
+    monkeypatch.setattr(loky, "cpu_count", lambda: 1)
+    before = workers()
+    with executor(None) as shared:
+        run(line, truths_of(line), executor=shared)
+        assert workers() == before
+
+
+class Threads(Executor):
+    """One thread that says that it has a call, and waits for leave."""
+
+    def __init__(self, taken: Event, leave: Event) -> None:
+        self._taken, self._leave, self._pool = taken, leave, ThreadPoolExecutor(1)
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        def later() -> Any:
+            self._taken.set()
+            assert self._leave.wait(10)
+            return f"elsewhere {call()}"
+
+        return self._pool.submit(later)
+
+
+def test_whoever_is_free_makes_the_next_call() -> None:
+    begun, taken, leave = Event(), Event(), Event()
+
+    def start() -> tuple[Executor, int]:
+        assert begun.wait(10)
+        return Threads(taken, leave), 1
+
+    def first() -> str:
+        begun.set()
+        assert taken.wait(10)
+        return "0"
+
+    shared = Shared(start)
+    futures = [shared.submit(Task(lambda *_: first(), None, None, long=True))]
+    futures += [shared.submit(str, number) for number in range(1, 4)]
+    assert futures[0].result() == "0"
+    # The other one is at the next call and this process waits for it: it makes those after it meanwhile.
+    threading.Timer(0.2, leave.set).start()
+    assert futures[1].result() == "elsewhere 1"
+    assert [future.result() for future in futures[2:]] == ["2", "3"]
+    shared.shutdown()
+
+
+def test_where_no_other_process_can_be_started_this_one_does_all() -> None:
+    def start() -> tuple[Executor, int]:
+        raise OSError("no more processes")
+
+    shared = Shared(start)
+    futures = [shared.submit(Task(lambda _, number: number, None, None, long=True), number) for number in range(3)]
+    assert [future.result() for future in futures] == [0, 1, 2]
+    with pytest.raises(ZeroDivisionError):
+        shared.submit(lambda: 1 // 0).result()
+    shared.shutdown()
 
 
 class Ordered(Executor):

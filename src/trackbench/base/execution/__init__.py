@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-from trackbench.base.execution.task import Here, InProcess, Task, one_blas_thread
+from trackbench.base.execution.task import Here, InProcess, Shared, Task, one_blas_thread
 
 __all__ = ["Here", "InProcess", "Task", "executor", "one_blas_thread"]
 
@@ -15,11 +15,12 @@ log = logging.getLogger(__name__)
 
 
 @contextmanager
-def executor(workers: int = 1, cluster: str | None = None) -> Iterator[Executor]:
+def executor(workers: int | None = 1, cluster: str | None = None) -> Iterator[Executor]:
     """An executor for all the work of a command; whatever still runs when the command ends is dropped.
 
     Args:
-        workers: number of processes of this machine; 1 is this process.
+        workers: number of processes of this machine; 1 is this process. None: this one and, where the work takes long,
+            others beside it, one for each core.
         cluster: ``tcp://HOST:PORT`` of a Dask scheduler, or ``local:N`` for one with N workers on this machine.
 
     Raises:
@@ -34,13 +35,25 @@ def executor(workers: int = 1, cluster: str | None = None) -> Iterator[Executor]
             chosen.shutdown(wait=False, cancel_futures=True)
 
 
-def _chosen(workers: int, cluster: str | None) -> Executor:
+def _chosen(workers: int | None, cluster: str | None) -> Executor:
     if cluster is not None:
         from trackbench.base.execution.cluster import connected
 
         return connected(cluster)
+    if workers is None:
+        return Shared(_others)
     if workers == 1:
         return InProcess()
     from trackbench.base.execution.local import LocalProcesses
 
     return LocalProcesses(workers)
+
+
+def _others() -> tuple[Executor, int]:
+    """Processes for the other cores that this one may use, and how many."""
+    from loky import cpu_count
+
+    from trackbench.base.execution.local import LocalProcesses
+
+    number = cpu_count() - 1
+    return (LocalProcesses(number), number) if number else (InProcess(), 0)

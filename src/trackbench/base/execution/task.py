@@ -1,4 +1,4 @@
-"""A piece of work, the executor of this process, and the threads of BLAS."""
+"""A piece of work, the executor of this process, alone or with others beside it, and the threads of BLAS."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import pickle
 import socket
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, redirect_stdout
@@ -14,7 +15,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from threading import Lock
+from threading import Lock, Timer
 from typing import Any
 
 from trackbench.base import at_hand
@@ -36,9 +37,11 @@ class Task:
         function: of the constant and the arguments of a call.
         constant: what all calls share.
         folder: where the modules of the constant's classes are, beside the working directory; None if nowhere else.
+        long: whether its calls together take so long that other processes should start at once.
     """
 
-    def __init__(self, function: Callable[..., Any], constant: Any, folder: Path | None) -> None:
+    def __init__(self, function: Callable[..., Any], constant: Any, folder: Path | None, *, long: bool = False) -> None:
+        self.long = long
         self._function = function
         self._constant = constant
         self._places = (*([folder] if folder else []), Path.cwd())
@@ -161,6 +164,119 @@ class _Later(Future[Any]):
                 self.set_result(self._call())
             except Exception as error:
                 self.set_exception(error)
+        return super().result(timeout)
+
+
+#: How long this process works alone while more waits than it is at: others take a second to start, s.
+ALONE = 1.0
+
+
+class Shared(Executor):
+    """This process and, once the work has taken a moment, others beside it: whoever is free makes the next call.
+
+    This process makes calls while it waits for a result.
+
+    Args:
+        start: gives the others, and how many they are; called once, and not where the work has ended before.
+    """
+
+    def __init__(self, start: Callable[[], tuple[Executor, int]]) -> None:
+        self._start, self._free = start, 0
+        self._others: Executor | None = None
+        self._waiting: deque[_Either] = deque()
+        self._timer: Timer | None = None
+        self._closed = False
+        self._lock = Lock()
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """A future of the call, which ``result()`` makes in this process where no other one is at it."""
+        outcome = _Either(partial(call, *args, **kwargs), self._taken)
+        with self._lock:
+            self._waiting.append(outcome)
+            if self._timer is None:
+                self._timer = Timer(0.0 if isinstance(call, Task) and call.long else ALONE, self._begin)
+                self._timer.daemon = True
+                self._timer.start()
+        self._share()
+        return outcome
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the other processes, whatever they do."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
+        if self._others is not None:
+            self._others.shutdown(wait=wait, cancel_futures=cancel_futures)
+
+    def __str__(self) -> str:
+        return "in this process, and in others beside it if it takes long"
+
+    def _begin(self) -> None:
+        if self._closed:
+            return
+        try:
+            self._others, self._free = self._start()
+        except Exception as error:
+            log.info("no other processes can be started: %s", one_line(error))
+            return
+        log.info("the work runs %s beside this one", self._others)
+        self._share()
+
+    def _share(self) -> None:
+        """Give what waits to the others that are free."""
+        while True:
+            with self._lock:
+                if not self._free or not self._waiting:
+                    return
+                outcome = self._waiting.popleft()
+                self._free -= 1
+            assert self._others is not None
+            try:
+                future = self._others.submit(outcome.call)
+            except Exception as error:
+                log.info("no other processes can be started: %s", one_line(error))
+                self._free = 0
+                outcome.make(outcome.call)
+                return
+            future.add_done_callback(partial(self._ended, outcome))
+
+    def _ended(self, outcome: _Either, future: Future[Any]) -> None:
+        with self._lock:
+            self._free += 1
+        outcome.make(future.result)
+        self._share()
+
+    def _taken(self, wanted: _Either) -> _Either | None:
+        """What this process makes next: that which it wants, or else another; None where nothing waits."""
+        with self._lock:
+            if wanted in self._waiting:
+                self._waiting.remove(wanted)
+                return wanted
+            return self._waiting.popleft() if self._waiting else None
+
+
+class _Either(Future[Any]):
+    """A call that this process or another one makes."""
+
+    def __init__(self, call: Callable[[], Any], taken: Callable[[_Either], _Either | None]) -> None:
+        super().__init__()
+        self.call, self._taken = call, taken
+
+    def make(self, call: Callable[[], Any]) -> None:
+        """Set what the call gives or raises."""
+        if self.set_running_or_notify_cancel():
+            try:
+                self.set_result(call())
+            except Exception as error:
+                self.set_exception(error)
+
+    def result(self, timeout: float | None = None) -> Any:
+        while not self.done():
+            other = self._taken(self)
+            if other is None:
+                break
+            other.make(other.call)
         return super().result(timeout)
 
 
