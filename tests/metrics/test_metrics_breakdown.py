@@ -210,7 +210,7 @@ def test_cells_add_up_to_everything():
     of = random_walk(4, 60, 0.05, 4.0, seed=2, start=np.array([15.0, 10.0, 10.0, 5.0]))
     scores = block_of(work(of, SENSORS, TWO, 4), range(4)).outcomes["ekf"].scores
     sums = scores.errors
-    rows = list(cells(class_sums(sums.cells, 4)))
+    rows = list(cells(sums.classes))
     assert len(rows) > 2
     assert sum(row["count"] for row in rows) == sums.per_run[0].sum()
     square = sum(row["count"] * row["position_rmse_m"] ** 2 for row in rows)

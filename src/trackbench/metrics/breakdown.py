@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
 from trackbench.metrics.consistency import BEYOND, DIRECTIONS
 from trackbench.metrics.intervals import Parts, positive_ends, reach_of_ratio
-from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
@@ -81,6 +81,15 @@ def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
         sums.product[:, column] = (by_part * by_part[_NUMBER]).sum(axis=1)
         sums.parts[:, column] = (by_part[0] > 0).sum()
     return sums
+
+
+def summed(scores: BlockScores) -> None:
+    """Sum the classes of a block of one scene over its runs, of which there may be many."""
+    errors, cells = scores.errors, scores.errors.cells
+    errors.classes = class_sums(cells, len(scores.due) if scores.single_runs is None else scores.stretch[-1] + 1)
+    codes, place = np.unique(cells.code, return_inverse=True)
+    values = [np.bincount(place, row, len(codes)) for row in cells.values]
+    errors.cells = Cells(codes, np.zeros_like(codes), np.array(values))
 
 
 def breakdown(sums: ClassSums) -> Breakdown:

@@ -152,7 +152,7 @@ def scores_of(merged: BlockScores, scene: Indices) -> Scores:
         given=merged.given,
         due=float(merged.due.sum()),
         nis=nis,
-        classes=class_sums(cells, per_part.shape[1], over_scenes),
+        classes=(None if over_scenes else sums.classes) or class_sums(cells, per_part.shape[1], over_scenes),
         spread=merged.spread,
         seconds=merged.seconds,
         steps=merged.steps,

@@ -70,12 +70,12 @@ class NisScores:
 
 @dataclass
 class Cells:
-    """Sums over the estimates of each class in each run, or in each stretch of a single one; those that occurred."""
+    """Sums over the estimates of each class in each part, such as a run; those that occurred."""
 
     code: Indices
     """``(cells,)`` the class, as :func:`trackbench.metrics.conditions.conditions` counts them."""
     part: Indices
-    """``(cells,)`` number of the run or stretch."""
+    """``(cells,)`` number of the part."""
     values: Array
     """``(14, cells)`` sums, rows ``FIELDS`` of the breakdown."""
 
@@ -93,6 +93,9 @@ class ErrorSums:
     charged_per_run: Array
     """Those of ``per_run``."""
     cells: Cells
+    """In each run, or stretch of a single one; once ``classes`` are summed, in all of a block, as the first part."""
+    classes: ClassSums | None = None
+    """With the runs, or the stretches of a single one, as parts."""
 
 
 @dataclass
@@ -197,6 +200,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
             charged_per_step=_total([sums.charged_per_step for sums in errors]),
             charged_per_run=np.concatenate([sums.charged_per_run for sums in errors], axis=1),
             cells=_joined([sums.cells for sums in errors], np.cumsum([0, *parts[:-1]]).tolist()),
+            classes=_added([sums.classes for sums in errors if sums.classes is not None]),
         ),
         due=np.concatenate([block.due for block in blocks]),
         diverged=np.concatenate([block.diverged for block in blocks]),
@@ -216,6 +220,13 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
         steps=sum(block.steps for block in blocks),
         single_runs=None if first.single_runs is None else tuple(blocks),
     )
+
+
+def _added(classes: Sequence[ClassSums]) -> ClassSums | None:
+    """Of all their parts."""
+    names = ("total", "square", "product", "parts")
+    sums = {name: _total([getattr(item, name) for item in classes]) for name in names if classes}
+    return ClassSums(**sums, scenes=False) if sums else None
 
 
 def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:
