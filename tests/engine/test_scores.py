@@ -39,7 +39,7 @@ def scored(compute: Compute, own: bool, change: tuple[str, Array] | None = None)
     counts = {"radar": INSTANTS // 2, "lidar": INSTANTS // 2}
     measured = random.normal(size=(2, INSTANTS, BATCH))
     made = [
-        Scorer(target, classes, counts, tracker=name, compute=compute, measured=lambda: measured)
+        Scorer(target, classes, counts, tracker=name, compute=compute, measured=lambda here: measured[:, here])
         for name in ("early", "late")
     ]
     faults = {}

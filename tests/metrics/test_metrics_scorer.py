@@ -61,7 +61,8 @@ def scored_together(of, estimates, sensors=None):
     """
     classes = np.zeros((*of.alive.shape, 1), dtype=np.int8)
     nowhere = np.zeros((2, len(of.time), of.due[0].size))
-    made = {name: Scorer(of, classes, sensors or {}, tracker=name, measured=lambda: nowhere) for name in estimates}
+    options = {"measured": lambda here: nowhere[:, here]}
+    made = {name: Scorer(of, classes, sensors or {}, tracker=name, **options) for name in estimates}
     for k in range(len(of.time)):
         for name, each in estimates.items():
             scans, given = each[k]
@@ -241,7 +242,8 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, mon
 
 def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
     of = target(np.zeros((4, 3, 1)), 2)
-    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3}, measured=lambda: np.zeros((2, 3, 1)))
+    nowhere = np.zeros((2, 3, 1))
+    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3}, measured=lambda here: nowhere[:, here])
     computed = np.zeros((9, 2))
     left = weakref.ref(computed)
     given = estimate(computed[:4], whitened_innovation=computed[4:6])

@@ -34,7 +34,7 @@ BATCH = 16_000
 BEFORE_SEQUENCES = 8
 
 
-def no_measurements() -> Array:
+def no_measurements(_: slice) -> Array:
     """Of trackers that give every estimate.
 
     Raises:
@@ -60,7 +60,7 @@ class Scorer:
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
-        measured: Callable[[], Array] = no_measurements,
+        measured: Callable[[slice], Array] = no_measurements,
     ) -> None:
         """A scorer of one block.
 
@@ -73,7 +73,7 @@ class Scorer:
             single: whether it is a run whose stretches of time stand for independent runs.
             metrics: what is to be computed.
             compute: how equations are computed.
-            measured: gives ``(2, instants, batch)`` the latest measured position at each instant, m; called where the
+            measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; called where the
                 tracker gave no estimate that is due.
         """
         self._target, self._compute = target, compute

@@ -7,7 +7,7 @@ standing; it is charged with the worse of the two, so that leaving out a bad est
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -20,9 +20,9 @@ def measured_positions(
     position: Callable[[int], Array],
     sensors: Collection[str] | None,
     each_measurement: bool = False,
-) -> Array:
-    """``(2, instants, batch)`` m, the position that the latest measurement of each object states, held until the next
-    one arrives: of the sensors that a tracker reads, before their first measurement of it that of any sensor.
+) -> Iterator[Array]:
+    """At each instant ``(2, batch)`` m, the position that the latest measurement of each object states, held until the
+    next one arrives: of the sensors that a tracker reads, before their first measurement of it that of any sensor.
 
     NaN before that. Of measurements at one instant the later in the order of scans counts.
 
@@ -35,37 +35,37 @@ def measured_positions(
     every = _held(scans, position, None, each_measurement)
     if sensors is None:
         return every
-    read = _held(scans, position, sensors, each_measurement)
-    return np.where(np.isnan(read), every, read)
+    return (
+        np.where(np.isnan(read), any_sensor, read)
+        for any_sensor, read in zip(every, _held(scans, position, sensors, each_measurement), strict=True)
+    )
 
 
 def _held(
     scans: Sequence[Scan], position: Callable[[int], Array], sensors: Collection[str] | None, each_measurement: bool
-) -> Array:
+) -> Iterator[Array]:
     latest, taken = np.full((2, scans[0].valid.size), np.nan), np.full(scans[0].valid.size, -np.inf)
-    positions = []
     for delivered in deliveries(scans, each_measurement=each_measurement):
         for scan, number, _ in delivered:
             if number is not None and (sensors is None or scan.sensor in sensors):
                 newer = scan.valid & (scan.time >= taken)
                 latest = np.where(newer, position(number), latest)
                 taken = np.where(newer, scan.time, taken)
-        positions.append(latest)
-    return np.stack(positions, axis=1)
+        yield latest
 
 
 class Silence:
     """Puts what a tracker is charged with in the place of its missing estimates, some instants at a time, in order."""
 
-    def __init__(self, state: Array, expected: Mask, measured: Callable[[], Array], copies: int = 1) -> None:
+    def __init__(self, state: Array, expected: Mask, measured: Callable[[slice], Array], copies: int = 1) -> None:
         """Before the first instant.
 
         Args:
             state: ``(4, instants, objects, runs or 1)`` the truth.
             expected: ``(instants, objects, runs)`` where the object is in view; one that comes back later counts as a
                 new one.
-            measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions`; called once an estimate
-                is missing.
+            measured: gives ``(2, instants, objects * runs)`` m of :func:`measured_positions` at some instants; called
+                where an estimate is missing.
             copies: of the objects and runs, which the batch has one after the other.
         """
         self._state, self._expected, self._measured = state, expected, measured
@@ -93,7 +93,7 @@ class Silence:
         own = own_estimates(self._latest, mean, given, expected)
         self._latest = own[:, -1]
         missing = expected & ~given
-        measured = self._measured()[:, here].reshape(2, len(given), *self._expected.shape[1:])
+        measured = self._measured(here).reshape(2, len(given), *self._expected.shape[1:])
         truth, measured = (
             np.broadcast_to(values[:, :, None], (len(values), *shape))[:, missing.reshape(shape)]
             for values in (self._state[:, here], measured)

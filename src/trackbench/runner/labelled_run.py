@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,7 +98,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             single=work.over_stretches,
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
-            measured=lambda: targets.measured(config),
+            measured=partial(targets.measured, config),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
         batch = objects * len(piece.runs)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import islice
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class Targets:
         self._scans = measurements.scans
         self.due, self.starting = self._where_due(shape)
         """``(instants, objects, runs)``"""
-        self._measured: dict[frozenset[str], Array] = {}
+        self._measured: dict[frozenset[str], tuple[Iterator[Array], list[Array]]] = {}
         self._conditions: dict[frozenset[str], Classes] = {}
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
@@ -59,14 +60,18 @@ class Targets:
             self._time, self.state, self._alive, self.due, self.starting, self._work.divergence, self._references[case]
         )
 
-    def measured(self, tracker: FilterConfig | PluginConfig) -> Array:
-        """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions`."""
+    def measured(self, tracker: FilterConfig | PluginConfig, here: slice) -> Array:
+        """``(2, instants, batch)`` m, as of :func:`trackbench.metrics.silence.measured_positions` at some instants.
+
+        Nothing is computed of those after them: most estimates that are missing are at the start.
+        """
         sensors = frozenset(tracker.sensors_used or self._valid)
         if sensors not in self._measured:
-            self._measured[sensors] = measured_positions(
-                self._scans, self._position, tracker.sensors_used, self._scene.each_measurement
-            )
-        return self._measured[sensors]
+            options = tracker.sensors_used, self._scene.each_measurement
+            self._measured[sensors] = measured_positions(self._scans, self._position, *options), []
+        coming, positions = self._measured[sensors]
+        positions.extend(islice(coming, max(0, here.stop - len(positions))))
+        return np.stack(positions[here], axis=1)
 
     def _position(self, number: int) -> Array:
         scan = self._scans[number]

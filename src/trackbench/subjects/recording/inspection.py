@@ -317,8 +317,8 @@ def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
     return [_reached(result[name], scorer) for name, scorer in scorers.items()]
 
 
-def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | None) -> Array:
-    """``(2, instants, objects)`` m, the latest measured position of each object, as the run charges it.
+def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | None, here: slice) -> Array:
+    """``(2, instants, objects)`` m, the latest measured position of each object at some instants, as the run has it.
 
     Raises:
         InputError: the measurements are of other instants.
@@ -332,10 +332,11 @@ def _measured(result: Result, recorded: RecordedRun, sensors: Sequence[str] | No
         time, sensor, valid, arrival = (rows[name] for name in ("time_s", "sensor", "valid", "arrival_time_s"))
         scans = [_scan(time[own[0]], sensor[own[0]], valid[own] > 0, arrival[own[0]]) for own in objects]
         each = result.summary.score.each == "measurement"
-        measured = measured_positions(scans, lambda number: positions[:, objects[number]], sensors, each)
+        held = measured_positions(scans, lambda number: positions[:, objects[number]], sensors, each)
+        measured = np.stack(list(held), axis=1)
     if measured.shape[1] != len(recorded.time):
         raise InputError("the measurements are not at the times of the estimates: not the tables of one run")
-    return measured
+    return measured[:, here]
 
 
 def _scan(time: float, sensor: str, valid: Mask, arrival_time: float) -> Scan:

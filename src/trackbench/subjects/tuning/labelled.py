@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -128,7 +129,7 @@ class _Sums:
     ) -> None:
         self._state, self._due = targets.state, targets.due
         self._silence = Silence(
-            targets.state, targets.due | targets.starting, lambda: targets.measured(entry), copies=shape[0]
+            targets.state, targets.due | targets.starting, partial(targets.measured, entry), copies=shape[0]
         )
         self._shape, self._counted = shape, counted
         self._stretch, parts = stretch, shape[2]
