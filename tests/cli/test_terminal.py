@@ -166,7 +166,8 @@ def test_progress_with_the_time_left(
     module = write_module(tmp_path, SLOW)
     long = "a_name_as_long_as_a_name_of_a_scenario_may_be_before_it_is_too_l"
     tiny.with_name("two.yaml").write_text(tiny.read_text(encoding="utf-8").replace("name: tiny", f"name: {long}"))
-    command = [trackbench, "run", "tiny.yaml", "two.yaml", "--set", f"trackers.slow.use={module}:T"]
+    # Of blocks of other processes it is said when they are done.
+    command = [trackbench, "run", "tiny.yaml", "two.yaml", "--set", f"trackers.slow.use={module}:T", "--workers", "1"]
     environment = {**os.environ, "TERM": "xterm", "TRACKBENCH_CACHE": str(tmp_path / "cache")}
     lines = on_a_terminal(command, tmp_path, environment)
     bars = [line for line in lines if "━" in line]

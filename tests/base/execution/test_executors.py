@@ -141,6 +141,20 @@ def test_whoever_is_free_makes_the_next_call() -> None:
     shared.shutdown()
 
 
+def test_what_cannot_be_sent_is_made_here() -> None:
+    begun = Event()
+
+    def start() -> tuple[Executor, int]:
+        begun.set()
+        return Threads(Event(), Event()), 1
+
+    shared = Shared(start)
+    futures = [shared.submit(Task(lambda _, number: number, None, None, long=True), number) for number in range(2)]
+    assert begun.wait(10)
+    assert [future.result() for future in futures] == [0, 1]
+    shared.shutdown()
+
+
 def test_where_no_other_process_can_be_started_this_one_does_all() -> None:
     def start() -> tuple[Executor, int]:
         raise OSError("no more processes")

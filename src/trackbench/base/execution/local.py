@@ -62,7 +62,7 @@ class LocalProcesses(Executor):
         self._scratch.cleanup()
 
     def __str__(self) -> str:
-        return f"in {self._number} processes of this machine"
+        return f"in {self._number} processes of this machine" if self._number > 1 else "in another process"
 
     def _new(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(

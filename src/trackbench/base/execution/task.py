@@ -202,34 +202,38 @@ class Shared(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the other processes, whatever they do."""
-        self._closed = True
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer.join()
+        with self._lock:
+            self._closed, timer = True, self._timer
+        if timer is not None:
+            timer.cancel()
+            timer.join()
         if self._others is not None:
             self._others.shutdown(wait=wait, cancel_futures=cancel_futures)
 
     def __str__(self) -> str:
-        return "in this process, and in others beside it if it takes long"
+        return "in this process"
 
     def _begin(self) -> None:
-        if self._closed:
-            return
+        with self._lock:
+            if self._closed or not self._waiting:
+                self._timer = None
+                return
         try:
             self._others, self._free = self._start()
         except Exception as error:
             log.info("no other processes can be started: %s", one_line(error))
             return
-        log.info("the work runs %s beside this one", self._others)
+        log.info("the work runs %s as well", self._others)
         self._share()
 
     def _share(self) -> None:
         """Give what waits to the others that are free."""
         while True:
             with self._lock:
-                if not self._free or not self._waiting:
+                outcome = next((item for item in self._waiting if item.sendable), None) if self._free else None
+                if outcome is None:
                     return
-                outcome = self._waiting.popleft()
+                self._waiting.remove(outcome)
                 self._free -= 1
             assert self._others is not None
             try:
@@ -262,6 +266,15 @@ class _Either(Future[Any]):
     def __init__(self, call: Callable[[], Any], taken: Callable[[_Either], _Either | None]) -> None:
         super().__init__()
         self.call, self._taken = call, taken
+
+    @cached_property
+    def sendable(self) -> bool:
+        """Whether another process can be given it: what a user wrote may not."""
+        try:
+            pickle.dumps(self.call)
+        except Exception:
+            return False
+        return True
 
     def make(self, call: Callable[[], Any]) -> None:
         """Set what the call gives or raises."""
