@@ -35,6 +35,8 @@ def processes_of(group: int) -> list[str]:
 @pytest.mark.parametrize(
     ("number", "where"),
     [
+        (signal.SIGINT, ""),
+        (signal.SIGTERM, ""),
         (signal.SIGINT, "--workers 1"),
         (signal.SIGINT, "--workers 2"),
         (signal.SIGTERM, "--workers 2"),

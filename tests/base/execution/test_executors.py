@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -139,6 +140,20 @@ def test_whoever_is_free_makes_the_next_call() -> None:
     assert futures[1].result() == "elsewhere 1"
     assert [future.result() for future in futures[2:]] == ["2", "3"]
     shared.shutdown()
+
+
+def test_nothing_more_is_made_once_the_work_has_ended() -> None:
+    taken, leave = Event(), Event()
+    made: list[int] = []
+    shared = Shared(lambda: (Threads(taken, leave), 1))
+    shared.submit(Task(speak, [], None, long=True), 0, Here(made.append))
+    assert taken.wait(10)
+    later = [shared.submit(Task(speak, [], None), number, Here(made.append)) for number in (1, 2)]
+    shared.shutdown()
+    leave.set()
+    time.sleep(0.2)
+    assert not any(future.done() for future in later)
+    assert made in ([], [0])
 
 
 def test_what_cannot_be_sent_is_made_here() -> None:

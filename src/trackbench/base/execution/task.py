@@ -204,6 +204,7 @@ class Shared(Executor):
         """End the other processes, whatever they do."""
         with self._lock:
             self._closed, timer = True, self._timer
+            self._waiting.clear()
         if timer is not None:
             timer.cancel()
             timer.join()
@@ -239,6 +240,8 @@ class Shared(Executor):
             try:
                 future = self._others.submit(outcome.call)
             except Exception as error:
+                if self._closed:
+                    return
                 log.info("no other processes can be started: %s", one_line(error))
                 self._free = 0
                 outcome.make(outcome.call)
