@@ -95,7 +95,8 @@ def tracks(method: str, engine: Engine, seen: Traffic) -> Iterator[Tracks]:
     """By a tracker with the options of this problem, after each scan."""
     associate = {"method": method}
     given = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA, "associate": associate}
-    tracker = replace(build_multi(FilterConfig.model_validate(given)), engine=engine)
+    # As in a run whose sensors have no latency: no past state is kept.
+    tracker = replace(build_multi(FilterConfig.model_validate(given)), engine=engine, lag_s=0.0)
     state = None
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
         state, found = tracker.step(

@@ -101,7 +101,8 @@ class Scan(NamedTuple):
     noise_covariance: Array
     """``(m, m)`` covariance of the measurement noise that the sensor states."""
     sensor_pose: Array
-    """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame."""
+    """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame; ``(3, runs)`` where a built-in tracker of several
+    objects takes runs of several scenes at once, and the velocity ``(2, runs)``."""
     sensor_velocity: Array
     """``(2,)`` vx, vy of the sensor in the fixed frame, m/s."""
     arrival_time: float
@@ -141,6 +142,15 @@ def scan_of_run(scan: Scan, run: int) -> Scan:
         # What one tracker must not change of what the next one reads.
         values.setflags(write=scan.measurement.flags.writeable)
     return scan._replace(measurement=measurement, valid=valid)
+
+
+def with_sensor_of(scan: Scan, run: Indices) -> Scan:
+    """The scan with the sensor's pose ``(3, ...)`` and velocity ``(2, ...)`` in each of some runs ``(...)``; as it is
+    where the sensor is the same in all."""
+    if scan.sensor_pose.ndim == 1:
+        return scan
+    pose, velocity = scan.sensor_pose.take(run, axis=1), scan.sensor_velocity.take(run, axis=1)
+    return scan._replace(sensor_pose=pose, sensor_velocity=velocity)
 
 
 class Tracks(NamedTuple):

@@ -107,7 +107,7 @@ class TrackerDrive(Generic[Answer]):
         engine: whose making of kernels is left out of the times.
         origins: of each scan ``(2, D, runs)`` the object that each detection stems from and the second one of a
             merged detection, where identities are hidden.
-        before: called before each step, with the tracker and its delivery.
+        after: called after each step, with the tracker and its delivery.
         given: makes of a scan the one that the tracker is given, such as one of several copies.
         each_measurement: as of ``deliveries``.
     """
@@ -120,12 +120,12 @@ class TrackerDrive(Generic[Answer]):
         *,
         engine: Engine = "numpy",
         origins: Sequence[Indices] | None = None,
-        before: Callable[[Any, Delivery], None] | None = None,
+        after: Callable[[Any, Delivery], None] | None = None,
         given: Callable[[Scan], Scan] | None = None,
         each_measurement: bool = False,
     ) -> None:
         self._start, self._scans, self._sensors, self._engine = start, scans, sensors, engine
-        self._origins, self._before, self._given = origins, before, given
+        self._origins, self._after, self._given = origins, after, given
         self._each_measurement = each_measurement
         self._tracker: Stepper | None = None
         self.instant = 0
@@ -175,14 +175,14 @@ class TrackerDrive(Generic[Answer]):
             self.instant = instant
             for place, delivery in enumerate(group):
                 self.sensor = delivery.scan.sensor
-                if self._before is not None:
-                    self._before(tracker, delivery)
                 if self._given is not None:
                     delivery = delivery._replace(scan=self._given(delivery.scan))
                 identities = self._identities(delivery)
                 begin, making = time.perf_counter(), seconds_on_kernels(self._engine)
                 answer = tracker.step(delivery.scan, *identities)
                 seconds = time.perf_counter() - begin - (seconds_on_kernels(self._engine) - making)
+                if self._after is not None:
+                    self._after(tracker, delivery)
                 last = place == len(group) - 1
                 yield DriveStep(instant, *delivery, answer, math.nan if offline else seconds, last)
 

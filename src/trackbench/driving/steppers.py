@@ -28,7 +28,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, SmoothedTracker, TrackState
 from trackbench.trackers.library import maker
-from trackbench.trackers.multi import MultiObjectTracker, build_multi
+from trackbench.trackers.multi import MultiObjectState, MultiObjectTracker, build_multi
 
 
 class Traits(NamedTuple):
@@ -88,7 +88,7 @@ def local(
     form = TRACKS_FORM if several else ESTIMATE_FORM
     if isinstance(config, FilterConfig):
         if several:
-            return Batched(prepare(build_multi(config)), form)
+            return DirectTracks(prepare(build_multi(config)))
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(prepare(build(config)))
@@ -127,6 +127,29 @@ class Direct(Stepper):
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
         return self.tracker.engine_used
+
+
+class DirectTracks(Stepper):
+    """A built-in tracker of several objects, whose answers have the right form by construction."""
+
+    def __init__(self, tracker: MultiObjectTracker) -> None:
+        self._tracker = tracker
+        self._state: MultiObjectState | None = None
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
+        """The tracks of all runs."""
+        self._state, tracks = self._tracker.step(self._state, scan, origins if self._tracker.wants_origins else None)
+        return tracks
+
+    def predicted(self, run: int) -> Tracks:
+        """The tracks of one run as they were expected at the latest scan, before its detections."""
+        assert self._state is not None
+        return self._tracker.predicted(self._state, run)
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return self._tracker.engine_used
 
 
 class Offline(Stepper):
@@ -175,17 +198,6 @@ class Batched(Stepper):
         require_kept(answer, self._estimated, finite=False)
         self._estimated = answer is not None
         return answer
-
-    def predicted(self, time: float, run: int) -> Tracks:
-        """The tracks of one run at a later time, of a built-in tracker of several objects, which stays as it is."""
-        tracks: Tracks = self._tracker.tracker.predicted(self._tracker.state, time, run)
-        return tracks
-
-    @property
-    def engine_used(self) -> EngineUsed | None:
-        """What computed the steps so far, of a built-in tracker."""
-        tracker = self._tracker.tracker
-        return tracker.engine_used if isinstance(tracker, MultiObjectTracker) else None
 
 
 class Looped(Stepper):

@@ -60,6 +60,7 @@ class FusedFilter:
         self.form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
+        self._sensors_matter = any(motion.sensors_with_errors for motion in filter.motions)
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
         """The one that is taken in, of which kernels know but a part."""
@@ -237,8 +238,7 @@ class FusedFilter:
 
     def _sensor_of(self, scan: Scan | None) -> str | None:
         """The sensor's name, where the filter's equations depend on it."""
-        known = scan is not None and any(motion.sensors_with_errors for motion in self.filter.motions)
-        return scan.sensor if scan is not None and known else None
+        return scan.sensor if scan is not None and self._sensors_matter else None
 
     def _made(
         self,

@@ -81,6 +81,9 @@ class Kernels:
         self._kept = kept or KernelCache()
         self._found: dict[tuple[Any, ...], Kernel | None] = {}
         self._plans: dict[Hashable, CallPlan] = {}
+        """By the shapes of the inputs."""
+        self._forms: dict[Hashable, CallPlan] = {}
+        """By the shapes without the number of members, of one batch axis."""
         self.comparisons = Comparisons(np.random.default_rng(0))
         """Of users' equations, drawn anew for every run."""
         self._compared: set[int] = set()
@@ -149,10 +152,30 @@ class Kernels:
                 # NumPy would make an array of the number to say so.
                 looks.append((kind, () if kind is float else np.shape(value)))
         key = equations.key or id(equations), equations.name, *looks
-        return self._plans.get(key) or self._planned(key, equations, values)
+        return self._plans.get(key) or self._resized(key, looks, equations, values)
 
-    def _planned(self, key: Hashable, equations: Equations, values: Values) -> CallPlan:
+    def _resized(
+        self, key: Hashable, looks: Sequence[tuple[Any, tuple[int, ...]]], equations: Equations, values: Values
+    ) -> CallPlan:
+        """As ``_planned``; with one batch axis the plan of another number of members serves."""
         batch = batch_of(equations.ranks, values)
+        if len(batch) != 1:
+            return self._planned(key, equations, values, batch)
+        forms = []
+        for (kind, shape), rank in zip(looks, equations.ranks.values(), strict=True):
+            forms.append((kind, shape[:rank], shape[rank:] == batch or len(shape) - rank))
+        form = equations.key or id(equations), equations.name, batch[0] >= LEAST_GROUP, batch[0] == 1, *forms
+        plan = self._forms.get(form)
+        if plan is None or plan.equations is not equations:
+            plan = self._forms[form] = self._planned(key, equations, values, batch)
+        elif plan.batch != batch:
+            plan = plan._replace(batch=batch, members=batch[0])
+        if len(self._plans) >= PLANS:
+            self._plans.clear()
+        self._plans[key] = plan
+        return plan
+
+    def _planned(self, key: Hashable, equations: Equations, values: Values, batch: tuple[int, ...]) -> CallPlan:
         inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
         kernel = self._kernel(equations, inputs)
         ways = []
@@ -270,6 +293,7 @@ class Kernels:
             self.untraced[equations.key] = equations.name, wrong
             self._found = {key: None if key[1] == equations.key else kernel for key, kernel in self._found.items()}
             self._plans.clear()
+            self._forms.clear()
             return False
         for name, value in expected.items():
             components = value.shape[:-1]

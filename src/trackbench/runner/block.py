@@ -23,7 +23,7 @@ from trackbench.metrics.breakdown import summed
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
 from trackbench.runner.first_velocity import first_velocities
-from trackbench.runner.hidden_run import HiddenRun, TrafficScores
+from trackbench.runner.hidden_run import HiddenBatch, HiddenRun, TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome, LabelledRun, score_labelled_runs
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant, RecordedScans
 from trackbench.runner.second_drives import SecondDrives
@@ -31,8 +31,9 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden, side_by_side
 from trackbench.sensing.scans import Measurements, sense
+from trackbench.trackers.config import FilterConfig
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
@@ -102,33 +103,22 @@ def run_block(
         progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
         on_recorded_run: called with the recorded run, if it is in this block and identities are known.
     """
+    if work.cutoff is not None:
+        (block,) = run_group(work, [piece], progress)
+        return block
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
-    noise, kept = work.noise_of(piece.scene), None
-    if piece.scene == runs.start == 0:
-        draw_comparisons(work.engine_here, stream(work.seed, noise, 0, "comparisons"))
-    if work.has_recorded_run(piece):
-        kept = work.recorded_run - runs.start
+    kept = work.recorded_in(piece)
+    _draw_comparisons(work, piece)
     second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
-    start: Callable[[str], LabelledRun | HiddenRun]
-    measurements: Measurements | HiddenMeasurements
-    if work.cutoff is None:
-        measurements = sense(scene.sensors, work.seed, noise, runs)
-        targets = Targets(work, piece, measurements)
-        start = partial(
-            LabelledRun, work, piece, measurements=measurements, targets=targets, kept=kept, second_drives=second_drives
-        )
-        detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
-    else:
-        hidden = measurements = sense_hidden(scene.sensors, work.seed, noise, runs)
-
-        def start(name: str) -> HiddenRun:
-            kind = FiledRun if name in work.filed else HiddenRun
-            return kind(work, piece, name, hidden, kept, second_drives)
-
-        detections = _detections(measurements)
+    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
+    targets = Targets(work, piece, measurements)
+    start = partial(
+        LabelledRun, work, piece, measurements=measurements, targets=targets, kept=kept, second_drives=second_drives
+    )
+    detections = {name: float(count.sum()) for name, count in measurements.detections.items()}
     recorded = None if kept is None else _recorded_scans(work, measurements, kept)
-    observe = on_recorded_run if work.cutoff is None and recorded is not None else None
+    observe = on_recorded_run if recorded is not None else None
     if observe is not None and recorded is not None:
         observe(recorded.scans)
     steps, taken = len(scene.instants()) * len(work.trackers), itertools.count(1)
@@ -153,15 +143,83 @@ def run_block(
     )
 
 
+def _draw_comparisons(work: Work, piece: BlockRuns) -> None:
+    if piece.scene == piece.runs.start == 0:
+        draw_comparisons(work.engine_here, stream(work.seed, work.noise_of(0), 0, "comparisons"))
+
+
+def run_blocks(
+    work: Work,
+    group: Sequence[BlockRuns],
+    progress: Progress = no_progress,
+    on_recorded_run: OnRecordedRun | None = None,
+) -> list[Block]:
+    """The blocks of a group of ``Work.groups``; as ``run_block``."""
+    if work.cutoff is not None:
+        return run_group(work, group, progress)
+    return [run_block(work, piece, progress, on_recorded_run) for piece in group]
+
+
+def run_group(work: Work, pieces: Sequence[BlockRuns], progress: Progress = no_progress) -> list[Block]:
+    """Blocks with hidden identities; built-in trackers take the runs of all at once.
+
+    Args:
+        work: what all blocks share.
+        pieces: a group of ``Work.groups``, or one block.
+        progress: as of ``run_block``.
+    """
+    keep_freed_memory()
+    _draw_comparisons(work, pieces[0])
+    alone, blocks = [], []
+    for piece in pieces:
+        hidden = sense_hidden(work.scenes[piece.scene].sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+        kept = work.recorded_in(piece)
+        recorded = None if kept is None else _recorded_scans(work, hidden, kept)
+        first: Mapping[str, Array] = {}
+        if piece.runs.start == 0 and work.has_truth:
+            first = first_velocities(work.trackers, hidden, len(work.scenes[piece.scene].truth.ids))
+        alone.append(HiddenBatch([piece], hidden))
+        blocks.append(Block(piece, {}, _detections(hidden), hidden.digests, {}, recorded, first_velocities=first))
+    together = [HiddenBatch(pieces, side_by_side([batch.measurements for batch in alone]))]
+    runs, taken = sum(len(piece.runs) for piece in pieces), itertools.count(1)
+    for name, entry in work.trackers.items():
+        batches = together if isinstance(entry, FilterConfig) else alone
+        trackers = [_hidden_run(work, name, batch) for batch in batches]
+        if len(pieces) > len(trackers) and trackers[0].failure is not None:
+            # Each scene says for itself how far the tracker came.
+            trackers = [_hidden_run(work, name, batch) for batch in alone]
+        for tracker in trackers:
+            outcomes, engine = tracker.close(), tracker.engine
+            for place, piece in enumerate(tracker.pieces):
+                block = blocks[pieces.index(piece)]
+                block.outcomes[name] = outcomes if isinstance(outcomes, Failure) else outcomes[place]
+                if engine is not None:
+                    block.engines[name] = engine if place == 0 else engine._replace(again=0)
+                block.random |= {name} if tracker.random else set()
+        progress(next(taken) / len(work.trackers) * runs, runs)
+    blocks[0].unshown = take_unshown()
+    return blocks
+
+
+def _hidden_run(work: Work, name: str, batch: HiddenBatch) -> HiddenRun:
+    """A tracker that has taken all scans."""
+    (piece, *more) = batch.pieces
+    second_drives = SecondDrives(work, piece) if piece == work.driven_twice and not more else None
+    tracker = (FiledRun if name in work.filed else HiddenRun)(work, batch, name, second_drives)
+    for _ in range(tracker.chunk):
+        tracker.advance()
+    return tracker
+
+
 def _advance(
-    trackers: Mapping[str, LabelledRun | HiddenRun], count: int, step: Callable[[], None], observe: OnRecordedRun | None
+    trackers: Mapping[str, LabelledRun], count: int, step: Callable[[], None], observe: OnRecordedRun | None
 ) -> None:
     """Take trackers side by side through so many instants, and score them; ``step`` is called after each step of one,
     ``observe`` with the estimates of the recorded run at each instant."""
-    labelled = [tracker for tracker in trackers.values() if isinstance(tracker, LabelledRun)]
+    labelled = [*trackers.values()]
     instant = 0
     while instant < count:
-        many = labelled[0].advance_many(instant) if labelled and observe is None else 0
+        many = labelled[0].advance_many(instant) if observe is None else 0
         for _ in range(many):
             step()
         instant += many
@@ -176,7 +234,7 @@ def _advance(
         if observe is not None:
             observe(RecordedInstant(instant, estimates))
         instant += 1
-        if labelled and (instant == count or any(tracker.scorer.full for tracker in labelled)):
+        if instant == count or any(tracker.scorer.full for tracker in labelled):
             score_labelled_runs(labelled)
 
 
@@ -241,24 +299,24 @@ class PendingBlocks:
         observed: bool = False,
         alone: bool = True,
     ) -> None:
-        self._pieces = pieces
         options = {"observed": observed, "alone": alone}
         self._by_numpy = partial(PendingBlocks, loaded, replace(work, engine="numpy"), pieces, executor, **options)
         self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
         folder = own_folder(loaded)
-        tasks = {
-            scene: Task(run_block, work.of_scene(scene), folder, long=work.steps > LONG)
-            for scene in {piece.scene for piece in pieces}
-        }
-        here = InProcess()
-        self._futures = [
-            (here if (alone and len(pieces) == 1) or (observed and work.has_recorded_run(piece)) else executor).submit(
-                tasks[piece.scene], piece, Here(self._advance), Here(self._observe) if observed else None
+        self._groups, here = work.groups(pieces), InProcess()
+        self._futures = []
+        tasks: dict[tuple[int, ...], Task] = {}
+        for group in self._groups:
+            scenes = tuple(dict.fromkeys(piece.scene for piece in group))
+            if scenes not in tasks:
+                tasks[scenes] = Task(run_blocks, work.of_scenes(scenes), folder, long=work.steps > LONG)
+            local = (alone and len(self._groups) == 1) or (observed and any(map(work.has_recorded_run, group)))
+            observe = Here(self._observe) if observed else None
+            self._futures.append(
+                (here if local else executor).submit(tasks[scenes], group, Here(self._advance), observe)
             )
-            for piece in pieces
-        ]
 
     def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> list[Block]:
         """The blocks in their order; all of them by NumPy where machine code of a user's model turned out to be wrong.
@@ -272,9 +330,9 @@ class PendingBlocks:
         """
         self._progress, self._on_recorded_run = progress, on_recorded_run
         blocks: list[Block] = []
-        for piece, future in zip(self._pieces, self._futures, strict=True):
-            blocks.append(future.result())
-            self._done += len(piece.runs)
+        for group, future in zip(self._groups, self._futures, strict=True):
+            blocks += future.result()
+            self._done += sum(len(piece.runs) for piece in group)
             self._progress(self._done, self._total)
         before: dict[str, EngineUsed] = {}
         for block in blocks:

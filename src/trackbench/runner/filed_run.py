@@ -13,7 +13,7 @@ from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import at_instants, inside, rows_of_run, truth_at, why_other_scans
-from trackbench.runner.hidden_run import HiddenRun, TrafficScores
+from trackbench.runner.hidden_run import HiddenRun, SceneRuns
 from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.track_rows import TrackRows
 
@@ -171,38 +171,34 @@ class FiledRun(HiddenRun):
 
     def advance(self) -> None:
         """Take them all at the first instant."""
-        if self._outcome is None:
+        if not self._outcomes:
             self._offsets: list[np.ndarray] = []
             self._counts = np.zeros(3, dtype=np.intp)
-            self._outcome = self._scored()
+            self._outcomes = self._scored()
+            (outcome,) = self._outcomes
+            outcome.offset = np.concatenate(self._offsets, axis=1)
+            outcome.filed = self._counts
 
-    def _scored(self) -> TrafficScores:
-        outcome = super()._scored()
-        outcome.offset = np.concatenate(self._offsets, axis=1)
-        outcome.filed = self._counts
-        return outcome
-
-    def _histories(self) -> Callable[[int], tuple[TruthHistory, TrackHistory]]:
+    def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         config = self._work.trackers[self.name]
         assert isinstance(config, TracksConfig)
         every = self._work.filed[self.name]
-        shift = float(every.start - self._truth.start) + config.time_offset_s
 
-        def histories(run: int) -> tuple[TruthHistory, TrackHistory]:
-            number = self._piece.runs.start + run
-            rows = rows_of_run(every, self._piece.scene, number)
+        def histories(part: SceneRuns, run: int) -> tuple[TruthHistory, TrackHistory]:
+            number, truth = part.piece.runs.start + run, part.scene.truth
+            shift = float(every.start - truth.start) + config.time_offset_s
+            rows = rows_of_run(every, part.piece.scene, number)
             problem = why_other_scans(rows, self._hidden.digests[run].hex()[:16])
             # Without a sensor there are no scans that the tracks could have been made of.
             if problem is not None and self._hidden.scans:
-                where = f"scene {self._piece.scene}, run {number}"
+                where = f"scene {part.piece.scene}, run {number}"
                 raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")
-            there = inside(rows, shift, self._truth.time[0], self._truth.time[-1])
+            there = inside(rows, shift, truth.time[0], truth.time[-1])
             self._counts += len(rows), there.sum(), not there.any()
             history, stamp = at_instants(rows, self._time, shift)
-            truth = truth_at(self._truth, number, self._truth_of(run), stamp)
-            pairs = offset_pairs(rows, self._truth, number, shift, self._work.cutoff or 0.0)
-            of_run = np.full((1, pairs.shape[1]), self._work.number(self._piece.scene, number))
+            pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
+            of_run = np.full((1, pairs.shape[1]), self._work.number(part.piece.scene, number))
             self._offsets.append(np.concatenate([of_run, pairs]))
-            return truth, history
+            return truth_at(truth, number, self._truth_of(part, run), stamp), history
 
         return histories

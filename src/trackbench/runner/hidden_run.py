@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
 from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
 from trackbench.driving.faults import TrackFault
 from trackbench.driving.remote import start
-from trackbench.driving.steppers import Batched, Stepper
+from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
 from trackbench.metrics.traffic import (
     Associations,
@@ -32,11 +32,10 @@ from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.tracker_run import TrackerRun
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
-from trackbench.runner.work import BlockRuns, Work
+from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.view import unscored
 from trackbench.trackers.answers import NO_TRACK, tracks_of_run
-from trackbench.trackers.config import FilterConfig
 from trackbench.truth.recorded.stretches import stretch_of
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -69,54 +68,86 @@ class TrafficScores:
     """Of tracks made elsewhere, the numbers of rows, of those within the time of the truth, and of runs without any."""
 
 
+class HiddenBatch(NamedTuple):
+    """The runs that a tracker takes at once: of one scene, or of several whose sensors measure at the same times."""
+
+    pieces: Sequence[BlockRuns]
+    measurements: HiddenMeasurements
+    """Of the runs of all pieces, one after the other."""
+
+    @property
+    def runs(self) -> int:
+        """Number of runs of all pieces."""
+        return sum(len(piece.runs) for piece in self.pieces)
+
+
+class SceneRuns(NamedTuple):
+    """The runs of one scene in a batch."""
+
+    piece: BlockRuns
+    scene: Scene
+    first: int
+    """Number of its first run in the batch."""
+
+
 class HiddenRun(TrackerRun[Tracks]):
     """One tracker; each is scored alone, when it has taken all scans.
 
     Args:
         work: what all blocks share.
-        piece: the runs of this block.
+        batch: the runs, and their detections.
         name: of the tracker.
-        hidden: the detections of the block.
-        kept: number of the recorded run in this block, if it is there.
         second_drives: as of ``TrackerRun``.
     """
 
-    def __init__(
-        self,
-        work: Work,
-        piece: BlockRuns,
-        name: str,
-        hidden: HiddenMeasurements,
-        kept: int | None,
-        second_drives: SecondDrives | None,
-    ) -> None:
-        config, scene = work.trackers[name], work.scenes[piece.scene]
-        self._hidden, self._due, self._kept = hidden, scene.due, kept
-        self._truth = scene.truth
-        self._motion = scene.truth.px, scene.truth.py, scene.truth.vx, scene.truth.vy
-        with_engine = partial(replace, engine=work.engine_here)
+    def __init__(self, work: Work, batch: HiddenBatch, name: str, second_drives: SecondDrives | None) -> None:
+        config, scene = work.trackers[name], work.scenes[batch.pieces[0].scene]
+        self._batch, self._hidden = batch, batch.measurements
+        steps, scans = scene.due.steps, self._hidden.scans
+        late = any(sensor.config.latency[1] > 0 for sensor in scene.sensors)
+        # Where nothing comes late no past state needs to be kept.
+        options = {"engine": work.engine_here} if late else {"engine": work.engine_here, "lag_s": 0.0}
         drive = TrackerDrive[Tracks](
             lambda: start(
-                work.driven(name), work.folder, len(piece.runs), with_engine, work.isolation, True, work.sensors
+                work.driven(name),
+                work.folder,
+                batch.runs,
+                lambda tracker: replace(tracker, **options),
+                work.isolation,
+                True,
+                work.sensors,
             ),
-            hidden.scans,
+            scans,
             config.sensors_used,
             engine=work.engine_here,
-            origins=[np.stack(both) for both in zip(hidden.origins, hidden.merged, strict=True)],
-            before=self._predict,
+            origins=[np.stack(both) for both in zip(self._hidden.origins, self._hidden.merged, strict=True)],
+            after=self._note_predicted,
         )
-        super().__init__(work, piece, name, drive, scene.truth.time[self._due.steps], second_drives)
+        super().__init__(work, batch.pieces[0], name, drive, scene.truth.time[steps], second_drives)
+        firsts = np.cumsum([0, *(len(piece.runs) for piece in batch.pieces)]).tolist()
+        scenes = [work.scenes[piece.scene] for piece in batch.pieces]
+        self._parts = list(map(SceneRuns, batch.pieces, scenes, firsts))
         self._tracks_at: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
-        self._predicted_runs = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
+        self._predicted_runs = [
+            part.first + run
+            for part in self._parts
+            for run in range(len(part.piece.runs))
+            if not part.scene.truth.known or run == work.recorded_in(part.piece)
+        ]
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._predicted_runs}
-        self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(hidden.scans))
-        self._outcome: TrafficScores | None = None
+        self._seconds, self._timed, self._untimed = 0.0, 0, int(UNTIMED * len(scans))
+        self._outcomes: list[TrafficScores] = []
+
+    @property
+    def pieces(self) -> Sequence[BlockRuns]:
+        """Of the batch."""
+        return self._batch.pieces
 
     @property
     def chunk(self) -> int:
         """Number of instants after which it is scored: all."""
-        return len(self._due.steps)
+        return len(self._time)
 
     def advance(self) -> None:
         """Take the tracker through the next instant, unless it has failed; after the last one, end and score it."""
@@ -124,17 +155,14 @@ class HiddenRun(TrackerRun[Tracks]):
         if self.failure is None and len(self._tracks_at) == self.chunk:
             self.end()
             if self.failure is None:
-                self._outcome = self._scored()
+                self._outcomes = self._scored()
             # Several trackers' tracks of all instants at once may not fit the memory.
             self._tracks_at, self._taken, self._predicted = [], [], {}
 
-    def close(self) -> TrafficScores | Failure:
-        """What it left behind, once all instants were taken."""
+    def close(self) -> list[TrafficScores] | Failure:
+        """What it left behind of each piece, once all instants were taken."""
         self.end()
-        if self.failure is not None:
-            return self.failure
-        assert self._outcome is not None
-        return self._outcome
+        return self._outcomes if self.failure is None else self.failure
 
     def _take(self, step: DriveStep[Tracks]) -> None:
         if self._untimed:
@@ -147,48 +175,57 @@ class HiddenRun(TrackerRun[Tracks]):
         if step.last:
             self._tracks_at.append(step.answer)
 
-    def _predict(self, tracker: Stepper, delivery: Delivery) -> None:
-        """Keep what a built-in tracker expects before a scan; others could be changed by the question."""
+    def _note_predicted(self, tracker: Stepper, delivery: Delivery) -> None:
+        """Keep what a built-in tracker expected before a scan."""
         scan, number, read = delivery
         if not read or number is None or scan.arrival_time != scan.time:
             return
-        if isinstance(self._work.trackers[self.name], FilterConfig) and isinstance(tracker, Batched):
+        if isinstance(tracker, DirectTracks):
             for run in self._predicted_runs:
-                self._predicted[run][number] = tracker.predicted(scan.time, run)
+                self._predicted[run][number] = tracker.predicted(run)
 
-    def _scored(self) -> TrafficScores:
-        runs = self._piece.runs
-        steps = self._timed * len(runs)
-        outcome = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
-        taken = self._associations() if self._truth.known else None
+    def _scored(self) -> list[TrafficScores]:
+        taken = self._associations() if self._parts[0].scene.truth.known else None
         histories = self._histories()
-        summing = accumulators([item for item in self._work.metrics if self._truth.known or item.without_truth])
+        return [self._scored_part(part, histories, taken) for part in self._parts]
+
+    def _scored_part(
+        self,
+        part: SceneRuns,
+        histories: Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]],
+        taken: Associations | None,
+    ) -> TrafficScores:
+        piece, scene = part.piece, part.scene
+        with_truth, count = scene.truth.known, len(piece.runs)
+        share = count / self._batch.runs
+        outcome = TrafficScores(TrafficSums(), np.zeros(count), share * self._seconds, self._timed * count)
+        summing = accumulators([item for item in self._work.metrics if with_truth or item.without_truth])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         ends, counted = self._stretches()
-        scope = TrackScope(self.name, len(counted) if ends else len(runs), options)
+        scope = TrackScope(self.name, len(counted) if ends else count, options)
         sums = {name: accumulator.init(scope) for name, accumulator in summing.items()}
-        for run in range(len(runs)):
-            truth, history = histories(run)
-            own = None if taken is None else _associations_of(taken, run)
+        for run in range(count):
+            truth, history = histories(part, run)
+            own = None if taken is None else _associations_of(taken, part.first + run, len(scene.truth.ids))
             outside = None
-            if self._truth.known:
-                if self._truth.unscored is not None:
+            if with_truth:
+                if scene.truth.unscored is not None:
                     # A track is on an object up to half of the cutoff.
                     x, y = history.mean[:2]
-                    outside = unscored(self._truth, self._due.steps, x, y, margin=options.cutoff / 2)
+                    outside = unscored(scene.truth, scene.due.steps, x, y, margin=options.cutoff / 2)
                 scores = score_run(truth, history, options, own, outside, ends)
             else:
                 scores = self._scored_without_truth(run, ends)
             tracked = TrackedRun(truth, history, own, scores, outside)
-            parts = in_stretches(tracked, ends) if ends else [tracked]
-            for part in [parts[number] for number in counted] if ends else parts:
-                sums = {name: item.update(sums[name], part) for name, item in summing.items()}
-            number = self._work.number(self._piece.scene, runs.start + run)
-            outcome.sums.add(number, scores, recorded=run == self._kept)
+            pieces = in_stretches(tracked, ends) if ends else [tracked]
+            for stretch in [pieces[number] for number in counted] if ends else pieces:
+                sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}
+            number, recorded = self._work.number(piece.scene, piece.runs.start + run), self._work.recorded_in(piece)
+            outcome.sums.add(number, scores, recorded=run == recorded)
             outcome.reused_ids[run] = reused(history.ids)
-            if run == self._kept:
-                outcome.recorded, outcome.taken = history, self._detections_taken(run)
-                outcome.predicted = self._predicted[run]
+            if run == recorded:
+                outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
+                outcome.predicted = self._predicted[part.first + run]
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
 
@@ -206,25 +243,27 @@ class HiddenRun(TrackerRun[Tracks]):
         until = tuple(score_without_truth(judged[:number]) if number else {} for number in taken)
         return without_truth(score_without_truth(judged))._replace(until=until)
 
-    def _truth_of(self, run: int) -> TruthHistory:
-        """The truth at the instants, in a run counted from the first of the block."""
-        single = range(self._piece.runs.start + run, self._piece.runs.start + run + 1)
-        state = np.stack([of_runs(part, single)[self._due.steps, :, 0] for part in self._motion])
-        return TruthHistory(self._time, state, of_runs(self._due.status, single)[..., 0])
+    def _truth_of(self, part: SceneRuns, run: int) -> TruthHistory:
+        """The truth at the instants, in a run counted from the first of the piece."""
+        single = range(part.piece.runs.start + run, part.piece.runs.start + run + 1)
+        truth, due = part.scene.truth, part.scene.due
+        motion = truth.px, truth.py, truth.vx, truth.vy
+        state = np.stack([of_runs(component, single)[due.steps, :, 0] for component in motion])
+        return TruthHistory(self._time, state, of_runs(due.status, single)[..., 0])
 
-    def _histories(self) -> Callable[[int], tuple[TruthHistory, TrackHistory]]:
+    def _histories(self) -> Callable[[SceneRuns, int], tuple[TruthHistory, TrackHistory]]:
         """A function that gives the truth and the tracks of a run."""
         tracks = _stacked(self._tracks_at)
-        return lambda run: (self._truth_of(run), _of_run(tracks, run))
+        return lambda part, run: (self._truth_of(part, run), _of_run(tracks, part.first + run))
 
     def _associations(self) -> Associations | None:
         """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say, or
         where nothing says of which object a detection is."""
-        if not self._taken or self._work.scenes[self._piece.scene].unlabelled:
+        if not self._taken or self._parts[0].scene.unlabelled:
             return None
         if any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
             return None
-        runs, objects = len(self._piece.runs), len(self._truth.ids)
+        runs, objects = self._batch.runs, max(len(part.scene.truth.ids) for part in self._parts)
         shape = (len(self._taken), max(len(tracks.ids) for _, tracks, _ in self._taken), runs)
         ids, origin = np.full(shape, NO_TRACK), np.full(shape, NO_DETECTION)
         merged, detected = np.full(shape, NO_TRACK), np.zeros((shape[0], objects, runs), dtype=bool)
@@ -299,8 +338,12 @@ def _stacked(instants: Sequence[Tracks]) -> Tracks:
 def _of_run(tracks: Tracks, run: int) -> TrackHistory:
     """The history of one run, in no more columns than it needs."""
     ids = tracks.ids[..., run]
-    order = np.argsort(ids == NO_TRACK, axis=1, kind="stable")
-    order = order[:, : int((ids != NO_TRACK).sum(axis=1).max(initial=0))]
+    there = ids != NO_TRACK
+    most = int(there.sum(axis=1).max(initial=0))
+    if (there[:, 1:] <= there[:, :-1]).all():
+        own = Tracks(*(None if part is None else part[..., :most, run].copy() for part in tracks))  # type: ignore[arg-type]
+        return TrackHistory(own.ids, own.mean, own.covariance, own.existence)
+    order = np.argsort(~there, axis=1, kind="stable")[:, :most]
     rows = np.arange(len(ids))[:, None]
     existence = None if tracks.existence is None else tracks.existence[rows, order, run]
     return TrackHistory(
@@ -308,6 +351,6 @@ def _of_run(tracks: Tracks, run: int) -> TrackHistory:
     )
 
 
-def _associations_of(taken: Associations, run: int) -> Associations:
-    merged = None if taken.merged is None else taken.merged[..., run]
-    return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], taken.detected[..., run], merged)
+def _associations_of(taken: Associations, run: int, objects: int) -> Associations:
+    merged, detected = None if taken.merged is None else taken.merged[..., run], taken.detected[:, :objects, run]
+    return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], detected, merged)

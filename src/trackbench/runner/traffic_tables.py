@@ -70,20 +70,20 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
     }
 
 
-def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> tuple[Array, Array]:
-    """``(K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
+def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> Array:
+    """``(2, K, CORNERS)`` x and y, m: the edge of each gate over the first two components of a measurement.
 
     The sensor's equation is linearised at the track. A gate is an ellipsoid, and its shadow on two components is the
     ellipse of their covariance with the same threshold.
 
     Args:
-        scan: of the sensor.
+        scan: of the sensor, whose pose may be ``(3, K)`` and velocity ``(2, K)``.
         mean: ``(4, K)`` of the predicted tracks.
         covariance: ``(4, 4, K)``.
         threshold: of the squared Mahalanobis distance.
     """
     model = SENSOR_MODELS[scan.kind]
-    pose, velocity = scan.sensor_pose[:, None], scan.sensor_velocity[:, None]
+    pose, velocity = scan.sensor_pose.reshape(3, -1), scan.sensor_velocity.reshape(2, -1)
     slope = model.jacobian(mean, pose, velocity)
     spread = np.einsum("iak,abk,jbk->ijk", slope, covariance, slope) + scan.noise_covariance[..., None]
     expected = model.measure(mean, pose, velocity)
@@ -93,8 +93,9 @@ def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> tu
     edge = expected[:, :, None] * np.ones(CORNERS)
     edge[:2] += np.einsum("kij,jc->ikc", factor, circle)
     flat = edge.reshape(len(edge), -1)
-    position = model.position(scan._replace(measurement=flat, valid=np.ones(flat.shape[1], dtype=bool))).mean
-    return position[0].reshape(-1, CORNERS), position[1].reshape(-1, CORNERS)
+    pose = np.repeat(np.broadcast_to(pose, (3, mean.shape[1])), CORNERS, axis=1)
+    flat_scan = scan._replace(measurement=flat, valid=np.ones(flat.shape[1], dtype=bool), sensor_pose=pose)
+    return model.position(flat_scan).mean.reshape(2, -1, CORNERS)
 
 
 def _detection_records(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> list[Record]:
@@ -169,15 +170,26 @@ def _gate_records(work: Work, name: str, outcome: TrafficScores, scans: Sequence
     config = work.trackers[name]
     if not isinstance(config, FilterConfig) or config.associate is None or config.associate.method == "oracle":
         return []
-    records: list[Record] = []
-    for number, tracks in outcome.predicted.items():
-        scan = scans[number]
+    if not outcome.predicted:
+        return []
+    ids, mean, covariance = (
+        np.concatenate(part, axis=-1) for part in zip(*(t[:3] for t in outcome.predicted.values()), strict=False)
+    )
+    number = np.repeat(list(outcome.predicted), [len(tracks.ids) for tracks in outcome.predicted.values()])
+    pose, velocity = (
+        np.stack(part, axis=-1)[:, number]
+        for part in zip(*((s.sensor_pose, s.sensor_velocity) for s in scans), strict=False)
+    )
+    sensor, time = np.array([scan.sensor for scan in scans])[number], np.array([scan.time for scan in scans])[number]
+    edges = np.empty((2, len(number), CORNERS))
+    for scan in {scan.sensor: scan for scan in scans}.values():
+        own = np.flatnonzero(sensor == scan.sensor)
         threshold = float(chi_square_quantile(config.associate.gate, float(len(scan.measurement))))
-        x, y = outlines(scan, tracks.mean, tracks.covariance, threshold)
-        track = np.repeat(tracks.ids.astype(float), CORNERS)
-        keys = {"tracker": name, "time_s": float(scan.time), "scan": float(number), "track": track}
-        records.append({**keys, "x_m": x.ravel(), "y_m": y.ravel()})
-    return records
+        scan = scan._replace(sensor_pose=pose[:, own], sensor_velocity=velocity[:, own])
+        edges[:, own] = outlines(scan, mean[:, own], covariance[..., own], threshold)
+    keys = {"time_s": time, "scan": number.astype(float), "track": ids.astype(float)}
+    points = {key: np.repeat(values, CORNERS) for key, values in keys.items()}
+    return [{"tracker": name, **points, "x_m": edges[0].ravel(), "y_m": edges[1].ravel()}]
 
 
 def _events_record(name: str, blocks: Sequence[TrafficSums], work: Work) -> Record:

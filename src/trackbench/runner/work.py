@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
+from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +42,9 @@ from trackbench.truth.track_rows import TrackRows
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
 #: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.
 BATCH_SIZE, LARGEST_BATCH = 2000, 8000
+#: Objects times runs of blocks of several scenes that are made at once: enough that a step takes its time for them, and
+#: so few that two processes share the scenes of a run.
+LARGEST_TOGETHER = 1000
 #: Objects times runs times instants of a block in which a smoother keeps what its filter believed: some 100 MB.
 LARGEST_SMOOTHED = 250_000
 
@@ -184,6 +188,28 @@ class Work:
                 start, block = stop, block + 1
         return pieces
 
+    def groups(self, pieces: Sequence[BlockRuns]) -> list[list[BlockRuns]]:
+        """Blocks that are made at once: with hidden identities small ones of scenes whose sensors measure at the same
+        times, since a built-in tracker's step takes as long for a few runs as for one; else each alone."""
+        groups: list[list[BlockRuns]] = []
+        for _, alike in groupby(pieces, key=self._measured_at):
+            some = list(alike)
+            sizes = [len(self.scenes[piece.scene].truth.ids) * len(piece.runs) for piece in some]
+            before, total = np.cumsum(sizes) - sizes, max(sum(sizes), 1)
+            number = before * ceil(total / LARGEST_TOGETHER) // total
+            groups += [[some[i] for i in np.flatnonzero(number == part)] for part in np.unique(number)]
+        return groups
+
+    def _measured_at(self, piece: BlockRuns) -> Hashable:
+        """Equal of blocks that may be made at once."""
+        scene = self.scenes[piece.scene]
+        late = any(sensor.config.latency[0] < sensor.config.latency[1] for sensor in scene.sensors)
+        recorded = any(sensor.recorded or sensor.detections is not None for sensor in scene.sensors)
+        built_in = any(isinstance(entry, FilterConfig) for entry in self.trackers.values())
+        if self.cutoff is None or not built_in or self.stretches or not scene.truth.known or late or recorded:
+            return piece
+        return tuple(sensor.time.tobytes() for sensor in scene.sensors)
+
     def number(self, scene: int, run: int) -> int:
         """Of a run among those of all scenes; of a log that is cut, that of its first stretch."""
         return scene * max(self.runs, self.stretches) + run
@@ -229,9 +255,14 @@ class Work:
         """``(instants,)`` of that scene, s."""
         return self.longest_scene.truth.time[self.longest_scene.instants()]
 
-    def of_scene(self, scene: int) -> Work:
-        """What the blocks of one scene need: of the others, no more than how many there are."""
-        return replace(self, scenes=[self.scenes[scene]] * len(self.scenes))
+    def of_scenes(self, scenes: Collection[int]) -> Work:
+        """What the blocks of some scenes need: of the others, no more than how many there are."""
+        first = self.scenes[min(scenes)]
+        return replace(self, scenes=[each if number in scenes else first for number, each in enumerate(self.scenes)])
+
+    def recorded_in(self, piece: BlockRuns) -> int | None:
+        """The number of the recorded run in a block, if it is there."""
+        return self.recorded_run - piece.runs.start if self.has_recorded_run(piece) else None
 
     def has_recorded_run(self, piece: BlockRuns) -> bool:
         """Whether the recorded run is one of these."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -214,6 +214,40 @@ class HiddenMeasurements:
     """For each scan ``(D, runs)``: the second object of a merged detection, else -1."""
     digests: list[bytes]
     """A fingerprint of each run's measurements."""
+
+
+def side_by_side(parts: Sequence[HiddenMeasurements]) -> HiddenMeasurements:
+    """The measurements of runs of several scenes as those of one block, each run with the pose of its own sensor.
+
+    Those of a single scene too: to the last bit a run is then the same with and without others.
+
+    Args:
+        parts: of each scene, by the same sensors at the same times.
+    """
+    runs = [len(part.digests) for part in parts]
+    firsts = np.cumsum(runs) - runs
+    scans, origins, merged = [], [], []
+    for number, scan in enumerate(parts[0].scans):
+        own = [part.scans[number] for part in parts]
+        most = max(len(each.valid) for each in own)
+
+        def padded(values: Sequence[Any], fill: float, most: int = most) -> Any:
+            result = np.full((*values[0].shape[:-2], most, sum(runs)), fill, dtype=values[0].dtype)
+            for each, first, count in zip(values, firsts, runs, strict=True):
+                result[..., : each.shape[-2], first : first + count] = each
+            make_read_only(result)
+            return result
+
+        pose, velocity = (
+            np.repeat(np.stack(values, axis=-1), runs, axis=-1)
+            for values in zip(*((each.sensor_pose, each.sensor_velocity) for each in own), strict=True)
+        )
+        make_read_only(pose, velocity)
+        measurement, valid = padded([each.measurement for each in own], np.nan), padded([each.valid for each in own], 0)
+        scans.append(scan._replace(measurement=measurement, valid=valid, sensor_pose=pose, sensor_velocity=velocity))
+        origins.append(padded([part.origins[number] for part in parts], PADDING))
+        merged.append(padded([part.merged[number] for part in parts], -1))
+    return HiddenMeasurements(scans, origins, merged, [digest for part in parts for digest in part.digests])
 
 
 class _Detections(NamedTuple):

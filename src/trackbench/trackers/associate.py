@@ -129,7 +129,8 @@ class AssociateConfig(Config):
         le=12,
         description="jpda, jipda, pmb. Tracks and detections that compete form a cluster. With at most this many "
         "tracks, or detections if these are fewer, its association probabilities are exact; beyond, and with 0 in "
-        "each cluster, by loopy belief propagation.",
+        "each cluster, by loopy belief propagation. pmb leaves out pairs of a weight up to 1e-4, which changes no "
+        "probability by more than the sum of these weights.",
     )
     detection_probability: Annotated[
         dict[str, Probability],

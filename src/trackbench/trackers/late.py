@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
@@ -131,6 +131,8 @@ class ScanTracker(ABC):
     engine: Engine = "numpy"
 
     batched: ClassVar = True
+    _forgotten: ClassVar[Mapping[str, Any]] = {"history": ()}
+    """What a past state that is kept needs no more, and what takes its place."""
 
     def reads(self, sensor: str) -> bool:
         """Whether the sensor's measurements update or start tracks."""
@@ -143,7 +145,7 @@ class ScanTracker(ABC):
             return self._after_late(state, scan, origins, number)
         if scan.time < state.time:
             return state, self._present(state)
-        before = state._replace(history=()) if state.history else state
+        before = state._replace(**self._forgotten) if self.lag_s > 0.0 else state
         after, answer = self._in_sequence(before, scan, origins)
         if self.late in ("replay", "retrodiction") and self.lag_s > 0.0:
             processed = ProcessedScan(before, scan, origins, answer)

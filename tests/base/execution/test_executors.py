@@ -222,7 +222,7 @@ def test_the_blocks_of_several_scenarios_are_made_at_once(write: Write, cluster:
     plan = RunPlan(workers=1 if cluster else 2, cluster=cluster)
     scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
     found = run_all(prepare(scenarios, plan, ordered, Listener()), plan, ordered, Listener())
-    assert ordered.events == ["asked for run_block"] * 3 + ["run_block"] * 3
+    assert ordered.events == ["asked for run_blocks"] * 3 + ["run_blocks"] * 3
     assert [result.summary.scenario.name for result in found] == ["one", "two", "three"]
 
 
@@ -244,7 +244,7 @@ def test_folders_are_written_while_others_are_computed(write: Write, tmp_path: P
     plan = RunPlan(tmp_path / "out", workers=2, left_out=frozenset({"recording.rrd"}))
     run_all(prepare(scenarios, plan, ordered, Told()), plan, ordered, Told())
     assert told == ["one", "two", "three"]
-    last_block = len(ordered.events) - ordered.events[::-1].index("run_block")
+    last_block = len(ordered.events) - ordered.events[::-1].index("run_blocks")
     assert ordered.events.index("asked for pages") < last_block
     assert (tmp_path / "out" / "comparison.html").is_file()
 

@@ -98,6 +98,10 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
     chosen = np.zeros(len(group), dtype=bool)
     left = np.flatnonzero(gain > 0)
     in_row, in_column = group * rows + row, group * columns + column
+    # Most have no rival at all.
+    alone = (np.bincount(in_row[left])[in_row[left]] == 1) & (np.bincount(in_column[left])[in_column[left]] == 1)
+    chosen[left[alone]] = True
+    left = left[~alone]
     for _ in range(PASSES):
         if not len(left):
             return chosen
@@ -121,8 +125,10 @@ def parts_of(group: Indices) -> list[slice]:
 
 def matched_in_group(row: Indices, column: Indices, gain: Array) -> Mask:
     """``(P,)`` which pairs of one group, with gains above zero, are matched."""
-    rows, i = np.unique(row, return_inverse=True)
-    columns, j = np.unique(column, return_inverse=True)
+    # Of a few numbers this is many times as quick as np.unique.
+    rows = {number: place for place, number in enumerate(sorted({*row.tolist()}))}
+    columns = {number: place for place, number in enumerate(sorted({*column.tolist()}))}
+    i, j = [rows[number] for number in row.tolist()], [columns[number] for number in column.tolist()]
     matrix = np.zeros((len(rows), len(columns)))
     matrix[i, j] = gain
     partner = np.full(len(rows), -1)

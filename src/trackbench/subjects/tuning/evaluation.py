@@ -234,7 +234,7 @@ class Evaluator:
         """A function for each scene, and what its calls share."""
         make, log_time = _hidden if bench.hidden else _labelled, self._log_time(bench, work)
         constants = [
-            _Scene(work.of_scene(scene), counted[scene] if counted else None, self._metric, self._measure, log_time)
+            _Scene(work.of_scenes([scene]), counted[scene] if counted else None, self._metric, self._measure, log_time)
             for scene in range(len(work.scenes))
         ]
         return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]

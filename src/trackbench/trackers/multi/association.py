@@ -18,7 +18,7 @@ from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.trackers.multi.gate import GatedPairs, RunDetections, gated, under_modes
 from trackbench.trackers.multi.intensity import Intensity
 from trackbench.trackers.multi.mixture import marginals
-from trackbench.trackers.multi.table import NONE, PredictedTracks, TrackFilter, TrackTable
+from trackbench.trackers.multi.table import NONE, PredictedTracks, TrackFilter, TrackTable, by_run
 
 
 class AssociationInput(NamedTuple):
@@ -85,6 +85,7 @@ def weighed(
     density: float | Array,
     max_cluster: int,
     compute: Compute = by_numpy,
+    negligible: float = 0.0,
 ) -> Association:
     """Joint probabilistic data association, with or without existence probabilities.
 
@@ -101,21 +102,33 @@ def weighed(
         density: of detections that stem from none of the tracks; ``(N,)`` where each is.
         max_cluster: size of cluster up to which the association probabilities are exact.
         compute: how equations are computed.
+        negligible: pairs of no more weight (the probability of the pair over that of neither being associated) are
+            left out. The weight bounds a pair's association probability, and the sum of those that are left out in a
+            cluster by how much any probability in it changes.
     """
     track, detection = pairs.track, pairs.detection
     count, detections = len(at.run), len(at.detections.run)
-    rest = np.broadcast_to(density, detections)[detection]
+    rest = density.take(detection) if isinstance(density, np.ndarray) else density
     exists, visible = np.ones((2, count)) if existence is None else existence
-    hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / rest
-    missed_existing, unseen = exists * at.miss, 1.0 - exists + exists * at.miss
-    share = marginals(track, detection, hit / unseen[track], (count, detections), max_cluster, compute)
-    none = np.maximum(1.0 - np.bincount(track, share, count), 0.0)
+    miss = at.miss
+    hit = exists.take(track) * at.detection_probability.take(track) * np.exp(pairs.log_likelihood) / rest
+    missed_existing = exists * miss
+    unseen = 1.0 - exists + missed_existing
+    weight = hit / unseen.take(track)
+    if negligible:
+        index = indices(weight > negligible)
+        track, detection, weight, hit = (values.take(index) for values in (track, detection, weight, hit))
+    share = marginals(track, detection, weight, (count, detections), max_cluster, compute)
+    shared = np.bincount(track, share, count)
+    none = np.maximum(1.0 - shared, 0.0)
     kept = none * missed_existing / unseen
-    after = np.minimum(kept + np.bincount(track, share, count), 1.0)
-    belief = at.filter.mixture(at.expected, at.detections.scan, track, detection, share / after[track], kept / after)
+    after = np.minimum(kept + shared, 1.0)
+    belief = at.filter.mixture(
+        at.expected, at.detections.scan, track, detection, share / after.take(track), kept / after
+    )
     unclaimed = np.maximum(1.0 - np.bincount(detection, share, detections), 0.0)
     # Of an object that exists and was missed.
-    still_visible = 1.0 - (1.0 - visible) / at.miss
+    still_visible = 1.0 - (1.0 - visible) / miss
     visible = (after - kept + kept * still_visible) / after
     ratio = np.log(unseen + np.bincount(track, hit, count))
     used = _largest(track, detection, share, none)
@@ -158,7 +171,7 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
 
 def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
     """The best assignment of some pairs, one run after the other."""
-    taken = []
+    taken, which = [], by_run(which, run[pairs.track])
     for part in np.split(which, indices(np.diff(run[pairs.track[which]])) + 1):
         rows, row = np.unique(pairs.track[part], return_inverse=True)
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
@@ -197,6 +210,8 @@ def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices
 
 #: A detection that is less likely than this to stem from a track is free, where tracks have no existence.
 CLAIMED = 0.5
+#: Weight up to which ``pmb`` leaves a pair out: its clusters are then those of pairs that matter.
+NEGLIGIBLE = 1e-4
 #: Smallest detection probability that a tracker reckons with where there is a detection.
 LEAST_DETECTION = 1e-3
 
@@ -206,7 +221,7 @@ def associated(
     at: AssociationInput,
     table: TrackTable,
     origin: Indices | None,
-    probability: Array,
+    probability: float | Array,
     compute: Compute,
 ) -> Association:
     """Associate the detections of a scan with the tracks.
@@ -216,7 +231,7 @@ def associated(
         at: the situation, whose detection probabilities are corrected.
         table: the tracks.
         origin: ``(2, N)`` numbers of the objects that caused each detection, for the oracle.
-        probability: ``(L,)`` that an object is detected where it is in view.
+        probability: that an object is detected where it is in view, ``(L,)`` if it differs.
         compute: how equations are computed.
     """
     if config.method == "oracle":
@@ -232,7 +247,8 @@ def associated(
     if isinstance(belief, MultiModelBelief):
         pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
     # What is in a gate was in view, whatever the sensor states.
-    at.detection_probability[pairs.track] = np.maximum(probability[pairs.track], LEAST_DETECTION)
+    own = probability.take(pairs.track) if isinstance(probability, np.ndarray) else probability
+    at.detection_probability[pairs.track] = np.maximum(own, LEAST_DETECTION)
     if config.method in EXISTENCE:
         at.detection_probability[:] *= table.evidence[1]
     if config.method == "naive":
@@ -243,8 +259,10 @@ def associated(
     density = at.intensity.false_alarms
     if config.method == "jpda":
         return _established(at, pairs, table.id != NONE, density, config.max_cluster, compute)
-    both = density + at.intensity.new_objects if config.method == "pmb" else density
-    return weighed(at, pairs, table.evidence[:2], both, config.max_cluster, compute)
+    if config.method == "jipda":
+        return weighed(at, pairs, table.evidence[:2], density, config.max_cluster, compute)
+    both = density + at.intensity.new_objects
+    return weighed(at, pairs, table.evidence[:2], both, config.max_cluster, compute, NEGLIGIBLE)
 
 
 def _nearest(at: AssociationInput, pairs: GatedPairs) -> Association:

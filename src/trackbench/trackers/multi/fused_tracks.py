@@ -116,9 +116,15 @@ class FusedTrackFilter(TrackFilter):
             return at.belief
         # What is the same with every detection of a track is then computed once.
         slot = rank_in_run(track, len(kept))
-        slots = int(slot.max()) + 1
+        # Of two at least: a sum of one product would be rounded elsewhere than one of several.
+        slots = max(int(slot.max()) + 1, 2)
         if slots > MOST_SLOTS:
-            return super().mixture(at, scan, track, detection, share, kept)
+            # Of those tracks alone, so that the bits of a track do not depend on the others.
+            large = np.bincount(track, minlength=len(kept)) > MOST_SLOTS
+            few, many = ~large[track], large[track]
+            rest = self.mixture(at, scan, track[few], detection[few], share[few], kept)
+            mixed = super().mixture(at, scan, track[many], detection[many], share[many], kept)
+            return choose(large, mixed, bare(rest))
         of_slot, weight = np.full((slots, len(kept)), NONE), np.zeros((slots, len(kept)))
         of_slot[slot, track], weight[slot, track] = detection, share
         in_slot = [detections_of(scan, which) for which in of_slot]

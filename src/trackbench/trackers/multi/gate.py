@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, FieldOfView, Indices, Mask, Scan, indices
+from trackbench.base.types import Array, FieldOfView, Indices, Mask, Scan, indices, with_sensor_of
 from trackbench.base.units import difference, wrap_angle
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.filters import Measured, PredictedMeasurement
@@ -40,7 +40,9 @@ def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
     place = (np.flatnonzero(scan.valid.T) - run * most) * runs + run
     if not as_listed and len(run):
         place = place[_order(flat.take(place, axis=1), run)]
-    alone = scan._replace(measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool))
+    alone = with_sensor_of(scan, run)._replace(
+        measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool)
+    )
     return RunDetections(alone, run, place // runs, np.concatenate([[0], counts.cumsum()]))
 
 

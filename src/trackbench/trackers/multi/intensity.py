@@ -26,8 +26,8 @@ class View(NamedTuple):
 
     field: FieldOfView
     pose: Array
-    """``(3,)`` x m, y m, yaw rad of the sensor."""
-    expected: float
+    """``(3,)`` or ``(3, runs)`` x m, y m, yaw rad of the sensor."""
+    expected: float | Array
     """Number of objects in it that no scan has found."""
 
 
@@ -48,29 +48,40 @@ class Undetected(NamedTuple):
         later = {name: view._replace(expected=view.expected * survival + born) for name, view in self.views.items()}
         return Undetected(self.unseen * survival + born, later)
 
-    def in_view(self, sensor: str) -> float:
-        """The expected number in the view of a sensor."""
+    def in_view(self, sensor: str) -> float | Array:
+        """The expected number in the view of a sensor, of each run ``(runs,)`` where sensors differ between runs."""
         return self.views[sensor].expected if sensor in self.views else self.unseen
 
     def after_scan(self, scan: Scan, probability: float, signal: SignalRange | None = None) -> Undetected:
         """What is left where the scan detects each object in its view with this probability, times its signal's."""
         field = scan.field_of_view or FieldOfView(np.pi, np.inf)
         views = {**self.views, scan.sensor: View(field, scan.sensor_pose, self.in_view(scan.sensor))}
-        left = {
-            name: view._replace(expected=view.expected * (1.0 - probability * seen_share(view, scan, signal)))
-            for name, view in views.items()
-        }
+        left = {}
+        for name, view in views.items():
+            # Of its own view the scan sees all.
+            own = name == scan.sensor and signal is None
+            share = 1.0 if own else seen_share(view, scan, signal)
+            left[name] = view._replace(expected=view.expected * (1.0 - probability * share))
         return Undetected(self.unseen, left)
 
 
-def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> float:
-    """The share of a view that a scan looks at, or of the objects in it that it detects by their signal."""
+def seen_share(view: View, scan: Scan, signal: SignalRange | None = None) -> float | Array:
+    """The share of a view that a scan looks at, or of the objects in it that it detects by their signal; ``(runs,)``
+    where sensors differ between runs."""
     reach = view.field.max_range if np.isfinite(view.field.max_range) else UNLIMITED_RANGE
-    angle = view.pose[2] + view.field.half_angle * _ANGLES
-    away = reach * _RADII
-    points = view.pose[:2, None] + away * np.array([np.cos(angle), np.sin(angle)])
+    both = np.concatenate([view.pose, scan.sensor_pose]).reshape(6, -1)
+    # Runs of one scene stand together, with the same sensors: of each scene once.
+    first = np.concatenate([[True], (both[:, 1:] != both[:, :-1]).any(axis=0)])
+    # Points along the first axis, scenes along the second.
+    pose, of_scan = both[:, None, first].reshape(2, 3, 1, -1)
+    scan = scan._replace(sensor_pose=of_scan)
+    angle = pose[2] + view.field.half_angle * _ANGLES[:, None]
+    away = reach * _RADII[:, None]
+    points = pose[:2] + away * np.array([np.cos(angle), np.sin(angle)])
     detected = 1.0 if signal is None else detected_share(distance(points, scan), signal.half_range_m)
-    return float((in_view(points, scan) * detected).mean())
+    # In one order, whatever the number of runs.
+    share: Array = np.add.accumulate(in_view(points, scan) * detected, axis=0)[-1] / len(_RADII)
+    return float(share[0]) if view.pose.ndim == 1 else share[first.cumsum() - 1]
 
 
 #: Points of equal share of a sector: of its half angle, and of its radius.
@@ -87,12 +98,17 @@ class Intensity(NamedTuple):
     """Detections per unit volume and scan."""
 
     false_alarms: float
-    new_objects: Array
-    """``(N,)`` of objects that have no track, where each detection is."""
+    new_objects: float | Array
+    """Of objects that have no track, ``(N,)`` where each detection is if it differs."""
 
 
 def intensity(
-    scan: Scan, components: int, config: AssociateConfig, undetected: float, detection: Array, velocity_sigma: float
+    scan: Scan,
+    components: int,
+    config: AssociateConfig,
+    undetected: float | Array,
+    detection: float | Array,
+    velocity_sigma: float,
 ) -> Intensity:
     """What is expected in a scan.
 
@@ -103,8 +119,8 @@ def intensity(
         scan: says what the sensor states.
         components: of what the filter compares: fewer than the scan has where it converts them to a position.
         config: may override what the sensor states.
-        undetected: expected number of objects in view that no scan has found.
-        detection: ``(N,)`` probability that an object is detected where each detection is.
+        undetected: expected number of objects in view that no scan has found, ``(N,)`` where it differs.
+        detection: probability that an object is detected, ``(N,)`` where each detection is if it differs.
         velocity_sigma: standard deviation of an object's velocity, m/s.
     """
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)

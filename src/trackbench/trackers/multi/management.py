@@ -57,11 +57,13 @@ class CountLogic(_Untimed):
         return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
 
     def confirms(self, evidence: Array) -> Mask:
-        return np.asarray(evidence[0] >= self.needed)
+        result: Mask = evidence[0] >= self.needed
+        return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         lost = evidence[1] - evidence[0] > self.scans - self.needed
-        return np.asarray(np.where(confirmed, evidence[2] >= self.misses, lost))
+        result: Mask = np.where(confirmed, evidence[2] >= self.misses, lost)
+        return result
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,12 @@ class ScoreLogic(_Untimed):
         return linalg.vector([score, np.maximum(score, evidence[1])])
 
     def confirms(self, evidence: Array) -> Mask:
-        return np.asarray(evidence[0] >= self.threshold)
+        result: Mask = evidence[0] >= self.threshold
+        return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        return np.asarray(evidence[0] <= evidence[1] - self.drop)
+        result: Mask = evidence[0] <= evidence[1] - self.drop
+        return result
 
 
 @dataclass(frozen=True)
@@ -129,10 +133,12 @@ class ExistenceLogic:
         return judged.existence
 
     def confirms(self, evidence: Array) -> Mask:
-        return np.asarray(evidence[0] >= self.confirm)
+        result: Mask = evidence[0] >= self.confirm
+        return result
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        return np.asarray(evidence[0] < np.where(confirmed, self.end, self.delete))
+        result: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
+        return result
 
 
 @dataclass(frozen=True)
@@ -163,7 +169,8 @@ class CountedExistence:
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         exists = self.existence.deletes(evidence, confirmed)
-        return np.asarray(exists | self.count.deletes(self._counted(evidence), confirmed))
+        result: Mask = exists | self.count.deletes(self._counted(evidence), confirmed)
+        return result
 
     def _counted(self, evidence: Array) -> Array:
         return linalg.vector([evidence[2], evidence[3], evidence[4]])

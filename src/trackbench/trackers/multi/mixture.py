@@ -17,7 +17,7 @@ from trackbench.filters.base import wrap_components
 from trackbench.filters.imm import LEAST
 from trackbench.models.motion import MotionModel
 
-#: Messages are passed until none changes by more than this, relative to the largest that a message can be...
+#: Messages are passed until none of a cluster changes by more than this, relative to the largest that one can be...
 TOLERANCE = 1e-6
 #: ...or so often.
 MOST_ITERATIONS = 200
@@ -63,7 +63,7 @@ def _of_clusters(
     result = np.empty(len(track))
     loopy = np.minimum(rows, columns)[cluster] > max_cluster
     if loopy.any():
-        result[loopy] = belief_propagation(track[loopy], detection[loopy], weight[loopy], sizes)
+        result[loopy] = belief_propagation(track[loopy], detection[loopy], weight[loopy], sizes, cluster[loopy])
     shape = np.where(loopy, -1, (rows * (sizes[1] + 1) + columns)[cluster])
     for key in np.unique(shape):
         if key < 0:
@@ -71,7 +71,8 @@ def _of_clusters(
         pairs = np.flatnonzero(shape == key)
         own, place = np.unique(cluster[pairs], return_inverse=True)
         at = (row[track[pairs]], column[detection[pairs]], place)
-        dense = np.zeros((*divmod(int(key), sizes[1] + 1), len(own)))
+        # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
+        dense = np.zeros((*divmod(int(key), sizes[1] + 1), max(2, len(own))))
         dense[at] = weight[pairs]
         terms = dense.shape[0] * dense.shape[1] * 2 ** min(dense.shape[:2])
         by = compute if terms <= MOST_TERMS else by_numpy
@@ -114,8 +115,11 @@ def enumeration(weight: Array) -> Array:
     return result
 
 
-def belief_propagation(track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int]) -> Array:
-    """Approximate association probabilities ``(P,)`` by loopy belief propagation; arguments as ``marginals`` has them.
+def belief_propagation(
+    track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int], cluster: Indices
+) -> Array:
+    """Approximate association probabilities ``(P,)`` by loopy belief propagation; arguments as ``marginals`` has them,
+    and ``(P,)`` the number of each pair's cluster.
 
     Source: Williams and Lau (2014), "Approximate evaluation of marginal association probabilities with belief
     propagation", algorithm 1.
@@ -123,13 +127,18 @@ def belief_propagation(track: Indices, detection: Indices, weight: Array, sizes:
     tracks, detections = sizes
     # From a detection to a track: how free it is.
     free = np.ones(len(weight))
+    moving = np.arange(len(weight))
     for _ in range(MOST_ITERATIONS):
-        wanted = weight * free
-        others = np.bincount(track, wanted, tracks)[track] - wanted
-        claim = weight / (1.0 + np.maximum(others, 0.0))
-        rivals = np.bincount(detection, claim, detections)[detection] - claim
-        before, free = free, 1.0 / (1.0 + np.maximum(rivals, 0.0))
-        if np.abs(free - before).max() < TOLERANCE:
+        of, to, own = track[moving], detection[moving], weight[moving]
+        wanted = own * free[moving]
+        others = np.bincount(of, wanted, tracks)[of] - wanted
+        claim = own / (1.0 + np.maximum(others, 0.0))
+        rivals = np.bincount(to, claim, detections)[to] - claim
+        after = 1.0 / (1.0 + np.maximum(rivals, 0.0))
+        changed = np.bincount(cluster[moving], np.abs(after - free[moving]) >= TOLERANCE) > 0
+        free[moving] = after
+        moving = moving[changed[cluster[moving]]]
+        if not len(moving):
             break
     wanted = weight * free
     return np.asarray(wanted / (1.0 + np.bincount(track, wanted, tracks)[track]))

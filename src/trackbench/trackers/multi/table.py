@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices, with_sensor_of
 from trackbench.filters import (
     AnyBelief,
     Filter,
@@ -28,7 +28,7 @@ NONE = -1
 
 
 class TrackTable(NamedTuple):
-    """The L tracks of all runs, those of a run together and in the order in which they began."""
+    """The L tracks of all runs, those of a run in the order in which they began."""
 
     run: Indices
     """``(L,)``"""
@@ -63,15 +63,22 @@ def empty(filter: Filter[Any], evidence: int) -> TrackTable:
     return TrackTable(none, none, filter.begin(nothing), np.zeros(0), np.zeros((evidence, 0)), none, none)
 
 
-def succeeded(table: TrackTable, kept: Mask, more: TrackTable, runs: int) -> TrackTable:
-    """The tracks that are kept, ``(L,)``, and ``more``, the tracks of a run together and ``more`` behind the others."""
+def succeeded(table: TrackTable, kept: Mask, more: TrackTable | None) -> TrackTable:
+    """The tracks that are kept, ``(L,)``, and ``more`` behind the others."""
+    table = table if kept.all() else table.select(kept)
+    if more is None:
+        return table
     belief = concatenated(table.belief, more.belief)
-    both = TrackTable._make(
+    return TrackTable._make(
         np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
         for part, other in zip(table, more, strict=True)
     )
-    order = np.concatenate([indices(kept), np.arange(len(kept), len(both.run))])
-    return both.select(order if runs == 1 else order[np.argsort(both.run[order], kind="stable")])
+
+
+def by_run(which: Indices, run: Indices) -> Indices:
+    """Some tracks, those of a run together, each run's as they were; ``run``: of all tracks."""
+    own = run.take(which)
+    return which if (own[1:] >= own[:-1]).all() else which[own.argsort(kind="stable")]
 
 
 def rank_in_run(run: Indices, runs: int) -> Indices:
@@ -85,8 +92,8 @@ def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[Trac
     fresh = indices(deserving & (table.id == NONE))
     if not len(fresh):
         return table, next_id
-    run = table.run[fresh]
-    ids = table.id.copy()
+    fresh = by_run(fresh, table.run)
+    run, ids = table.run[fresh], table.id.copy()
     ids[fresh] = next_id[run] + rank_in_run(run, len(next_id))
     return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
 
@@ -103,6 +110,7 @@ def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, ru
     which = indices(table.id != NONE)
     shape, missing = (len(which), 1), None
     if runs > 1:
+        which = by_run(which, table.run)
         counts = np.bincount(table.run[which], minlength=runs)
         shape = (int(counts.max(initial=0)), runs)
         place = np.full((runs, shape[0]), NONE)
@@ -211,6 +219,7 @@ def expected(filter: Filter[Any], belief: AnyBelief, scan: Scan) -> PredictedTra
 
 def detections_of(scan: Scan, which: Indices) -> Scan:
     """Some detections of a scan, or the same one several times."""
+    scan = with_sensor_of(scan, which)
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance.take(which, axis=-1)
     return scan._replace(
         measurement=scan.measurement.take(which, axis=1), valid=scan.valid[which], noise_covariance=noise

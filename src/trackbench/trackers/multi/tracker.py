@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices, with_sensor_of
 from trackbench.engine.choice import compute_by, used
 from trackbench.engine.equations import Compute, EngineUsed
 from trackbench.filters import AnyBelief, Belief, bare
@@ -47,6 +47,10 @@ class MultiObjectState(NamedTuple):
     next_id: Indices
     """``(runs,)``"""
     undetected: Undetected
+    expected: AnyBelief | None = None
+    """Of the tracks before the latest scan, at its time."""
+    before: TrackTable | None = None
+    """Those tracks, their beliefs at the time of the scan before."""
     history: tuple[ProcessedScan[MultiObjectState, Tracks], ...] = ()
     """The latest scans that were taken in."""
 
@@ -62,6 +66,7 @@ class MultiObjectTracker(ScanTracker):
     associate: AssociateConfig = field(kw_only=True)
 
     multi_object: ClassVar = True
+    _forgotten: ClassVar = {"history": (), "expected": None, "before": None}
 
     @property
     def wants_origins(self) -> bool:
@@ -120,18 +125,20 @@ class MultiObjectTracker(ScanTracker):
     def _in_sequence(
         self, state: MultiObjectState, scan: Scan, origins: Indices | None = None
     ) -> tuple[MultiObjectState, Tracks]:
-        expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
+        at_tracks = with_sensor_of(scan, state.table.run)
+        expected = self._track_filter.expect(state.table.belief, scan.time - state.time, at_tracks)
         ahead = self._at(state, scan.time)
         config, runs = self.associate, len(ahead.next_id)
         detections = side_by_side(scan, as_listed=config.method == "naive")
         detections = detections._replace(scan=self.assumed.with_noise_by_range(detections.scan))
-        of_tracks, of_detections = self._detection_probability(expected, detections.scan)
+        of_tracks, of_detections = self._detection_probability(expected, at_tracks, detections.scan)
         origin = None if origins is None else origins[:, detections.column, detections.run]
+        in_view = ahead.undetected.in_view(scan.sensor)
         density = intensity(
             detections.scan,
             len(expected.measurement.mean),
             config,
-            ahead.undetected.in_view(scan.sensor),
+            in_view[detections.run] if isinstance(in_view, np.ndarray) else in_view,
             of_detections,
             self.initial.velocity_sigma_mps,
         )
@@ -141,15 +148,14 @@ class MultiObjectTracker(ScanTracker):
         )
         result = associated(config, at, ahead.table, origin, of_tracks, self._compute)
         table, ends = self._judged(ahead.table, result, at)
-        if self.initial.sensors is None or scan.sensor in self.initial.sensors:
-            table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin), runs)
-        else:
-            table = table.select(~ends)
+        begins = self.initial.sensors is None or scan.sensor in self.initial.sensors
+        table = succeeded(table, ~ends, self._begun(at, result.unclaimed, origin) if begins else None)
         table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
         undetected = ahead.undetected
         if config.method in EXISTENCE:
             undetected = undetected.after_scan(scan, self._stated_probability(scan), self.assumed.signal(scan.sensor))
-        return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
+        after = MultiObjectState(scan.time, table, next_id, undetected, expected.belief, ahead.table)
+        return after, self._tracks(table, runs)
 
     def _after_late(
         self, state: MultiObjectState, scan: Scan, origins: Indices | None, number: int
@@ -171,13 +177,14 @@ class MultiObjectTracker(ScanTracker):
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
 
-    def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
-        """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""
-        state = state or self._nothing_yet(time, run + 1)
-        own = indices(state.table.run == run)
-        table = state.table.select(own)._replace(run=np.zeros(len(own), dtype=np.intp), used=np.full(len(own), NONE))
-        ahead = self._predicted(state._replace(table=table), time)
-        return _alone(self._tracks(ahead.table, 1))
+    def predicted(self, state: MultiObjectState, run: int) -> Tracks:
+        """The tracks of one run, ``(K,)``, as they were expected at the latest scan, before its detections."""
+        assert state.before is not None
+        assert state.expected is not None
+        table = state.before._replace(belief=bare(state.expected)).select(state.before.run == run)
+        return _alone(
+            self._tracks(table._replace(run=np.zeros_like(table.run), used=np.full_like(table.used, NONE)), 1)
+        )
 
     def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
         table = empty(self.filter, self._logic.size)
@@ -195,8 +202,10 @@ class MultiObjectTracker(ScanTracker):
     def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
         """The state at a later time, but for the beliefs."""
         elapsed, table, config = time - state.time, state.table, self.associate
-        survival = float(np.exp(-elapsed / config.lifetime_s))
-        undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
+        undetected = state.undetected
+        if config.method in EXISTENCE:
+            survival = float(np.exp(-elapsed / config.lifetime_s))
+            undetected = undetected.after_time(survival, config.birth_rate_hz * elapsed)
         table = table._replace(evidence=self._logic.after_time(table.evidence, elapsed))
         return MultiObjectState(time, table, state.next_id, undetected)
 
@@ -223,8 +232,8 @@ class MultiObjectTracker(ScanTracker):
         table = before._replace(belief=result.belief, evidence=after["evidence"], used=used, seen=after["seen"])
         return table, ends
 
-    def _begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable:
-        """A track for each detection that probably stems from none."""
+    def _begun(self, at: AssociationInput, unclaimed: Array, origin: Indices | None) -> TrackTable | None:
+        """A track for each detection that probably stems from none; None without any."""
         config, scan = self.associate, at.detections.scan
         existence: Array | None = None
         if config.method in COUNTING:
@@ -236,6 +245,8 @@ class MultiObjectTracker(ScanTracker):
         if origin is not None:
             which &= origin[0] >= 0
         own = indices(which)
+        if not len(own):
+            return None
         none = np.full(len(own), NONE)
         belief = self._track_filter.begin(detections_of(scan, own))
         return TrackTable(
@@ -248,15 +259,22 @@ class MultiObjectTracker(ScanTracker):
             none if origin is None else origin[0, own],
         )
 
-    def _detection_probability(self, expected: PredictedTracks, scan: Scan) -> tuple[Array, Array]:
-        """``(L,)`` and ``(N,)`` of an object where each track and where each detection is, were it in view."""
-        stated, signal = self._stated_probability(scan), self.assumed.signal(scan.sensor)
-        of_tracks, of_detections = (np.full(len(where), float(stated)) for where in (expected.in_view, scan.valid))
-        if signal is not None:
-            position = self._track_filter.filter.cartesian(expected.belief).mean[:2]
-            of_tracks *= detected_share(distance(position, scan), signal.half_range_m)
-            of_detections *= detected_share(measured_distance(scan), signal.half_range_m)
-        return of_tracks, of_detections
+    def _detection_probability(
+        self, expected: PredictedTracks, at_tracks: Scan, scan: Scan
+    ) -> tuple[float | Array, float | Array]:
+        """Of an object where each track ``(L,)`` and where each detection ``(N,)`` is, were it in view.
+
+        Args:
+            expected: of the tracks.
+            at_tracks: the scan with the sensor of each track.
+            scan: with the detections.
+        """
+        stated, signal = float(self._stated_probability(scan)), self.assumed.signal(scan.sensor)
+        if signal is None:
+            return stated, stated
+        position = self._track_filter.filter.cartesian(expected.belief).mean[:2]
+        of_tracks = stated * detected_share(distance(position, at_tracks), signal.half_range_m)
+        return of_tracks, stated * detected_share(measured_distance(scan), signal.half_range_m)
 
     def _stated_probability(self, scan: Scan) -> float:
         stated = 1.0 if scan.detection_probability is None else scan.detection_probability

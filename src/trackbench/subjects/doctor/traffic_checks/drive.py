@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Scan, Tracks
-from trackbench.driving.steppers import TRACKS_FORM, Batched, Stepper
+from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.traffic.set_distances import gospa_of_sets
 from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
 from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved
@@ -70,7 +70,7 @@ def gospa_of(tracks: Sequence[Tracks], scans: Sequence[Scan]) -> float:
 def reference() -> Stepper:
     """A global nearest neighbour with extended Kalman filters."""
     options = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": "gnn"}}
-    return Batched(build_multi(FilterConfig.model_validate(options)), TRACKS_FORM)
+    return DirectTracks(build_multi(FilterConfig.model_validate(options)))
 
 
 def traffic_drive(make: Make, site: Site) -> PartResult:
