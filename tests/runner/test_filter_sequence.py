@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -118,3 +121,24 @@ def test_other_runs_change_no_bit_of_an_estimate(monkeypatch: pytest.MonkeyPatch
         assert others is not None
         np.testing.assert_array_equal(recorded.mean, others.mean, err_msg=tracker)
         np.testing.assert_array_equal(recorded.covariance, others.covariance, err_msg=tracker)
+
+
+def test_the_scores_of_the_same_scans_are_the_same_bits_whatever_the_processor_can() -> None:
+    """Of tracks that start from a lidar, without a function of NumPy that has other bits on other processors."""
+    code = """
+import trackbench as tb
+
+trackers = ["kf_cv", "ekf_cv", "ekf_ca", "imm_cv_ca"]
+start = {f"trackers.{name}.initial": {"sensors": ["roof_lidar"]} for name in trackers}
+scenario = tb.load("highway", {"truth.duration_s": 5, **start}, runs=60, trackers=trackers)
+for tracker in tb.run(scenario, engine="fused").summary.trackers:
+    print(tracker.name, {path: repr(item.value) for path, item in tracker.metrics.items() if path != "step_time"})
+"""
+    weaker = {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR", "OPENBLAS_CORETYPE": "Haswell"}
+    command = [sys.executable, "-c", code]
+    strong, weak = (
+        subprocess.run(command, env={**os.environ, **more}, capture_output=True, text=True, check=True).stdout
+        for more in ({}, weaker)
+    )
+    assert strong
+    assert strong == weak

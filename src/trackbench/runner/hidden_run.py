@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices, Tracks, of_runs, scan_of_run
 from trackbench.driving.drive import Delivery, DriveStep, TrackerDrive
-from trackbench.driving.faults import TrackFault
+from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
@@ -35,7 +35,7 @@ from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.view import unscored
-from trackbench.trackers.answers import NO_TRACK, tracks_of_run
+from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances, tracks_of_run
 from trackbench.truth.recorded.stretches import stretch_of
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
@@ -154,10 +154,22 @@ class HiddenRun(TrackerRun[Tracks]):
         super().advance()
         if self.failure is None and len(self._tracks_at) == self.chunk:
             self.end()
+            self._require_finite()
             if self.failure is None:
                 self._outcomes = self._scored()
             # Several trackers' tracks of all instants at once may not fit the memory.
             self._tracks_at, self._taken, self._predicted = [], [], {}
+
+    def _require_finite(self) -> None:
+        """Fail where a built-in tracker, whose answers are not checked step by step, has a track that is not finite."""
+        for instant, tracks in enumerate(self._tracks_at):
+            there = tracks.ids != NO_TRACK
+            total = tracks.mean.sum(axis=0) + tracks.covariance.sum(axis=(0, 1))
+            if self.failure is None and not np.isfinite(total[there]).all():
+                try:
+                    require_covariances(tracks.ids[there], tracks.mean[:, there], tracks.covariance[:, :, there])
+                except TrackerFault as error:
+                    self.fail(fault_of(error), instant, None)
 
     def close(self) -> list[TrafficScores] | Failure:
         """What it left behind of each piece, once all instants were taken."""

@@ -174,7 +174,7 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
     if np.any(twice):
         raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
-    _require_covariances(ids[there], mean[:, there], covariance[:, :, there])
+    require_covariances(ids[there], mean[:, there], covariance[:, :, there])
     existence = None if tracks.existence is None else array_of("existence", tracks.existence, shape)
     if existence is not None:
         stated = existence[there]
@@ -216,7 +216,7 @@ def _require_as_many(ids: Indices, tracks: Tracks) -> None:
         raise TrackerFault(f"the ids are of {counts[0]} tracks, the mean of {counts[1]}, the covariance of {counts[2]}")
 
 
-def _require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
+def require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
     """Finite estimates with symmetric, positive definite covariances: ``(K,)``, ``(4, K)``, ``(4, 4, K)``."""
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
