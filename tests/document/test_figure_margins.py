@@ -9,6 +9,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from trackbench.document.axes import QuickFigure
 from trackbench.document.drawing import logarithmic, panel_title
 from trackbench.document.margins import fit_margins, shortened, text_width
 
@@ -94,6 +95,24 @@ def test_every_text_is_inside_and_alone(paint, below):
     for axes in canvas.axes:
         # The margins leave most of the figure to what is drawn.
         assert axes.get_window_extent().width > 0.3 * WIDTH
+
+
+@pytest.mark.parametrize(
+    "paint",
+    [one_panel, logarithms, small_numbers, shared_panels, own_labels, a_map, names_on_top, long_rows],
+    ids=lambda paint: paint.__name__,
+)
+def test_quick_axes_are_drawn_as_those_of_matplotlib(paint):
+    pictures = []
+    for kind in (Canvas, QuickFigure):
+        canvas = kind(figsize=(WIDTH / 72, HEIGHT / 72), dpi=72)
+        agg = FigureCanvasAgg(canvas)
+        paint(canvas)
+        fit_margins(canvas)
+        agg.draw()
+        pictures.append(np.asarray(agg.buffer_rgba()))
+    assert np.array_equal(*pictures)
+    assert pictures[0].std() > 1
 
 
 def shown(canvas: Canvas) -> list[Text]:

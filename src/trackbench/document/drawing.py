@@ -24,6 +24,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry
+from trackbench.document.axes import QuickFigure
 from trackbench.document.margins import fit_margins, shortened
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
@@ -127,7 +128,7 @@ def png_file(figure: Figure) -> bytes:
 
 def matplotlib_figure(figure: Figure) -> Canvas:
     """The figure with its legend, on white, for a program that goes on with it."""
-    with _drawn(figure, _ON_WHITE, legend=True) as canvas:
+    with _drawn(figure, _ON_WHITE, legend=True, canvas_type=Canvas) as canvas:
         canvas.set_facecolor("white")
     return canvas
 
@@ -158,7 +159,9 @@ def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool
 
 
 @contextmanager
-def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Iterator[Canvas]:
+def _drawn(
+    figure: Figure, colours: Mapping[str, str], *, legend: bool, canvas_type: type[Canvas] = QuickFigure
+) -> Iterator[Canvas]:
     """The drawn figure, while its colours and the settings of matplotlib hold."""
     width = figure.width or WIDTH
     columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
@@ -166,7 +169,7 @@ def _drawn(figure: Figure, colours: Mapping[str, str], *, legend: bool) -> Itera
     with _colours(colours), matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
-        canvas = Canvas(figsize=(width / 72, height / 72), dpi=72)
+        canvas = canvas_type(figsize=(width / 72, height / 72), dpi=72)
         figure.paint(canvas)
         fit_margins(canvas, below=height - figure.height)
         if columns:

@@ -128,18 +128,23 @@ def _room(axes: Axes) -> _Room:
     return _Room(left, right, bottom, top)
 
 
+def places_in_view(axis: Axis) -> tuple[np.ndarray, list[str]]:
+    """Where the major ticks of an axis are, and their numbers."""
+    along = axis.get_transform().transform
+    low, high = sorted(along(axis.get_view_interval()))
+    slack = 1e-10 * (high - low)
+    places = axis.get_majorticklocs()
+    texts = axis.get_major_formatter().format_ticks(list(places))
+    inside = (along(places) >= low - slack) & (along(places) <= high + slack)
+    return places[inside], [text for text, there in zip(texts, inside, strict=True) if there]
+
+
 def _numbers(axis: Axis) -> tuple[np.ndarray, list[str], str]:
     """Places and texts of the numbers that are shown at an axis, and the side on which they stand."""
     shown = axis.get_tick_params(which="major")
     if not any(shown.get(f"label{side}", False) for side in ("left", "right", "bottom", "top")):
         return np.empty(0), [], ""
-    low, high = sorted(axis.get_view_interval())
-    slack = 1e-9 * (high - low)
-    places = axis.get_majorticklocs()
-    texts = axis.get_major_formatter().format_ticks(list(places))
-    inside = (places >= low - slack) & (places <= high + slack)
-    shown_texts = [text for text, there in zip(texts, inside, strict=True) if there]
-    return places[inside], shown_texts, "top" if shown.get("labeltop") else ""
+    return *places_in_view(axis), "top" if shown.get("labeltop") else ""
 
 
 def _upright(axis: Axis) -> bool:
