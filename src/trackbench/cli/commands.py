@@ -10,66 +10,22 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Sequence
 from contextlib import suppress
 from difflib import get_close_matches
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import click
 
+from trackbench.base.deferred import defer_pandas
 from trackbench.base.errors import InputError, OutputError, TrackbenchError, printable, shortened, text_of
 from trackbench.base.files import is_utf8
-from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
+from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD, one_blas_thread
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
 from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal, tell_unsaid, with_plugins
 from trackbench.base.user_code import place_of
 
 log = logging.getLogger(__name__)
-
-
-def defer_pandas() -> None:
-    """Let pyarrow, where it is imported, look for pandas now and not find it; tell pyarrow when pandas is imported."""
-    if "pyarrow" not in sys.modules or "pandas" in sys.modules:
-        return
-    import pyarrow as pa
-
-    finder = _PandasFinder()
-    sys.meta_path.insert(0, finder)
-    pa.array([])
-    finder.hidden = False
-
-
-class _PandasFinder(MetaPathFinder):
-    """Hides pandas at first; then finds it once, and pyarrow knows its types from the end of the import on."""
-
-    hidden = True
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if fullname != "pandas":
-            return None
-        if self.hidden:
-            raise ModuleNotFoundError(name=fullname)
-        sys.meta_path.remove(self)
-        spec = find_spec(fullname)
-        if spec is not None and spec.loader is not None:
-            execute = spec.loader.exec_module
-
-            def exec_module(module: ModuleType) -> None:
-                execute(module)
-                from pyarrow.lib import _pandas_api
-
-                # To read this attribute, pyarrow imports pandas again.
-                assert _pandas_api.pd is module
-
-            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
-        return spec
 
 
 #: Characters of the tables.
@@ -180,8 +136,9 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = resolve(COMMANDS[cmd_name].target)
         defer_pandas()
+        with one_blas_thread():
+            command: click.Command = resolve(COMMANDS[cmd_name].target)
         return command
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
 
 from trackbench.base.types import Array
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 #: Columns by name; null floats are NaN.
 Columns = dict[str, npt.NDArray[Any]]
@@ -53,6 +55,8 @@ class DeclaredTable(NamedTuple):
             records: each of some rows.
             more: names of entries that are columns of this result alone.
         """
+        import pyarrow as pa
+
         if not records:
             return pa.table({})
         columns = [

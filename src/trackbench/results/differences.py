@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
 
 from trackbench.results.declared import SHARED
 from trackbench.results.metric_value import ResultModel
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 #: The fields that are columns of the table, by whether they may be missing.
 _NAMES = {"a": False, "b": False, "metric": False, "unit": False, "better": True, "verdict": True}

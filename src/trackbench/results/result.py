@@ -6,10 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
-
-import pyarrow as pa
-import pyarrow.parquet as pq
+from typing import TYPE_CHECKING, Any
 
 from trackbench.base.errors import InputError, counted, nearest
 from trackbench.base.files import read_json
@@ -19,6 +16,9 @@ from trackbench.results.metric_value import data_frame, model_of, value_columns
 from trackbench.results.summary import READABLE, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import TrackerResult
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 #: More lines than this in one picture cannot be told apart.
 MOST_DRAWN = 12
@@ -149,6 +149,8 @@ class Result:
         Raises:
             TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
         """
+        import pyarrow.parquet as pq
+
         summary = {SUMMARY: partial(write_file, to_json(self.json()))}
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.results.columns import split
 from trackbench.results.declared import HIDDEN, LABELLED
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 #: In the place of an object's name, where a detection stems from none, and where there is none.
 FALSE_ALARM, NO_OBJECT = "false alarm", ""
 #: The types that a column of numbers may have; what has no value in any row has no type either.
-NUMBERS: dict[str, tuple[Callable[[pa.DataType], bool], ...]] = {
-    "number": (pa.types.is_floating,),
-    "whole": (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean),
-    "sparse": (pa.types.is_floating, pa.types.is_null),
-}
+NUMBERS = {"number": ("floating",), "whole": ("floating", "integer", "boolean"), "sparse": ("floating", "null")}
 OBSERVER = "observer"
 #: The nanoseconds of a recording end at 9.2e9 s.
 LATEST_S = 1e9
@@ -53,6 +50,8 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
     Raises:
         InputError: it is not.
     """
+    from pyarrow import types
+
     # What no tracker left has no columns either.
     declared = (HIDDEN if layout.hidden else LABELLED).get(name)
     if declared is None or not (len(table) or table.num_columns):
@@ -65,12 +64,13 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
         if count > 1 or (required and not count):
             raise InputError(f"no column {column}, or several: not the table {name} of a run", file=file)
     for field in table.schema:
-        type = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        type = field.type.value_type if types.is_dictionary(field.type) else field.type
         kind = kinds.get(field.name, "number")
-        if not (pa.types.is_string(type) if kind == "name" else any(fits(type) for fits in NUMBERS[kind])):
+        fitting = ("string",) if kind == "name" else NUMBERS[kind]
+        if not any(getattr(types, f"is_{name_of_type}")(type) for name_of_type in fitting):
             raise InputError(f"{field.name} is a column of {type}: not the table {name} of a run", file=file)
     for column in texts:
-        for value in pc.unique(table[column]).to_pylist():
+        for value in table[column].unique().to_pylist():
             if value is None or value not in names.get(column, (value,)):
                 hint = nearest(str(value), names.get(column, ()))
                 raise InputError(f"{column} {shortened(str(value), 40)!r} is none of this run; {hint}", file=file)
@@ -84,9 +84,10 @@ def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -
 
 def _require_runs(table: pa.Table, file: Path) -> None:
     """Each tracker has each run once."""
-    for tracker in pc.unique(table["tracker"]).to_pylist():
-        runs = table.filter(pc.equal(table["tracker"], tracker))["run"].to_numpy()
-        if not np.array_equal(np.sort(runs), np.arange(len(runs))):
+    names, runs = table["tracker"].to_numpy(), table["run"].to_numpy()
+    for tracker in np.unique(names):
+        own = np.sort(runs[names == tracker])
+        if not np.array_equal(own, np.arange(len(own))):
             raise InputError(f"{tracker} has not each run once: not the table runs of a run", file=file)
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-
-import pyarrow as pa
-import pyarrow.parquet as pq
+from typing import TYPE_CHECKING, Any
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.results.declared import HIDDEN, LABELLED
 from trackbench.results.table_check import TableLayout, require_table
 
+if TYPE_CHECKING:
+    import pyarrow as pa
 
-class Tables(Mapping[str, pa.Table]):
+
+class Tables(Mapping[str, Any]):
     """The tables of a result by name, in memory or in its folder.
 
     A table is an attribute too, such as ``tables.steps``; ``results.declared`` says what each holds.
@@ -59,11 +60,16 @@ class Tables(Mapping[str, pa.Table]):
 
     def if_there(self, name: str) -> pa.Table:
         """A table that not every run leaves; without rows where it is not there."""
+        import pyarrow as pa
+
         return self[name] if name in self else pa.table({})
 
     def _read(self, name: str) -> pa.Table:
         if self._folder is None:
             raise KeyError(name)
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         file = self._folder / f"{name}.parquet"
         try:
             require_regular(file)

@@ -14,7 +14,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import load_env_creator
 
+from trackbench.base.deferred import imported_when_used
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.truth_audit import EndedEarly
@@ -23,7 +25,10 @@ from trackbench.truth.config import FixedObserver, HighwayOptions
 from trackbench.truth.frames import Frames, bodies_near, held, lane_edges, target_bodies, with_sizes
 from trackbench.truth.jumps import summarised
 
-with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+# Of these, half a second to import, highway-env needs nothing for what is done here.
+UNUSED = ("matplotlib", "matplotlib.pyplot", "pandas")
+
+with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()), imported_when_used(*UNUSED):
     warnings.simplefilter("ignore")
     import highway_env  # noqa: F401  (registers the environments)
     from highway_env import utils
@@ -165,10 +170,13 @@ def prepare(config: HighwayOptions, render_mode: str | None = None) -> AbstractE
     ids = list_envs()
     if config.env not in ids:
         raise InputError(f"unknown highway-env id {config.env!r}; {nearest(config.env, ids)}", key="truth.env")
-    # Some environments of highway-env take no render mode.
-    rendering: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
-    env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True, **rendering).unwrapped
-    settings = _settings(config, env.config)
+    # Some environments of highway-env take no render mode, and some no configuration.
+    options: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
+    constructor = load_env_creator(str(gymnasium.spec(config.env).entry_point))
+    if "config" in inspect.signature(constructor).parameters:
+        options["config"] = {"observation": NO_OBSERVATION}
+    env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True, **options).unwrapped
+    settings = _settings(config, {**env.config, "observation": type(env).default_config()["observation"]})
     try:
         env.reset(seed=config.seed, options={"config": settings})
     except Exception as error:
