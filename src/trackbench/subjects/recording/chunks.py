@@ -40,13 +40,16 @@ def read_chunks(path: Path) -> list[dict[str, bytes]]:
 
 
 def _read(path: str) -> list[dict[str, bytes]]:
-    import rerun as rr
-    from rerun.chunk import RrdReader
+    # What rerun.chunk.RrdReader reads with; to import rerun takes longer than to read a recording.
+    from rerun_bindings import RrdReaderInternal
+
+    # pyarrow would import it, which takes as long as the rest.
+    sys.modules["pandas"] = None  # type: ignore[assignment]
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
-        reader = RrdReader(path)
-        chunks = reader.stream() if reader.recordings() else ()
+        warnings.simplefilter("ignore")
+        reader = RrdReaderInternal(path)
+        chunks = reader.stream() if any(entry.kind == "recording" for entry in reader.store_entries()) else ()
         # All chunks are gone through, so that a damaged one is noticed.
         data = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == DATA and chunk.is_static]
     blobs: list[dict[str, bytes]] = []

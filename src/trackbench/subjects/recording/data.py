@@ -8,21 +8,23 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import dataclass
+from importlib.metadata import version as version_of
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-import rerun as rr
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
 from trackbench.results.table_check import require_table
 from trackbench.subjects.recording.chunks import DATA, SUMMARY_COMPONENT, Unreadable, read_chunks
-from trackbench.subjects.recording.stream import Stream
+
+if TYPE_CHECKING:
+    from trackbench.subjects.recording.stream import Stream
 
 #: The tables that are kept, with known and with hidden identities.
 TABLES = {
@@ -39,6 +41,9 @@ TABLES = {
 
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables; of the events those of the recorded run."""
+    # To read a run, this process need not wait for it.
+    import rerun as rr
+
     components: dict[str, Any] = {SUMMARY_COMPONENT: json.dumps(result.json(), allow_nan=False, ensure_ascii=False)}
     for name in TABLES[result.summary.identities]:
         table = result.tables.if_there(name)
@@ -95,12 +100,13 @@ def read(path: Path) -> Recorded:
         summaries = [json.loads(run.pop(SUMMARY_COMPONENT)) for run in runs]
         tables = {name: pq.read_table(io.BytesIO(blob)) for name, blob in runs[0].items()} if runs else {}
     except (Unreadable, OSError, ValueError, pa.ArrowException) as error:
-        if version == rr.__version__:
+        if version == version_of("rerun-sdk"):
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"
             raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
         return _beside(
             path,
-            f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read",
+            f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, "
+            f"which Rerun {version_of('rerun-sdk')} cannot read",
         )
     if len(summaries) != 1:
         return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
@@ -135,7 +141,7 @@ def _version(path: Path) -> str | None:
     if not head.startswith(NOW):
         return None
     version = ".".join(str(number) for number in head[4:7])
-    if END not in tail and version == rr.__version__:
+    if END not in tail and version == version_of("rerun-sdk"):
         raise InputError(CUT_OFF, file=path)
     return version
 
