@@ -140,8 +140,8 @@ def test_expectations_and_overrides_name_the_points(tmp_path):
         ("acceleration_sigma_mps2: [0.8, 2]", "sweep: [1]", "11: trackers.ukf.sweep.sweep: 'sweep' is not an option"),
         (
             "[0.8, 2]",
-            f"[{', '.join(map(str, range(600)))}]",
-            "10: trackers.ukf.sweep: 1200 points are too many; at most 1000",
+            f"[{', '.join(map(str, range(6000)))}]",
+            "10: trackers.ukf.sweep: 12000 points are too many; at most 10000",
         ),
         ("[0.8, 2]", f"['{'x' * 70}']", "11: trackers.ukf.sweep.acceleration_sigma_mps2.0: the name 'ukf_xxx"),
     ],

@@ -151,9 +151,12 @@ _MOST_LETTERS = 12
 def print_summary(result: Result, console: Console) -> None:
     """The ranked table, what it leaves out, the expectations, and the trackers that failed."""
     console.print(title(result), highlight=False)
-    if result.scored:
-        for row in _table_lines(result, console.width):
+    listed = result.listed
+    if listed.scored:
+        for row in _table_lines(listed, console.width):
             console.print(row, highlight=False, soft_wrap=True)
+        if listed is not result:
+            console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
         for note in filter(None, [*_notes(result), drawing_random(result)]):
             begin = len(note) - len(note.lstrip()) + 2
             print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))

@@ -76,22 +76,23 @@ def result_document(result: Result, colours: Mapping[str, str] | None = None) ->
         result: of the run.
         colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
     """
+    trackers, result = len(result.summary.trackers), result.listed
     summary = result.summary
     styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
     shown = [styles[tracker.name] for tracker in result.drawn]
     blocks = [
-        Section("Verdict", tuple(_verdict(result))),
+        Section("Verdict", tuple(_verdict(result, trackers))),
         *_sections(result, styles, shown),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
         Section("How to reproduce it", tuple(_reproduction(result))),
     ]
     name, description = summary.scenario.name, summary.scenario.description
-    return Document("report", name, tuple(blocks), description, facts(result), tuple(shown))
+    return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
 
 
-def _verdict(result: Result) -> Iterator[Block]:
-    """The first sentence, the expectations, who is how good, and who is not ranked."""
+def _verdict(result: Result, trackers: int) -> Iterator[Block]:
+    """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
     yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
     outcomes = {item.outcome for item in summary.expectations}
@@ -99,7 +100,9 @@ def _verdict(result: Result) -> Iterator[Block]:
     yield Status(expectations_met(summary.expectations), tone)
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
-    if summary.truth.known:
+    if trackers > len(summary.trackers):
+        yield Paragraph(_LISTED.format(len(summary.trackers), trackers))
+    elif summary.truth.known:
         yield from _standings(result)
     if missing:
         failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
@@ -111,6 +114,9 @@ _NO_TRUTH = (
     "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
     "ranked."
 )
+
+
+_LISTED = "The first {:,} of {:,} trackers are listed here; result.json and the tables in Parquet have all of them."
 
 
 def _standings(result: Result) -> Iterator[Block]:

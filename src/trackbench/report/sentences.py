@@ -31,8 +31,8 @@ FALSE_OF_REFERENCE = "its false tracks: predicted further while their object is 
 MOST = 0.5
 
 
-def facts(result: Result) -> tuple[str, ...]:
-    """The run in a few words."""
+def facts(result: Result, trackers: int) -> tuple[str, ...]:
+    """The run of so many trackers in a few words."""
     summary, truth = result.summary, result.summary.truth
     options = truth.model_extra or {}
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
@@ -42,7 +42,7 @@ def facts(result: Result) -> tuple[str, ...]:
         truth.vehicles,
         duration(result),
         counted(len(summary.sensors), "sensor"),
-        counted(len(summary.trackers), "tracker"),
+        counted(trackers, "tracker"),
         f"seed {summary.seed}",
         summary.engine_in_words,
     )

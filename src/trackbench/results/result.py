@@ -20,8 +20,8 @@ from trackbench.results.tracker_result import TrackerResult
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: More lines than this in one picture cannot be told apart.
-MOST_DRAWN = 12
+#: More lines than this in one picture cannot be told apart, and more rows in one page are read by programs alone.
+MOST_DRAWN, MOST_LISTED = 12, 1000
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,18 @@ class Result:
     def drawn(self) -> list[TrackerResult]:
         """Those of them that figures and recordings show: of more than ``MOST_DRAWN`` the best."""
         return self.scored[:MOST_DRAWN]
+
+    @cached_property
+    def listed(self) -> Result:
+        """What pages say: of more than ``MOST_LISTED`` trackers, the result of the first of the ranking alone."""
+        if len(self.summary.ranking) <= MOST_LISTED:
+            return self
+        names = self.summary.ranking[:MOST_LISTED]
+        kept = {"ranking": names, "trackers": [self[name] for name in names]}
+        listed = replace(self, summary=self.summary.model_copy(update=kept))
+        inside = {*names}
+        object.__setattr__(listed, "differences", [item for item in self.differences if {item.a, item.b} <= inside])
+        return listed
 
     @property
     def unscored(self) -> list[TrackerResult]:

@@ -97,7 +97,7 @@ def set_value(root: Any, parts: Sequence[str], new: Any, origin: Origin) -> KeyP
 
 
 #: More trackers than this in one scenario are a slip of the pen.
-MAX_POINTS = 1000
+MAX_POINTS = 10_000
 MAX_NAME = 64
 
 FORM = "write option: [values] (all combinations), or a list of mappings, each a point"

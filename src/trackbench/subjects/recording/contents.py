@@ -86,7 +86,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         sensors=summary.sensors,
         tables=tables,
         reference="" if summary.reference is None else summary.reference.label,
-        ranking=ranking(result),
+        ranking=ranking(result.listed),
         about=about(result),
         best=result.contenders[0].name if result.scored else None,
         unlabelled=result if summary.identities == "hidden" else None,
