@@ -27,6 +27,8 @@ from trackbench.subjects.tuning.measures import CONDITIONS, OF_ALL, Sums, condit
 from trackbench.trackers.filtered import log_likelihood
 
 Bytes = npt.NDArray[np.uint8]
+#: So many instants are summed at once, as far as their estimates fit the processor's cache.
+KEPT_INSTANTS, KEPT_ESTIMATES = 64, 8000
 
 
 class PackedAvailability(NamedTuple):
@@ -105,6 +107,7 @@ def score_labelled(
                 sums.add_innovation(step.instant, step.number, step.scan, estimate)
             if step.last:
                 sums.add_error(step.instant, estimate)
+        sums.flush()
     return sums.of_trials(), sums.available, work.engine_of(drive.engine_used)
 
 
@@ -141,44 +144,70 @@ class _Sums:
         self._sums = {name: (np.zeros(sums), np.zeros(sums)) for name in (*OF_ALL, *HALVES)}
         self._member = condition_members(targets.conditions(entry))
         self._nees = np.zeros((2, len(CONDITIONS), shape[0], parts))
+        batch = math.prod(shape)
+        kept = max(1, min(KEPT_INSTANTS, KEPT_ESTIMATES // batch))
+        self._mean, self._covariance = np.empty((4, kept, batch)), np.empty((4, 4, kept, batch))
+        self._first = self._held = 0
+        self._innovations: list[tuple[int, int, Mask, Estimate]] = []
 
     def add_error(self, instant: int, estimate: Estimate | None) -> None:
         """Of what is due; a missing estimate is charged as in a run, and has no NEES."""
-        missing = np.full((4, 1), np.nan), np.full((4, 4, 1), np.nan)
-        mean, covariance = missing if estimate is None else (estimate.mean, estimate.covariance)
-        mean, covariance = (
-            np.broadcast_to(each.reshape(*lead, -1), (*lead, math.prod(self._shape)))
-            for each, lead in ((mean, (4,)), (covariance, (4, 4)))
-        )
-        given, charged = np.asarray(np.isfinite(mean).all(axis=0)), mean[:, None].copy()
-        self._silence.charge(charged, given[None], slice(instant, instant + 1))
-        given, covariance = given.reshape(self._shape), covariance.reshape(4, 4, *self._shape)
-        error = charged.reshape(4, *self._shape) - self._state[:, instant, None]
-        scored = np.asarray(self._due[instant] & np.isfinite(error).all(axis=0))
-        summed = scored & given
+        if self._held and self._part(instant) != self._part(self._first):
+            self.flush()
+        if not self._held:
+            self._first = instant
+        self._mean[:, self._held] = np.nan if estimate is None else estimate.mean.reshape(4, -1)
+        self._covariance[:, :, self._held] = np.nan if estimate is None else estimate.covariance.reshape(4, 4, -1)
+        self._held += 1
+        if self._held == self._mean.shape[1]:
+            self.flush()
+
+    def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
+        """Of the scan of a number."""
+        self._innovations.append((instant, number, scan.valid, estimate))
+
+    def flush(self) -> None:
+        """Sum what was kept of the latest instants, in their order."""
+        with np.errstate(all="ignore"):
+            if self._held:
+                self._sum_errors(slice(self._first, self._first + self._held))
+            self._sum_innovations()
+        self._held = 0
+        self._innovations.clear()
+
+    def _sum_errors(self, here: slice) -> None:
+        mean, shape = self._mean[:, : self._held], (self._held, *self._shape)
+        covariance = self._covariance[:, :, : self._held].reshape(4, 4, *shape)
+        given, charged = np.asarray(np.isfinite(mean).all(axis=0)), mean.copy()
+        self._silence.charge(charged, given, here)
+        error = charged.reshape(4, *shape) - self._state[:, here, None]
+        scored = np.asarray(self._due[here, None] & np.isfinite(error).all(axis=0))
+        summed = scored & given.reshape(shape)
         square = error * error
         nees, whitened, positive = normalised_square(error, covariance)
-        part = self._part(instant)
+        part = self._part(here.start)
         self._add("position_rmse", square[0] + square[1], scored, part)
         self._add("velocity_rmse", square[2] + square[3], scored, part)
         self._add("nees", np.where(positive, nees, np.nan), summed, part)
         # The factor is triangular: its first rows are those of the position by itself.
         self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), summed, part)
         self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], summed, part)
-        counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, self._shape)])
-        self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
+        counted = np.stack([np.where(summed, nees, 0.0), np.broadcast_to(summed, shape)])
+        for k in range(self._held):
+            self._nees[..., part] += np.einsum("cor,ftor->fctr", self._member[:, here.start + k], counted[:, k])
 
-    def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
-        log_density = log_likelihood(estimate)
-        if log_density is not None:
-            log_density = log_density.reshape(self._shape)
-            predicted = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
-            if self._counted is None:
-                summed = np.asarray(predicted & self._due[instant])
-                self.available[number] = summed[0]
-            else:
-                summed = predicted & self._counted[number]
-            self._add("log_likelihood", log_density, summed, self._part(instant))
+    def _sum_innovations(self) -> None:
+        densities = _log_likelihoods([estimate for *_, estimate in self._innovations])
+        for (instant, number, valid, _), log_density in zip(self._innovations, densities, strict=True):
+            if log_density is not None:
+                log_density = log_density.reshape(self._shape)
+                predicted = valid.reshape(self._shape) & ~np.isnan(log_density)
+                if self._counted is None:
+                    summed = np.asarray(predicted & self._due[instant])
+                    self.available[number] = summed[0]
+                else:
+                    summed = predicted & self._counted[number]
+                self._add("log_likelihood", log_density[None], summed[None], self._part(instant))
 
     def of_trials(self) -> list[Sums]:
         by_run = {name: [values.sum(axis=1) for values in both] for name, both in self._sums.items()}
@@ -196,6 +225,28 @@ class _Sums:
         return slice(number, number + 1)
 
     def _add(self, name: str, values: Array, where: Mask, part: slice) -> None:
+        """Of consecutive instants, one after the other, so that the sums do not depend on how many are kept."""
         total, count = self._sums[name]
-        total[..., part] += np.where(where, values, 0.0)
-        count[..., part] += where
+        for value, counted in zip(np.where(where, values, 0.0), where, strict=True):
+            total[..., part] += value
+            count[..., part] += counted
+
+
+def _log_likelihoods(estimates: Sequence[Estimate]) -> list[Array | None]:
+    """As ``log_likelihood`` of each; those of equally many components are computed together."""
+    groups: dict[int, list[tuple[int, Array, Array]]] = {}
+    densities: list[Array | None] = []
+    for place, estimate in enumerate(estimates):
+        y, s = estimate.innovation, estimate.innovation_covariance
+        together = estimate.log_likelihood is None and y is not None and s is not None
+        densities.append(None if together else log_likelihood(estimate))
+        if y is not None and s is not None and together:
+            size = len(y)
+            groups.setdefault(size, []).append((place, y.reshape(size, -1), s.reshape(size, size, -1)))
+    for group in groups.values():
+        places, innovations, covariances = zip(*group, strict=True)
+        y, s = np.stack(innovations, axis=1), np.stack(covariances, axis=2)
+        values = log_likelihood(estimates[0]._replace(innovation=y, innovation_covariance=s, log_likelihood=None))
+        for place, value in zip(places, values if values is not None else (), strict=True):
+            densities[place] = value
+    return densities
