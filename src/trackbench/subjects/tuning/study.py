@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.base.scipy_functions import scipy_function
 from trackbench.subjects.tuning.entry import Values, plain, source_of
 from trackbench.subjects.tuning.evaluation import Bench, Outcome
 from trackbench.subjects.tuning.measures import WORDS, Sums
@@ -252,6 +253,8 @@ class Study:
         """Values spread evenly over all ranges: scrambled Sobol points."""
         import optuna
 
+        # For Optuna, which would import the whole package.
+        scipy_function("scipy.stats", "qmc", "Sobol")
         with _quiet():
             sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
             return self._proposed(sampler, [], count)
@@ -314,10 +317,11 @@ def _quiet() -> Iterator[None]:
 
 def _open(name: str, storage: Path | None, directions: list[Direction]) -> optuna.Study:
     import optuna
-    from sqlalchemy import NullPool
 
     if storage is None:
         return optuna.create_study(directions=directions, study_name=name)
+    from sqlalchemy import NullPool
+
     try:
         with _quiet():
             return optuna.create_study(
