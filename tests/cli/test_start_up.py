@@ -32,8 +32,8 @@ def test_help_and_version_wait_for_no_library(tmp_path: Path, option: str) -> No
 
 def test_pyarrow_that_is_imported_later_waits_for_no_pandas() -> None:
     code = """
-from trackbench.base.deferred import defer_pandas
-defer_pandas()
+from trackbench.base.deferred import lighten_imports
+lighten_imports()
 import sys
 import pyarrow as pa
 pa.table({"a": [1.0]})
@@ -82,8 +82,8 @@ def test_pyarrow_knows_pandas_once_it_is_imported() -> None:
     code = """
 import sys
 import pyarrow as pa
-from trackbench.base.deferred import defer_pandas
-defer_pandas()
+from trackbench.base.deferred import lighten_imports
+lighten_imports()
 pa.table({"a": [1.0]})
 assert "pandas" not in sys.modules
 import pandas as pd
@@ -96,8 +96,8 @@ print(pa.array(pd.Series([1.0, float("nan")])).null_count, pa.table({"a": [1.0]}
 def test_a_table_is_given_to_pandas_without_an_import_before() -> None:
     code = """
 import pyarrow as pa
-from trackbench.base.deferred import defer_pandas
-defer_pandas()
+from trackbench.base.deferred import lighten_imports
+lighten_imports()
 print(pa.table({"a": [1.0]}).to_pandas().shape)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

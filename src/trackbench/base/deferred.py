@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.abc import MetaPathFinder
@@ -11,6 +12,9 @@ from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
+
+#: The environment variable that OpenBLAS reads when it is loaded.
+THREADS = "OPENBLAS_NUM_THREADS"
 
 
 class _StandIn(ModuleType):
@@ -40,25 +44,29 @@ def imported_when_used(*names: str) -> Iterator[None]:
             sys.modules.pop(name)
 
 
-def defer_pandas() -> None:
-    """Let pyarrow look for pandas once it is imported, and not find it; tell pyarrow when pandas is imported."""
-    finder = _PandasFinder()
+def lighten_imports() -> None:
+    """Let NumPy start one thread of OpenBLAS, and pyarrow do without pandas until somebody imports it.
+
+    The matrices here have a few rows, and the other threads would wait busily for a tenth of a second.
+    """
+    finder = _Finder()
     sys.meta_path.insert(0, finder)
     if "pyarrow" in sys.modules:
         finder.look(sys.modules["pyarrow"])
 
 
-class _PandasFinder(MetaPathFinder):
+class _Finder(MetaPathFinder):
     hidden = False
 
     def look(self, pyarrow: ModuleType) -> None:
+        """Let pyarrow look for pandas now, and not find it."""
         if "pandas" not in sys.modules:
             self.hidden = True
             pyarrow.array([])
             self.hidden = False
 
     def tell(self, pandas: ModuleType) -> None:
-        sys.meta_path.remove(self)
+        """Tell pyarrow of pandas."""
         if "pyarrow" in sys.modules:
             # To read this attribute, pyarrow imports pandas again.
             assert sys.modules["pyarrow.lib"]._pandas_api.pd is pandas
@@ -66,21 +74,25 @@ class _PandasFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
+        if fullname not in ("numpy", "pandas", "pyarrow"):
+            return None
         if fullname == "pandas" and self.hidden:
             raise ModuleNotFoundError(name=fullname)
-        then = {"pyarrow": self.look, "pandas": self.tell}.get(fullname)
-        return None if then is None else self._followed(fullname, then)
-
-    def _followed(self, name: str, then: Callable[[ModuleType], None]) -> ModuleSpec | None:
         sys.meta_path.remove(self)
-        spec = find_spec(name)
+        spec = find_spec(fullname)
         sys.meta_path.insert(0, self)
         if spec is not None and spec.loader is not None:
             execute = spec.loader.exec_module
 
             def exec_module(module: ModuleType) -> None:
+                own = fullname == "numpy" and THREADS not in os.environ
+                if own:
+                    os.environ[THREADS] = "1"
                 execute(module)
-                then(module)
+                if own:
+                    # Processes that are started later have as many as they like.
+                    del os.environ[THREADS]
+                {"pyarrow": self.look, "pandas": self.tell}.get(fullname, id)(module)
 
             spec.loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec

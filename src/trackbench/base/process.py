@@ -87,20 +87,3 @@ def collect_rarely() -> None:
     tenth of a short run was spent looking at them.
     """
     gc.set_threshold(500_000, 50, 100)
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """While NumPy is imported, for small matrices: OpenBLAS's other threads would wait busily for a tenth of a second.
-
-    Processes that are started later have as many as the environment says.
-    """
-    name = "OPENBLAS_NUM_THREADS"
-    if name in os.environ:
-        yield
-        return
-    os.environ[name] = "1"
-    try:
-        yield
-    finally:
-        del os.environ[name]

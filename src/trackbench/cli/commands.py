@@ -17,10 +17,10 @@ from typing import Any
 
 import click
 
-from trackbench.base.deferred import defer_pandas
+from trackbench.base.deferred import lighten_imports
 from trackbench.base.errors import InputError, OutputError, TrackbenchError, printable, shortened, text_of
 from trackbench.base.files import is_utf8
-from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD, one_blas_thread
+from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
 from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal, tell_unsaid, with_plugins
 from trackbench.base.user_code import place_of
@@ -136,9 +136,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        defer_pandas()
-        with one_blas_thread():
-            command: click.Command = resolve(COMMANDS[cmd_name].target)
+        lighten_imports()
+        command: click.Command = resolve(COMMANDS[cmd_name].target)
         return command
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
