@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Executor, Future
-from functools import partial
+from concurrent.futures import Executor
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,6 +15,7 @@ from trackbench.api.plan import Listener, Prepared, RunPlan, command_of
 from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, Task
+from trackbench.base.process import begun_beside
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress
 from trackbench.document.palette import tracker_colours
@@ -111,6 +112,7 @@ def _require_distinct(scenarios: Sequence[Scenario]) -> None:
 
 
 _Writer = Callable[[Path], None]
+PAGES = ("report.html", "report.md")
 
 
 def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
@@ -125,13 +127,13 @@ def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
     from trackbench.report.result import result_document
 
     document = result_document(result, colours)
-    return {"report.html": to_html(document), "report.md": to_markdown(document)}
+    return dict(zip(PAGES, (to_html(document), to_markdown(document)), strict=True))
 
 
 def _save(
     result: Result,
     folder: Path,
-    pages: Mapping[str, str],
+    pages: Callable[[], Mapping[str, str]],
     progress: Progress,
     colours: Mapping[str, str],
     left_out: Collection[str],
@@ -141,7 +143,7 @@ def _save(
     Args:
         result: of the run.
         folder: its name; an earlier result under it is replaced.
-        pages: the report, by the name of the file.
+        pages: gives the report, by the name of the file.
         progress: called with the number of files written and of all.
         colours: of its trackers.
         left_out: the files of subjects that are not written.
@@ -152,14 +154,22 @@ def _save(
     Raises:
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
-    artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
-    for file, offer in offered("artifacts"):
-        if file not in left_out:
-            artifacts[file] = partial(resolve(offer.target), result, colours=colours)
-    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
+    artifacts: dict[str, _Writer] = {
+        file: partial(resolve(offer.target), result, colours=colours)
+        for file, offer in offered("artifacts")
+        if file not in left_out
+    }
+    files = (*PAGES, *artifacts, *(f"{table}.parquet" for table in result.tables))
+    made = cache(pages)
+    # The last, as they may be under way beside this process.
+    artifacts |= {file: partial(_write_page, made, file) for file in PAGES}
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))
     return result
+
+
+def _write_page(made: Callable[[], Mapping[str, str]], file: str, path: Path) -> None:
+    results.write_file(made()[file], path)
 
 
 def _counted(artifacts: Mapping[str, _Writer], progress: Progress) -> dict[str, _Writer]:
@@ -181,7 +191,7 @@ class _Computed(NamedTuple):
 
     place: str
     result: Result
-    pages: Future[dict[str, str]] | None
+    pages: Callable[[], dict[str, str]] | None
 
 
 class _Batch:
@@ -257,8 +267,10 @@ class _Batch:
             advance(result.summary.runs, result.summary.runs)
         if self._plan.out is None:
             return _Computed(place, result, None)
-        executor = InProcess() if self._alone else self._executor
-        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
+        if self._alone:
+            made = partial(pages, result, self.colours)
+            return _Computed(place, result, made if self._plan.workers == 1 else begun_beside(made))
+        return _Computed(place, result, self._executor.submit(Task(pages, result, None), self.colours).result)
 
     def _ended(self, computed: _Computed) -> Result:
         place, result, made = computed
@@ -267,6 +279,6 @@ class _Batch:
             name = result.summary.scenario.name
             folder = self._plan.out / name
             with self._listener.progress(f"{place}writing {name}", "files") as advance:
-                result = _save(result, folder, made.result(), advance, self.colours, self._plan.left_out)
+                result = _save(result, folder, made, advance, self.colours, self._plan.left_out)
         self._listener.end(result, folder)
         return result
