@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,19 +25,29 @@ SCHEMA = xmlschema.XMLSchema(DATA / "junit.xsd")
 WORSE = "trackers.ekf.acceleration_sigma_mps2=30"
 
 
+@pytest.fixture(scope="session")
+def saved(run_tiny: Callable[..., Result], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folders base and new, each with two scenarios; the EKF of new/tiny is worse."""
+    folder = tmp_path_factory.mktemp("saved")
+    for version, overrides in (("base", []), ("new", [WORSE])):
+        run_tiny("monte_carlo.runs=12", *overrides).save(folder / version / "tiny")
+        run_tiny("monte_carlo.runs=12", "name=other").save(folder / version / "other")
+    return folder
+
+
 @pytest.fixture
-def two(run_tiny: Callable[..., Result], tmp_path: Path, tiny: Path) -> Path:
+def two(saved: Path, tiny: Path) -> Path:
     """The folder with the runs base/tiny and new/tiny, of which the second has a worse EKF."""
-    run_tiny("monte_carlo.runs=12").save(tmp_path / "base" / "tiny")
-    run_tiny("monte_carlo.runs=12", WORSE).save(tmp_path / "new" / "tiny")
+    for version in ("base", "new"):
+        shutil.copytree(saved / version / "tiny", tiny.parent / version / "tiny")
     return tiny.parent
 
 
 @pytest.fixture
-def versions(two: Path, run_tiny: Callable[..., Result]) -> Path:
+def versions(saved: Path, two: Path) -> Path:
     """The same with a second scenario in each folder."""
-    run_tiny("monte_carlo.runs=12", "name=other").save(two / "base" / "other")
-    run_tiny("monte_carlo.runs=12", "name=other").save(two / "new" / "other")
+    for version in ("base", "new"):
+        shutil.copytree(saved / version / "other", two / version / "other")
     return two
 
 

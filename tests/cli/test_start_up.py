@@ -53,7 +53,7 @@ def test_the_commands_of_a_finished_run_wait_for_no_scenario_and_no_filter(tmp_p
 
 def test_a_run_waits_for_neither_pandas_nor_the_packages_of_scipy(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tiny.parent / "cache"))
-    modules = loaded(tiny.parent, "run", "tiny.yaml")
+    modules = loaded(tiny.parent, "run", "tiny.yaml", "--engine", "numpy")
     assert {"scipy.special._ufuncs", "highway_env"} <= modules
     assert not modules & {
         "matplotlib.pyplot",
@@ -72,7 +72,7 @@ def test_a_check_waits_for_the_simulator_alone_and_only_where_the_truth_is_not_s
     modules = loaded(tiny.parent, "check", "tiny.yaml")
     assert "highway_env" in modules
     assert not modules & unused
-    loaded(tiny.parent, "run", "tiny.yaml", "--no-recording")
+    loaded(tiny.parent, "run", "tiny.yaml", "--no-recording", "--engine", "numpy")
     modules = loaded(tiny.parent, "check", "tiny.yaml")
     assert "trackbench.scenario.check" in modules
     assert not modules & {*unused, "highway_env", "gymnasium"}

@@ -36,7 +36,7 @@ def to_json(summary: Mapping[str, Any]) -> str:
     # Ten times as fast as json.dumps with an indent, which a sweep of a thousand trackers waits for.
     text = pydantic_core.to_json(summary, indent=2).decode() + "\n"
     if any(f"{word}{end}" in text for word in ("NaN", "Infinity") for end in (",\n", "\n")):
-        raise ValueError("a NaN or an infinity is no JSON")
+        raise ValueError("Out of range float values are not JSON compliant")
     return text
 
 
