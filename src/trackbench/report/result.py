@@ -58,6 +58,7 @@ from trackbench.report.sentences import (
     expectations_met,
     facts,
     headline,
+    listed_of,
     made_elsewhere,
     missing_estimates,
     other_switch_costs,
@@ -76,8 +77,7 @@ def result_document(result: Result, colours: Mapping[str, str] | None = None) ->
         result: of the run.
         colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
     """
-    trackers, result = len(result.summary.trackers), result.listed
-    summary = result.summary
+    trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
     shown = [styles[tracker.name] for tracker in result.drawn]
     blocks = [
@@ -101,7 +101,7 @@ def _verdict(result: Result, trackers: int) -> Iterator[Block]:
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if trackers > len(summary.trackers):
-        yield Paragraph(_LISTED.format(len(summary.trackers), trackers))
+        yield Paragraph(listed_of(summary, trackers))
     elif summary.truth.known:
         yield from _standings(result)
     if missing:
@@ -114,9 +114,6 @@ _NO_TRUTH = (
     "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
     "ranked."
 )
-
-
-_LISTED = "The first {:,} of {:,} trackers are listed here; result.json and the tables in Parquet have all of them."
 
 
 def _standings(result: Result) -> Iterator[Block]:
@@ -132,7 +129,8 @@ def _standings(result: Result) -> Iterator[Block]:
             description = tracker.describe
         else:
             sentence = verdict_on_tracks(tracker)
-            description = ", ".join(filter(None, (tracker.association, _confirmed(tracker), tracker.describe)))
+            confirmed = f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
+            description = ", ".join(filter(None, (tracker.association, confirmed, tracker.describe)))
         label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
         return Item(f"{sentence}.", label, description, tracker.name)
 
@@ -142,10 +140,6 @@ def _standings(result: Result) -> Iterator[Block]:
         yield Items(tuple(items[name] for name in ranked), numbered=True)
         if len(ranked) < len(items):
             yield Items(tuple(item for name, item in items.items() if name not in ranked))
-
-
-def _confirmed(tracker: TrackerResult) -> str:
-    return f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
 
 
 def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:

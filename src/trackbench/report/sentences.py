@@ -13,7 +13,15 @@ from trackbench.report.numbers import decimals, fixed, in_brackets, interval, jo
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import value_text
-from trackbench.results import MOST_DRAWN, ExpectationResult, MetricValue, PrecisionReached, Result, TrackerResult
+from trackbench.results import (
+    MOST_DRAWN,
+    ExpectationResult,
+    MetricValue,
+    PrecisionReached,
+    Result,
+    Summary,
+    TrackerResult,
+)
 from trackbench.results.metric_value import by_value
 
 #: The parts of T-GOSPA, in words.
@@ -46,6 +54,12 @@ def facts(result: Result, trackers: int) -> tuple[str, ...]:
         f"seed {summary.seed}",
         summary.engine_in_words,
     )
+
+
+def listed_of(summary: Summary, trackers: int) -> str:
+    """That a page has not all of so many trackers."""
+    listed = f"The first {len(summary.trackers):,} of {trackers:,} trackers are listed here"
+    return f"{listed}; result.json and the tables in Parquet have all of them."
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:
