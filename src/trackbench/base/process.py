@@ -6,9 +6,11 @@ import gc
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from os import _exit
 from pathlib import Path
 from typing import TypeVar
 
@@ -95,12 +97,12 @@ def collect_rarely() -> None:
 
 
 def begun_beside(call: Callable[[], T]) -> Callable[[], T]:
-    """Begin a call in a copy of this process, where there is another core and no other thread, which has no copy.
+    """Begin a call in a copy of this process: on Linux, where there is another core and no other thread.
 
     Returns:
         What gives the result; it makes the call in this process where the copy gives none.
     """
-    if not hasattr(os, "fork") or threading.active_count() > 1 or (os.cpu_count() or 1) == 1:
+    if sys.platform != "linux" or threading.active_count() > 1 or (os.cpu_count() or 1) == 1:
         return call
     reading, writing = map(clear_of_streams, os.pipe())
     process = os.fork()
@@ -111,7 +113,7 @@ def begun_beside(call: Callable[[], T]) -> Callable[[], T]:
             with open(writing, "wb") as pipe:
                 pipe.write(content)
         finally:
-            os._exit(0)
+            _exit(0)
     os.close(writing)
 
     def result() -> T:
