@@ -82,7 +82,8 @@ def main() -> None:
 
 def write(found: dict[str, Any]) -> None:
     """Print the tables and write them."""
-    growth.draw(found["growth"])
+    if "growth" in found:
+        growth.draw(found["growth"])
     text = table.markdown({**found, "stages_before": stages.before()})
     print(text)
     RESULTS.mkdir(exist_ok=True)

@@ -28,7 +28,7 @@ def markdown(found: dict[str, Any]) -> str:
             traffic_scores(found["traffic_scores"]),
             isolation(found["isolation"]),
             languages(found["languages"]),
-            growth.section(found["growth"]),
+            *([growth.section(found["growth"])] if "growth" in found else []),
             *([compiling(found["stages"]), stages(found["stages_before"], found["stages"])] if found["stages"] else []),
         ]
     )

@@ -137,6 +137,11 @@ def conditional_bound(
         drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
     shape = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
     prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
+    # The prior is too wide for the update of a covariance.
+    firsts = {
+        name: np.linalg.inv(np.linalg.inv(prior) + np.einsum("krio,krjo->koij", of.root, of.root)).transpose(0, 2, 3, 1)
+        for name, of in sensors.items()
+    }
     steps: list[BoundStep] = []
     begun = np.zeros(shape, dtype=bool)
     latest = instants[0]
@@ -152,9 +157,11 @@ def conditional_bound(
             if start.position_sigma is not None:
                 begun = begun | truth.alive[step][:, None]
             seen, root = masks[name][k], of.root[k]
-            # The prior is too wide for the update of a covariance.
-            first = np.linalg.inv((np.linalg.inv(prior)[:, :, None] + linalg.gram(root)).T).T
-            values = {"root": root[..., None], "first": first[..., None], "seen": np.broadcast_to(seen, shape)}
+            values = {
+                "root": root[..., None],
+                "first": firsts[name][k][..., None],
+                "seen": np.broadcast_to(seen, shape),
+            }
             steps.append(BoundStep(row, begun, values))
             begun = begun | seen
         if step != latest or not steps or steps[-1].row != row:
