@@ -141,10 +141,10 @@ def scan_of_run(scan: Scan, run: int) -> Scan:
     for values in (measurement, valid):
         # What one tracker must not change of what the next one reads.
         values.setflags(write=scan.measurement.flags.writeable)
-    return scan._replace(measurement=measurement, valid=valid)
+    return with_sensor_of(scan, run)._replace(measurement=measurement, valid=valid)
 
 
-def with_sensor_of(scan: Scan, run: Indices) -> Scan:
+def with_sensor_of(scan: Scan, run: Indices | int) -> Scan:
     """The scan with the sensor's pose ``(3, ...)`` and velocity ``(2, ...)`` in each of some runs ``(...)``; as it is
     where the sensor is the same in all."""
     if scan.sensor_pose.ndim == 1:
