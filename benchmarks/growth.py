@@ -1,6 +1,6 @@
 """How the time of a run grows with its duration, targets, scenes and trackers: figures and slopes.
 
-``python -m benchmarks.growth`` prints the section and draws ``results/benchmark-growth-*.svg``.
+``python -m benchmarks.growth`` prints the section and draws ``results/figures/benchmark-growth-*.svg``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.document import Figure
 from trackbench.document.drawing import svg_file
 
-RESULTS = Path(__file__).parent.parent / "results"
+FIGURES = Path(__file__).parent.parent / "results" / "figures"
 #: Of a process of its own: the truth and the kernels are made by a first run, which counts for nothing.
 INSIDE = """
 import json, sys, time
@@ -76,10 +76,10 @@ CASES = (
     Case("scenes", "scenes", (1, 3, 10, 30, 100, 300), "highway", {"truth.duration_s": 3}, ONE | {"runs": 20}, "scenes",
          "`highway` of 3 s, `ekf_cv`, 5 vehicles, 20 runs of each; the truth is cached"),
     Case("targets", "targets", (5, 10, 20, 50, 100), "highway", DENSE, ONE | {"runs": 20}, "truth.targets",
-         "dense `highway` of 5 s, `ekf_cv`, identities known, 20 runs"),
+         "dense `highway` of 5 s, `ekf_cv`, identities known, 20 runs; sensors see to 150 m"),
     Case("targets in traffic", "targets", (5, 10, 20, 50, 100), "traffic/dense_highway", DENSE,
          {"trackers": ["gnn"], "runs": 5, "scenes": 1}, "truth.targets",
-         "dense `traffic/dense_highway` of 5 s, `gnn`, identities hidden, 5 runs"),
+         "dense `traffic/dense_highway` of 5 s, `gnn`, identities hidden, 5 runs; as far"),
     Case("trackers", "trackers", (1, 3, 10, 30, 100), "highway", {"truth.duration_s": 5}, {"runs": 20}, "trackers",
          "`highway` of 5 s, Kalman filters, 5 vehicles, 20 runs"),
 )  # fmt: skip
@@ -97,7 +97,7 @@ def measure(cases: Sequence[Case] = CASES) -> list[dict[str, Any]]:
 
 
 def draw(measured: Sequence[dict[str, Any]]) -> None:
-    """One figure for each case, in ``results``."""
+    """One figure for each case, in ``results/figures``."""
     for case, row in zip(CASES, measured, strict=True):
 
         def paint(canvas: Canvas, case: Case = case, row: dict[str, Any] = row) -> None:
@@ -111,7 +111,7 @@ def draw(measured: Sequence[dict[str, Any]]) -> None:
 
         alternative = f"Processor time of a run over {case.name}: {_cells(row)}"
         figure = Figure(_file(case), "", "", alternative, paint, 220, 420)
-        (RESULTS / f"{_file(case)}.svg").write_text(svg_file(figure), encoding="utf-8")
+        (FIGURES / f"{_file(case)}.svg").write_text(svg_file(figure), encoding="utf-8")
 
 
 def section(measured: Sequence[dict[str, Any]]) -> str:
@@ -131,7 +131,7 @@ def section(measured: Sequence[dict[str, Any]]) -> str:
         "",
     ]
     for case in CASES:
-        lines += [f"![Processor time of a run over {case.name}]({_file(case)}.svg)", ""]
+        lines += [f"![Processor time of a run over {case.name}](figures/{_file(case)}.svg)", ""]
     return "\n".join(lines)
 
 

@@ -58,14 +58,13 @@ def main() -> None:
     options = parser.parse_args()
     if options.only:
         kept = json.loads((RESULTS / "benchmark.json").read_text())
-        write(kept | {name: PARTS[name]() for name in options.only})
+        again = kept.get("again", {}) | dict.fromkeys(options.only, where())
+        write(kept | {"again": again} | {name: PARTS[name]() for name in options.only})
         return
     if reason := unavailable():
         sys.exit(f"the fused engine cannot be measured: {reason}")
-    names = ("trackbench", "numpy", "llvmlite", "filterpy", "stonesoup", "trackeval")
     found = {
-        "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
-        "versions": {name: version(name) for name in names},
+        **where(),
         "whole_run": whole_run.measure(),
         "filters": filters.measure(options.repetitions),
         "sensing": sensing.measure(),
@@ -89,6 +88,15 @@ def write(found: dict[str, Any]) -> None:
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "benchmark.md").write_text(text, encoding="utf-8")
     (RESULTS / "benchmark.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+
+
+def where() -> dict[str, Any]:
+    """The machine and the versions."""
+    names = ("trackbench", "numpy", "llvmlite", "filterpy", "stonesoup", "trackeval")
+    return {
+        "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
+        "versions": {name: version(name) for name in names},
+    }
 
 
 def memory() -> dict[str, Any]:

@@ -12,14 +12,20 @@ from benchmarks import growth, sensing, whole_run
 
 def markdown(found: dict[str, Any]) -> str:
     """The tables that are written beside ``benchmark.json``."""
-    machine = found["machine"]
-    versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
+    again: dict[str, list[str]] = {}
+    for part, place in found.get("again", {}).items():
+        again.setdefault(where(place), []).append(part.replace("_", " "))
     return "\n".join(
         [
             "# Benchmark",
             "",
-            f"Made by `make benchmark`. {machine['cpu']}, one thread, Python {machine['python']}, {versions}.",
+            f"Made by `make benchmark`. {where(found)}.",
             "",
+            *(
+                line
+                for place, parts in again.items()
+                for line in (f"Measured again later, on another machine ({place}): {', '.join(parts)}.", "")
+            ),
             whole_run.section(found["whole_run"]),
             filters(found["filters"]),
             sensing.section(found["sensing"]),
@@ -32,6 +38,13 @@ def markdown(found: dict[str, Any]) -> str:
             *([compiling(found["stages"]), stages(found["stages_before"], found["stages"])] if found["stages"] else []),
         ]
     )
+
+
+def where(place: dict[str, Any]) -> str:
+    """The machine and the versions."""
+    machine, versions = place["machine"], place["versions"]
+    packages = ", ".join(f"{name} {number}" for name, number in versions.items())
+    return f"{machine['cpu']}, one thread, Python {machine['python']}, {packages}"
 
 
 def filters(found: dict[str, Any]) -> str:
