@@ -63,4 +63,4 @@ class RunStreams:
         drawn = np.empty((len(self.each), math.prod(shape)))
         for random, of_run in zip(self.each, drawn, strict=True):
             draw(random, out=of_run)
-        return np.moveaxis(drawn.reshape(-1, *shape), 0, -1)
+        return np.moveaxis(drawn.reshape(len(drawn), *shape), 0, -1)

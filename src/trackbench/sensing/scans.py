@@ -254,7 +254,8 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
     else:
         noisy = with_noise(sensor.config, ideal, draws)
-    noisy += np.where(detected, 0.0, np.nan)
+    # What was recorded is the same in all runs, which may detect it or not.
+    noisy = np.add(noisy, np.where(detected, 0.0, np.nan), out=noisy if noisy.shape[1:] == detected.shape else None)
     return ObjectMeasurements(noisy, detected, sensed)
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Scan
+from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Sensor
 from trackbench.models.sensors.effects import Bodies
 from trackbench.sensing.detections import sense_hidden
@@ -92,7 +93,8 @@ class EpisodeSensing:
         changes = _placed(whole, part, len(steps), there)
         if part.bodies is not None:
             bodies = None if whole is None else whole.bodies
-            changes["bodies"] = replace(part.bodies, **_placed(bodies, part.bodies, len(steps), there))
+            placed = _placed(bodies, part.bodies, len(steps), there)
+            changes["bodies"] = replace(part.bodies, **{**placed, "target": by_arithmetic(placed["target"])})
         self._ideal[name] = replace(part, steps=steps, time=self._time[steps], **changes)
 
 
