@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,9 +102,15 @@ ODD = {
 }
 
 
-def test_odd_trackers_too(monkeypatch: pytest.MonkeyPatch) -> None:
+#: Sensors that fire together, and in turn: then some instants end with a measurement, others with a prediction.
+TOGETHER: dict[str, Any] = {}
+IN_TURN = {"sensors.front_radar.rate_hz": 10, "sensors.roof_lidar.phase_s": 0.05}
+
+
+@pytest.mark.parametrize("sensors", [TOGETHER, IN_TURN], ids=["together", "in turn"])
+def test_odd_trackers_too(monkeypatch: pytest.MonkeyPatch, sensors: dict[str, Any]) -> None:
     odd = {f"trackers.{name}": entry for name, entry in ODD.items()}
-    scenario = tb.load("highway", {"truth.duration_s": 6, **odd}, runs=RUNS, trackers=[*ODD])
+    scenario = tb.load("highway", {"truth.duration_s": 6, **sensors, **odd}, runs=RUNS, trackers=[*ODD])
     by_sequences, by_steps = (outcomes(monkeypatch, scenario, steps) for steps in (False, True))
     assert by_sequences.keys() == ODD.keys()
     for tracker, outcome in by_sequences.items():
@@ -143,3 +150,33 @@ for tracker in tb.run(scenario, engine="fused").summary.trackers:
     )
     assert strong
     assert strong == weak
+
+
+#: A radar that is not read and a lidar that fire in turn, and an object that drives straight ahead.
+UNREAD = """
+name: unread
+description: Instants that end with a measurement, and others that end with a prediction
+truth:
+  source: scripted
+  duration_s: 6
+  rate_hz: 20
+  observer: {x: 0, y: 0, yaw_deg: 0}
+  objects:
+    a: {start: {x: 20, y: 5, speed_mps: 5, course_deg: 10}, pieces: [{for_s: 6}]}
+sensors:
+  radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
+  lidar: {type: lidar, rate_hz: 10, phase_s: 0.05, position_sigma_m: 0.5}
+trackers:
+  mine: {filter: kf, motion: cv, acceleration_sigma_mps2: 0.5, sensors: [lidar], advance_at: all_scans}
+monte_carlo: {runs: 64, seed: 7}
+score: {settle_s: 1}
+"""
+
+
+def test_estimates_after_measurements_and_after_predictions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = tmp_path / "unread.yaml"
+    file.write_text(UNREAD, encoding="utf-8")
+    by_sequences, by_steps = (outcomes(monkeypatch, tb.load(file), steps) for steps in (False, True))
+    same(by_sequences["mine"], by_steps["mine"], "mine")
+    errors = by_sequences["mine"].scores.errors.per_run
+    assert np.sqrt((errors[1] + errors[2]).sum() / errors[0].sum()) < 0.5

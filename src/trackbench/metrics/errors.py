@@ -16,6 +16,8 @@ from trackbench.metrics.sums import ERROR, OVERFLOW
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
+#: Up to this speed the course of an estimate is that of its rounding, m/s.
+STANDING = 1e-9
 #: Root mean square error of a course that is drawn at random, rad.
 NO_COURSE = math.pi / math.sqrt(3.0)
 #: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for, and of their
@@ -24,9 +26,9 @@ SMALLEST_DETERMINANT = 1e-14
 
 
 def course_error(mean: Array, truth: Array) -> Array:
-    """``(...)`` rad, wrapped, of states ``(4, ...)``; ``NO_COURSE`` of an estimate without velocity."""
+    """``(...)`` rad, wrapped, of states ``(4, ...)``; ``NO_COURSE`` of an estimate that stands."""
     error = wrap_angle(np.arctan2(mean[3], mean[2]) - np.arctan2(truth[3], truth[2]))
-    return np.where(mean[2] * mean[2] + mean[3] * mean[3] > 0, error, NO_COURSE)
+    return np.where(mean[2] * mean[2] + mean[3] * mean[3] > STANDING**2, error, NO_COURSE)
 
 
 def _given(values: Values) -> Values:
@@ -92,14 +94,15 @@ def _scores(values: Values) -> Values:
     mean, covariance, truth = (values[name] for name in ("mean", "covariance", "truth"))
     rows, definite = _rows(mean, covariance, truth, values["reference"], np.ones((), dtype=bool))
     squares = linalg.vector([rows[1] + rows[2], rows[3] + rows[4]])
+    bounded = ~values["expected"] | (rows.max(axis=0) < OVERFLOW)
     rows = np.where(values["due"], rows, 0.0)
     beyond = [np.where(rows[ERROR["nees"]] > point, 1.0, 0.0) for point in beyond_points(4)]
     return {
         "per_step": rows,
         "by_class": np.concatenate([rows, linalg.vector(beyond)]),
         "squares": np.where(values["expected"], squares, 0.0),
-        "definite": definite,
-        "bounded": rows.max(axis=0) < OVERFLOW,
+        "definite": definite & np.isfinite(mean.sum(axis=0)),
+        "bounded": bounded,
     }
 
 

@@ -97,19 +97,24 @@ class _Summing:
         """``(instants, objects, runs or 1)`` number of the class of each object, and how many there are."""
         return self._class, len(self._codes)
 
-    def add_sequence(self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array) -> None:
+    def add_sequence(
+        self, scores: ScoreSequence, squares: SquaredErrors, repaired: Array, spent: tuple[float, int]
+    ) -> None:
         """Add some instants that were scored by kernels.
 
         Args:
             scores: their sums.
             squares: the squared errors.
             repaired: ``(runs,)`` number of repaired covariances.
+            spent: seconds, and for how many steps of single objects.
         """
         fields, here, square = len(ERROR_FIELDS), scores.here, squares.squares[0]
         self._per_step[:, here] = scores.per_step
         self._per_class += scores.by_class[:fields]
         self._beyond += scores.by_class[fields:]
         self._repaired += repaired
+        self._seconds += spent[0]
+        self._steps += spent[1]
         self._note_spread(here, square, squares.scored, squares.given)
 
     def innovations(self, sensor: str) -> Innovations:

@@ -169,7 +169,9 @@ class Scorer:
         innovations: Innovations = self._sums[ESTIMATES.name].innovations(sensor)
         return innovations
 
-    def take(self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask) -> None:
+    def take(
+        self, scores: ScoreSequence, repaired: Array, latest: Array, given: Mask, spent: tuple[float, int]
+    ) -> None:
         """Take in what a sequence has scored.
 
         Args:
@@ -177,6 +179,7 @@ class Scorer:
             repaired: ``(instants, batch or 1)`` number of repaired covariances.
             latest: ``(4, batch)`` the estimates at the last of them.
             given: ``(batch,)`` which of them there are.
+            spent: seconds, and for how many scans.
         """
         here = scores.here
         due = self._due[here]
@@ -186,7 +189,7 @@ class Scorer:
         repairs = (repaired * due).sum(axis=0).reshape(self._objects, self._runs).sum(axis=0)
         for name, accumulator in self._accumulators.items():
             if name == ESTIMATES.name:
-                self._sums[name].add_sequence(scores, squares, repairs)
+                self._sums[name].add_sequence(scores, squares, repairs, (spent[0], spent[1] * len(given)))
             else:
                 self._sums[name] = accumulator.update(self._sums[name], squares)
         self._first = here.stop

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -118,7 +119,8 @@ class FilterSequence:
         for name, value in belief.items():
             self._own[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
         self._others = {name: self._slots(name, value.shape[:-1], (~advances).sum()) for name, value in belief.items()}
-        slots = len(steps) if self._keeps else 1
+        # As many slots as a state has, so that all estimates are equally far apart.
+        slots = len(steps) if self._keeps else min(2, 1 + int(advances.sum()))
         self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
         self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
         """``(steps, objects, runs)`` where a step should not have been made, and whose covariance was repaired."""
@@ -151,12 +153,13 @@ class FilterSequence:
         for number, step in enumerate(self._steps):
             scan = step.scan
             kind = scan.kind, scan.sensor, scan.noise_covariance.ndim
-            groups.setdefault((step.reads, step.advances, kind if step.reads else None), []).append(number)
+            key = kind if step.reads else ("later" if step.elapsed > 0.0 or step.advances else "now", step.advances)
+            groups.setdefault(key, []).append(number)
         return all(
             self._add_updates(sequence, np.array(numbers), white)
-            if reads
-            else self._add_predictions(sequence, np.array(numbers), self._own if advances else self._others)
-            for (reads, advances, _), numbers in groups.items()
+            if len(key) == 3
+            else self._add_predictions(sequence, np.array(numbers), *key)
+            for key, numbers in groups.items()
         )
 
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses | None) -> bool:
@@ -190,16 +193,21 @@ class FilterSequence:
         sequence.call(kernel, self._first[numbers], inputs, outputs)
         return True
 
-    def _add_predictions(self, sequence: CallSequence, numbers: Indices, into: dict[str, Array]) -> bool:
-        """Predictions, the latest estimate that is kept being the one before."""
+    def _add_predictions(self, sequence: CallSequence, numbers: Indices, when: str, advances: bool) -> bool:
+        """Predictions, the latest estimate that is kept being the one before; over no time that estimate itself."""
         prediction = self._filter.prediction_kernel(self._state.belief)
         cartesian = self._filter.cartesian_kernel(self._state.belief)
         if prediction is None or cartesian is None:
             return False
-        at, inputs = self._first[numbers], self._inputs(self._own, self._from[numbers]) | self._time(numbers)
-        sequence.call(prediction, at, inputs, self._outputs(into, self._to[numbers]))
-        inputs = self._inputs(into, self._to[numbers])
-        sequence.call(cartesian, at + 1, inputs, self._cartesian_places(numbers))
+        at, before = self._first[numbers], self._inputs(self._own, self._from[numbers])
+        if when == "now":
+            for call in (at, at + 1):
+                sequence.call(cartesian, call, before, self._cartesian_places(numbers))
+            return True
+        into = self._own if advances else self._others
+        sequence.call(prediction, at, before | self._time(numbers), self._outputs(into, self._to[numbers]))
+        after = self._inputs(into, self._to[numbers])
+        sequence.call(cartesian, at + 1, after, self._cartesian_places(numbers))
         return True
 
     def _inputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
@@ -246,6 +254,7 @@ class FilterSequence:
         for axes in (1, 2):
             slots = [self.cartesian[number][axes - 1] for number in numbers]
             each = [place(slot.array, axes, np.array([slot.number])) for slot in slots]
+            assert len({(item.stride, item.group) for item in each}) == 1
             addresses = np.concatenate([item.address for item in each])
             result.append(ArrayPlace(addresses, each[0].stride, each[0].group))
         return result[0], result[1]
@@ -258,8 +267,16 @@ class FilterSequence:
 
     def probability(self, number: int) -> Array | None:
         """``(M, batch)`` the mode probabilities after a step, of a filter that has modes."""
-        arrays = self._own if self._steps[number].advances else self._others
-        return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
+        step = self._steps[number]
+        if "probability" not in self._own:
+            return None
+        if step.advances:
+            slot = Slot(self._own["probability"], self._to[number])
+        elif step.elapsed > 0.0:
+            slot = Slot(self._others["probability"], self._to[number])
+        else:
+            slot = Slot(self._own["probability"], self._from[number])
+        return slot.value
 
     def state(self) -> TrackState:
         """The state after the last step."""
@@ -346,9 +363,11 @@ def through(
         addresses[number] = white.ctypes.data
     sequence = FilterSequence(tracker, state, steps, (objects, runs))
     calls, scores = CallSequence(by, objects, runs, sequence.length), scorer.sequence(here)
+    possible = sequence.add(calls, addresses)
+    possible = possible and scores.add(calls, sequence.score_calls, *sequence.places(sequence.scored))
+    begin = time.perf_counter()
     if not (
-        sequence.add(calls, addresses)
-        and scores.add(calls, sequence.score_calls, *sequence.places(sequence.scored))
+        possible
         and calls.run()
         and scores.sound
         and not (sequence.refused.reshape(len(steps), -1) & state.started).any()
@@ -356,11 +375,12 @@ def through(
         for sensor, numbers in rows.items():
             scorer.innovations(sensor).drop(len(numbers))
         return None
+    seconds = time.perf_counter() - begin
     nobody = np.zeros(objects * runs, dtype=bool)
     for step in steps:
         if not step.reads and not step.scan.asked:
             scorer.innovations(step.scan.sensor).add(None, nobody, nobody)
-    scorer.take(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started)
+    scorer.take(scores, sequence.repairs(), sequence.cartesian[-1][0].value, state.started, (seconds, len(steps)))
     of_recorded = None if recorded is None else _recorded(tracker, state, steps, (objects, runs), recorded)
     return SequenceResult(steps, sequence, whitened, state.started, of_recorded)
 

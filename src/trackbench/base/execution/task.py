@@ -286,6 +286,10 @@ class _Either(Future[Any]):
                 self.set_result(call())
             except Exception as error:
                 self.set_exception(error)
+            except BaseException as error:
+                # Whoever waits for it is not to wait for ever.
+                self.set_exception(error)
+                raise
 
     def result(self, timeout: float | None = None) -> Any:
         while not self.done():
