@@ -9,12 +9,23 @@ from benchmarks.table_stages import compiling, stages
 
 from benchmarks import growth, sensing, whole_run
 
+#: Of what can be measured by itself, where it stands on the page.
+TITLES = {
+    "whole_run": "What a user pays",
+    "filters": "Filters",
+    "sensing": "Sensing",
+    "traffic_trackers": "Tracking in traffic",
+    "languages": "A tracker in another language",
+    "growth": "How it grows",
+    "stages": "Where the time goes",
+}
+
 
 def markdown(found: dict[str, Any]) -> str:
     """The tables that are written beside ``benchmark.json``."""
     again: dict[str, list[str]] = {}
     for part, place in found.get("again", {}).items():
-        again.setdefault(where(place), []).append(part.replace("_", " "))
+        again.setdefault(where(place), []).append(TITLES.get(part, part))
     return "\n".join(
         [
             "# Benchmark",
