@@ -15,7 +15,6 @@ from trackbench.api.plan import Listener, Prepared, RunPlan, command_of
 from trackbench.api.provenance import provenance_of
 from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, Task
-from trackbench.base.process import begun_beside
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress
 from trackbench.document.palette import tracker_colours
@@ -268,8 +267,7 @@ class _Batch:
         if self._plan.out is None:
             return _Computed(place, result, None)
         if self._alone:
-            made = partial(pages, result, self.colours)
-            return _Computed(place, result, made if self._plan.workers == 1 else begun_beside(made))
+            return _Computed(place, result, partial(pages, result, self.colours))
         return _Computed(place, result, self._executor.submit(Task(pages, result, None), self.colours).result)
 
     def _ended(self, computed: _Computed) -> Result:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import gc
 import os
-import pickle
 import signal
-import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from os import _exit
 from pathlib import Path
 from typing import TypeVar
 
@@ -94,36 +90,3 @@ def collect_rarely() -> None:
     tenth of a short run was spent looking at them.
     """
     gc.set_threshold(500_000, 50, 100)
-
-
-def begun_beside(call: Callable[[], T]) -> Callable[[], T]:
-    """Begin a call in a copy of this process: on Linux, where there is another core and no other thread.
-
-    Returns:
-        What gives the result; it makes the call in this process where the copy gives none.
-    """
-    if sys.platform != "linux" or threading.active_count() > 1 or (os.cpu_count() or 1) == 1:
-        return call
-    reading, writing = map(clear_of_streams, os.pipe())
-    process = os.fork()
-    if not process:
-        try:
-            os.close(reading)
-            content = pickle.dumps(call())
-            with open(writing, "wb") as pipe:
-                pipe.write(content)
-        finally:
-            _exit(0)
-    os.close(writing)
-
-    def result() -> T:
-        with open(reading, "rb") as pipe:
-            content = pipe.read()
-        os.waitpid(process, 0)
-        try:
-            made: T = pickle.loads(content)
-        except (EOFError, pickle.UnpicklingError):
-            return call()
-        return made
-
-    return result
