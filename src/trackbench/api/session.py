@@ -6,7 +6,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -159,16 +159,12 @@ def _save(
         if file not in left_out
     }
     files = (*PAGES, *artifacts, *(f"{table}.parquet" for table in result.tables))
-    made = cache(pages)
-    # The last, as they may be under way beside this process.
-    artifacts |= {file: partial(_write_page, made, file) for file in PAGES}
+    # Before there is a folder, which nothing would remove if they ended the process.
+    made = pages()
+    artifacts |= {file: partial(results.write_file, made[file]) for file in PAGES}
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))
     return result
-
-
-def _write_page(made: Callable[[], Mapping[str, str]], file: str, path: Path) -> None:
-    results.write_file(made()[file], path)
 
 
 def _counted(artifacts: Mapping[str, _Writer], progress: Progress) -> dict[str, _Writer]:
