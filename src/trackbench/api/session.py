@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -111,7 +111,6 @@ def _require_distinct(scenarios: Sequence[Scenario]) -> None:
 
 
 _Writer = Callable[[Path], None]
-PAGES = ("report.html", "report.md")
 
 
 def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
@@ -126,13 +125,13 @@ def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
     from trackbench.report.result import result_document
 
     document = result_document(result, colours)
-    return dict(zip(PAGES, (to_html(document), to_markdown(document)), strict=True))
+    return {"report.html": to_html(document), "report.md": to_markdown(document)}
 
 
 def _save(
     result: Result,
     folder: Path,
-    pages: Callable[[], Mapping[str, str]],
+    pages: Mapping[str, str],
     progress: Progress,
     colours: Mapping[str, str],
     left_out: Collection[str],
@@ -142,7 +141,7 @@ def _save(
     Args:
         result: of the run.
         folder: its name; an earlier result under it is replaced.
-        pages: gives the report, by the name of the file.
+        pages: the report, by the name of the file.
         progress: called with the number of files written and of all.
         colours: of its trackers.
         left_out: the files of subjects that are not written.
@@ -153,15 +152,11 @@ def _save(
     Raises:
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
-    artifacts: dict[str, _Writer] = {
-        file: partial(resolve(offer.target), result, colours=colours)
-        for file, offer in offered("artifacts")
-        if file not in left_out
-    }
-    files = (*PAGES, *artifacts, *(f"{table}.parquet" for table in result.tables))
-    # Before there is a folder, which nothing would remove if they ended the process.
-    made = pages()
-    artifacts |= {file: partial(results.write_file, made[file]) for file in PAGES}
+    artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
+    for file, offer in offered("artifacts"):
+        if file not in left_out:
+            artifacts[file] = partial(resolve(offer.target), result, colours=colours)
+    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))
     return result
@@ -186,7 +181,7 @@ class _Computed(NamedTuple):
 
     place: str
     result: Result
-    pages: Callable[[], dict[str, str]] | None
+    pages: Future[dict[str, str]] | None
 
 
 class _Batch:
@@ -262,9 +257,8 @@ class _Batch:
             advance(result.summary.runs, result.summary.runs)
         if self._plan.out is None:
             return _Computed(place, result, None)
-        if self._alone:
-            return _Computed(place, result, partial(pages, result, self.colours))
-        return _Computed(place, result, self._executor.submit(Task(pages, result, None), self.colours).result)
+        executor = InProcess() if self._alone else self._executor
+        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
 
     def _ended(self, computed: _Computed) -> Result:
         place, result, made = computed
@@ -273,6 +267,6 @@ class _Batch:
             name = result.summary.scenario.name
             folder = self._plan.out / name
             with self._listener.progress(f"{place}writing {name}", "files") as advance:
-                result = _save(result, folder, made, advance, self.colours, self._plan.left_out)
+                result = _save(result, folder, made.result(), advance, self.colours, self._plan.left_out)
         self._listener.end(result, folder)
         return result

@@ -46,6 +46,8 @@ from trackbench.models.sensors import SENSOR_MODELS
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
 #: Behind the names of what is believed at a later time.
 LATER = " later"
+#: Stands for the time of a prediction, s: a kernel is the same for all times.
+ANY_TIME = 0.1
 
 
 class FusedFilter:
@@ -161,30 +163,25 @@ class FusedFilter:
 
     def step_kernel(self, belief: AnyBelief, scan: Scan, guard: StepGuard | None) -> Kernel | None:
         """The kernel of steps from such a belief to such a scan, for a sequence of calls; None where there is none."""
-        values = taken_apart(belief, without=REUSED) | self.time(0.1) | of_scan(scan)
-        return self._kernel("step", partial(_step, guard=guard), values, scan, guard)
+        values = taken_apart(belief, without=REUSED) | self.time(ANY_TIME) | of_scan(scan)
+        return self._kernel(self._equations_of("step", partial(_step, guard=guard), values, scan, guard), values)
 
     def prediction_kernel(self, belief: AnyBelief) -> Kernel | None:
         """The kernel of predictions from such a belief, as above."""
-        return self._kernel("prediction", _predicted, taken_apart(belief, without=REUSED) | self.time(0.1))
+        values = taken_apart(belief, without=REUSED) | self.time(ANY_TIME)
+        return self._kernel(self._equations_of("prediction", _predicted, values), values)
 
     def cartesian_kernel(self, belief: AnyBelief) -> Kernel | None:
         """The kernel of px, py, vx, vy under such a belief, as above."""
-        return self._kernel("cartesian", _cartesian, taken_apart(belief, without=REUSED))
+        values = taken_apart(belief, without=REUSED)
+        return self._kernel(self._equations_of("cartesian", _cartesian, values), values)
 
-    def _kernel(
-        self,
-        name: str,
-        function: Callable[[FilterCall, Values], Values],
-        values: dict[str, Any],
-        scan: Scan | None = None,
-        made_for: Hashable = None,
-    ) -> Kernel | None:
-        equations = self._equations_of(name, function, values, scan, made_for)
+    def _kernel(self, equations: Equations, values: Mapping[str, Any]) -> Kernel | None:
+        every = {**values, **self.options}
         # Users' equations are compared with NumPy step by step.
-        if any(user_sources(equations.key)) or equations.ranks.keys() != (values | self.options).keys():
+        if any(user_sources(equations.key)) or equations.ranks.keys() != every.keys():
             return None
-        return self._kernels.plan(equations, values | self.options).kernel
+        return self._kernels.plan(equations, every).kernel
 
     def computed(
         self,
@@ -203,9 +200,9 @@ class FusedFilter:
             scan: the one on which it depends.
             made_for: what tells the function from others of its name.
         """
+        self._scan = scan
         equations = self._equations_of(name, function, values, scan, made_for)
         values = values | self.options
-        self._scan = scan
         before, disagreements = self._kernels.members_by_numpy, self._kernels.disagreements
         try:
             return self._kernels(equations, values)
@@ -219,39 +216,25 @@ class FusedFilter:
             else:
                 self._by_kernels = True
 
+    def _sensor_of(self, scan: Scan | None) -> str | None:
+        """The sensor's name, where the filter's equations depend on it."""
+        return scan.sensor if scan is not None and self._sensors_matter else None
+
     def _equations_of(
         self,
         name: str,
         function: Callable[[FilterCall, Values], Values],
         values: Mapping[str, Any],
-        scan: Scan | None,
-        made_for: Hashable,
+        scan: Scan | None = None,
+        made_for: Hashable = None,
     ) -> Equations:
-        sensor = None if scan is None else SENSOR_MODELS[scan.kind]
-        key = name, sensor, self._sensor_of(scan), made_for, tuple(values)
-        equations = self._equations.get(key)
-        if equations is None:
-            self._scan = scan
-            made = self._made(name, function, {**values, **self.options}, scan, made_for)
-            equations = self._equations[key] = made
-        return equations
-
-    def _sensor_of(self, scan: Scan | None) -> str | None:
-        """The sensor's name, where the filter's equations depend on it."""
-        return scan.sensor if scan is not None and self._sensors_matter else None
-
-    def _made(
-        self,
-        name: str,
-        function: Callable[[FilterCall, Values], Values],
-        values: Mapping[str, Any],
-        scan: Scan | None,
-        made_for: Hashable,
-    ) -> Equations:
-        """The equations, with the options of the motion models as inputs, or else as constants."""
+        """The equations, with the options of the motion models as inputs, or else as constants; made once."""
         kind, named = "" if scan is None else scan.kind, self._sensor_of(scan)
         sensors = () if scan is None else (SENSOR_MODELS[kind],)
-        inputs = {item: rank(item) for item in values if item not in self.options}
+        place = name, sensors, named, made_for, tuple(values)
+        if place in self._equations:
+            return self._equations[place]
+        inputs = {item: rank(item) for item in values}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
         title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
@@ -264,11 +247,13 @@ class FusedFilter:
         sources = [SourceFingerprint(kind) if is_user_type(kind) else kind for kind in sensors]
         key = name, self.form, *sources, named, made_for, tuple(inputs)
         equations = Equations(title, any_filter, inputs | dict.fromkeys(self.options, 0), symmetric, counted, key)
-        if self._per_member or not self.options or self._kernels.why_numpy(equations, values) is None:
-            return equations
-        # A branch, or another library, needs the options as numbers.
-        stated = tuple((item, repr(value)) for item, value in self.options.items())
-        return equations._replace(ranks=inputs, key=(*key, stated))
+        every = {**values, **self.options}
+        if self.options and not self._per_member and self._kernels.why_numpy(equations, every) is not None:
+            # A branch, or another library, needs the options as numbers.
+            stated = tuple((item, repr(value)) for item, value in self.options.items())
+            equations = equations._replace(ranks=inputs, key=(*key, stated))
+        self._equations[place] = equations
+        return equations
 
 
 @cache

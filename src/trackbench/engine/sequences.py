@@ -14,7 +14,7 @@ from trackbench.engine.kernels import Kernel, Kernels
 from trackbench.engine.machine import MachineCode
 from trackbench.engine.vector_code import HEAD, WIDTH
 
-#: Members that go through all calls before the next ones do: of a filter their data fit the first-level cache.
+#: Members that go through all calls before the next ones do: their data fit the second-level cache.
 BLOCK = 256
 Addresses = npt.NDArray[np.int64]
 

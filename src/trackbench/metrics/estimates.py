@@ -59,8 +59,6 @@ class _Summing:
         self._per_class = np.zeros((rows, len(self._codes), scope.runs))
         # Farthest point passed: of each estimate the last alone.
         self._passed = np.zeros((len(BEYOND), len(self._codes), scope.runs))
-        # Each point that an estimate of a sequence passed.
-        self._beyond = np.zeros_like(self._passed)
         self._charged_per_step = np.zeros((rows, instants))
         self._charged_per_run = np.zeros((rows, scope.runs))
         self._diverged = np.zeros(scope.runs, dtype=bool)
@@ -111,7 +109,8 @@ class _Summing:
         fields, here, square = len(ERROR_FIELDS), scores.here, squares.squares[0]
         self._per_step[:, here] = scores.per_step
         self._per_class += scores.by_class[:fields]
-        self._beyond += scores.by_class[fields:]
+        # Beyond one point and not beyond the next.
+        self._passed -= np.diff(scores.by_class[fields:], axis=0, append=0.0)
         self._repaired += repaired
         self._seconds += spent[0]
         self._steps += spent[1]
@@ -154,7 +153,7 @@ class _Summing:
         """What occurred."""
         cell, run = np.nonzero(per_class[0])
         code, stretch = divmod(self._codes[cell], self._stretches)
-        beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1] + self._beyond[:, cell, run]
+        beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1]
         return Cells(code, run + stretch, np.concatenate([combined(per_class[:, cell, run]), beyond]))
 
     def _by_run(self, batch: Array) -> Array:

@@ -134,6 +134,7 @@ class Innovations:
         if self._kernels is None:
             return False
         from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+        from trackbench.engine.vector_code import WIDTH
 
         inputs = (
             Input("white", (LAGS + 1, self._dof), 1, "d"),
@@ -145,8 +146,8 @@ class Innovations:
         if kernel is None:
             return False
         (objects, runs), count, fields = self._shape, self._next - self._first, len(NIS_FIELDS)
-        per_step, per_run = np.zeros((fields, count, 8)), np.zeros((fields, runs))
-        lags, bounded = np.zeros((*self._lags.shape, 8)), np.empty((count, objects, runs), dtype=bool)
+        per_step, per_run = np.zeros((fields, count, WIDTH)), np.zeros((fields, runs))
+        lags, bounded = np.zeros((*self._lags.shape, WIDTH)), np.empty((count, objects, runs), dtype=bool)
         at, nothing, limit = np.arange(count), np.zeros(count, dtype=np.intp), np.array([point95(self._dof)])
         window, batch = self._first - LAGS + at, objects * runs
         sequence = CallSequence(self._kernels, objects, runs, count)

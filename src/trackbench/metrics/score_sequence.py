@@ -8,6 +8,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input
 from trackbench.engine.sequences import ArrayPlace, CallSequence, place, summed
+from trackbench.engine.vector_code import WIDTH
 from trackbench.metrics.consistency import BEYOND
 from trackbench.metrics.errors import SCORES
 from trackbench.metrics.protocol import Target
@@ -34,7 +35,7 @@ class ScoreSequence:
         self._shape = instants, objects, runs
         self._expected = np.ascontiguousarray(expected).reshape(-1, objects, runs)
         self._classes = classes[here]
-        self._per_step = np.zeros((len(ERROR_FIELDS), instants, 8))
+        self._per_step = np.zeros((len(ERROR_FIELDS), instants, WIDTH))
         self.by_class = np.zeros((len(ERROR_FIELDS) + len(BEYOND), count, runs))
         """Sums of the classes in each run: rows as ``ERROR_FIELDS``, and how many NEES are beyond each point."""
         self._squares = np.empty((2, *self._shape))

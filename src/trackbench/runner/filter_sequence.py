@@ -111,23 +111,27 @@ class FilterSequence:
         self._first_run, self.shape = runs.start, (shape[0], len(runs))
         """Numbers of objects and runs."""
         advances = np.array([step.advances for step in steps])
-        # The slot that each step reads, and the one that it writes: of the state, or of predictions that are not kept.
+        self._still = ~advances & (np.array([step.elapsed for step in steps]) <= 0.0)
+        self._of_state = advances | self._still
+        others = ~self._of_state
+        # The slot that each step reads, and that of its estimate: of the state, or of predictions that are not kept.
         self._from = np.cumsum(advances) - advances
-        self._to = np.where(advances, np.cumsum(advances), np.cumsum(~advances) - 1)
+        self._to = np.where(self._of_state, self._from + advances, np.cumsum(others) - 1)
         belief = taken_apart(state.belief._replace(repaired=None), without=REUSED)
         self._own = {name: self._slots(name, value.shape[:-1], 1 + advances.sum()) for name, value in belief.items()}
         for name, value in belief.items():
             self._own[name][..., 0, :, :] = value.reshape(*value.shape[:-1], *shape)[..., runs.start : runs.stop]
-        self._others = {name: self._slots(name, value.shape[:-1], (~advances).sum()) for name, value in belief.items()}
+        self._others = {name: self._slots(name, value.shape[:-1], others.sum()) for name, value in belief.items()}
         # As many slots as a state has, so that all estimates are equally far apart.
         slots = len(steps) if self._keeps else min(2, 1 + int(advances.sum()))
         self._cartesian = np.empty((4, slots, *self.shape)), np.empty((4, 4, slots, *self.shape))
         self.refused, self.repaired = np.zeros((2, len(steps), *self.shape), dtype=bool)
         """``(steps, objects, runs)`` where a step should not have been made, and whose covariance was repaired."""
         # Behind a prediction px, py, vx, vy have a call, and the scores of an estimate behind it.
-        calls = np.array([1 + (not step.reads) + (step.last and some is None) for step in steps])
+        reads, scored = (np.array([getattr(step, name) for step in steps]) for name in ("reads", "last"))
+        calls = 1 + (~reads & ~self._still) + (scored & (some is None))
         self._first, self.length = np.cumsum(calls) - calls, int(calls.sum())
-        self.scored = np.flatnonzero([step.last for step in steps])
+        self.scored = np.flatnonzero(scored)
         """Numbers of the steps that are scored."""
         self.score_calls = (self._first + calls - 1)[self.scored]
         """The calls that are left for their scores."""
@@ -153,13 +157,12 @@ class FilterSequence:
         for number, step in enumerate(self._steps):
             scan = step.scan
             kind = scan.kind, scan.sensor, scan.noise_covariance.ndim
-            key = kind if step.reads else ("later" if step.elapsed > 0.0 or step.advances else "now", step.advances)
-            groups.setdefault(key, []).append(number)
+            groups.setdefault(kind if step.reads else (step.advances, self._still[number]), []).append(number)
         return all(
             self._add_updates(sequence, np.array(numbers), white)
-            if len(key) == 3
-            else self._add_predictions(sequence, np.array(numbers), *key)
-            for key, numbers in groups.items()
+            if self._steps[numbers[0]].reads
+            else self._add_predictions(sequence, np.array(numbers))
+            for numbers in groups.values()
         )
 
     def _add_updates(self, sequence: CallSequence, numbers: Indices, white: Addresses | None) -> bool:
@@ -193,22 +196,24 @@ class FilterSequence:
         sequence.call(kernel, self._first[numbers], inputs, outputs)
         return True
 
-    def _add_predictions(self, sequence: CallSequence, numbers: Indices, when: str, advances: bool) -> bool:
+    def _add_predictions(self, sequence: CallSequence, numbers: Indices) -> bool:
         """Predictions, the latest estimate that is kept being the one before; over no time that estimate itself."""
         prediction = self._filter.prediction_kernel(self._state.belief)
         cartesian = self._filter.cartesian_kernel(self._state.belief)
         if prediction is None or cartesian is None:
             return False
-        at, before = self._first[numbers], self._inputs(self._own, self._from[numbers])
-        if when == "now":
-            for call in (at, at + 1):
-                sequence.call(cartesian, call, before, self._cartesian_places(numbers))
-            return True
-        into = self._own if advances else self._others
-        sequence.call(prediction, at, before | self._time(numbers), self._outputs(into, self._to[numbers]))
-        after = self._inputs(into, self._to[numbers])
-        sequence.call(cartesian, at + 1, after, self._cartesian_places(numbers))
+        at, still = self._first[numbers], self._still[numbers[0]]
+        into = self._after(numbers[0])
+        if not still:
+            inputs = self._inputs(self._own, self._from[numbers]) | self._time(numbers)
+            sequence.call(prediction, at, inputs, self._outputs(into, self._to[numbers]))
+        inputs = self._inputs(into, self._to[numbers])
+        sequence.call(cartesian, at + (not still), inputs, self._cartesian_places(numbers))
         return True
+
+    def _after(self, number: int) -> dict[str, Array]:
+        """The arrays that hold the estimate of the filter after a step, in slot ``_to``."""
+        return self._own if self._of_state[number] else self._others
 
     def _inputs(self, arrays: dict[str, Array], slots: Indices) -> dict[str, ArrayPlace]:
         """The state in some slots, and the options of the motion models."""
@@ -267,16 +272,8 @@ class FilterSequence:
 
     def probability(self, number: int) -> Array | None:
         """``(M, batch)`` the mode probabilities after a step, of a filter that has modes."""
-        step = self._steps[number]
-        if "probability" not in self._own:
-            return None
-        if step.advances:
-            slot = Slot(self._own["probability"], self._to[number])
-        elif step.elapsed > 0.0:
-            slot = Slot(self._others["probability"], self._to[number])
-        else:
-            slot = Slot(self._own["probability"], self._from[number])
-        return slot.value
+        arrays = self._after(number)
+        return Slot(arrays["probability"], self._to[number]).value if "probability" in arrays else None
 
     def state(self) -> TrackState:
         """The state after the last step."""

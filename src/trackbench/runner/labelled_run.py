@@ -164,8 +164,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
         for place, (step, number) in enumerate(zip(taken.steps, numbers, strict=False)):
             instant, probability = first + step.instant, taken.probability(place)
             if step.last and probability is not None:
-                self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)
-                self._modes.take(instant, probability, self._target)
+                self._take_modes(instant, probability)
             if taken.recorded is not None and step.last:
                 self._keep(instant, *taken.recorded.estimate(place))
             if taken.recorded is not None and number is not None and place in taken.whitened:
@@ -193,11 +192,14 @@ class LabelledRun(TrackerRun[Estimate | None]):
             return None
         self.scorer.estimate(latest)
         if latest.mode_probabilities is not None:
-            self._modes = self._modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
-            self._modes.take(step.instant, latest.mode_probabilities, self._target)
+            self._take_modes(step.instant, latest.mode_probabilities)
         if self._recorded is None:
             return None
         return self._keep(step.instant, latest.mean[:, members], latest.covariance[:, :, members])
+
+    def _take_modes(self, instant: int, probability: Array) -> None:
+        self._modes = self._modes or ModeSums(len(probability), self._target, self._kept)
+        self._modes.take(instant, probability, self._target)
 
     def _keep(self, instant: int, mean: Array, covariance: Array) -> Gaussian:
         """What the recorded run has of estimates ``(4, objects)``."""
