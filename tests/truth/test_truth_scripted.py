@@ -9,7 +9,8 @@ from tests.support.scenes import block_of, work
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
-from trackbench.models.sensors import Lidar
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import Draw
 from trackbench.truth.sources import ScriptedTruth
@@ -116,6 +117,74 @@ def test_observer_moves() -> None:
     np.testing.assert_allclose([observer.px[-1], observer.py[-1]], [31, 2])
     np.testing.assert_allclose([observer.vx[-1], observer.vy[-1], observer.yaw_rate[-1]], [3, 0, np.pi / 4])
     np.testing.assert_allclose(np.rad2deg(observer.yaw[[0, 40]]), [90, 180])
+
+
+def test_a_body_brakes_to_a_standstill_and_stands() -> None:
+    pieces = [{"for_s": 2}, {"for_s": 6, "acceleration_mps2": -3, "until_stop": True}, {"acceleration_mps2": 1}]
+    truth = one(*pieces, start={"x": 5, "speed_mps": 10})
+    t = truth.time
+    braking = np.minimum(np.maximum(t - 2, 0), 10 / 3)
+    starting = np.maximum(t - 8, 0)
+    x = 5 + 10 * (np.minimum(t, 2) + braking) - 1.5 * braking**2 + 0.5 * starting**2
+    np.testing.assert_allclose(truth.px[:, 0, 0], x, atol=1e-12)
+    np.testing.assert_allclose(truth.speed[:, 0, 0], 10 - 3 * braking + starting, atol=1e-12)
+    stands = (t > 2 + 10 / 3) & (t < 8)
+    assert (truth.speed[stands] == 0).all()
+    assert (truth.acceleration[stands] == 0).all()
+    np.testing.assert_array_equal(truth.course, 0)
+
+
+def test_a_turn_ends_where_the_body_stops() -> None:
+    truth = one({"acceleration_mps2": -2.5, "turn_rate_degps": 30, "until_stop": True}, start={"speed_mps": 5})
+    stands = truth.time >= 2
+    np.testing.assert_allclose(np.rad2deg(truth.heading[stands]), 60)
+    assert (truth.yaw_rate[stands] == 0).all()
+    np.testing.assert_allclose(np.ptp(truth.px[stands]), 0, atol=1e-12)
+
+
+def driving(*pieces: dict[str, Any], start: dict[str, Any], **size: float) -> ScriptedTruth:
+    """A car at (60, 5) before an ego that drives."""
+    return config({"car": {"start": {"x": 60, "y": 5}}}, observer={"start": start, "pieces": list(pieces), **size})
+
+
+def test_the_ego_drives_like_an_object() -> None:
+    pieces = [
+        {"for_s": 2, "turn_rate_degps": 15, "acceleration_mps2": 1},
+        {"waypoints": [[40, 30]], "for_s": 3},
+        {"acceleration_mps2": -4, "until_stop": True, "turn_rate_degps": -5},
+    ]
+    start = {"x": -3, "y": 2, "speed_mps": 8, "course_deg": 170}
+    ego, body = drawn(driving(*pieces, start=start)).observer, one(*pieces, start=start)
+    for name in ("px", "py", "vx", "vy", "yaw_rate"):
+        np.testing.assert_allclose(getattr(ego, name), getattr(body, name)[:, 0, 0], rtol=1e-14, atol=1e-14)
+    np.testing.assert_array_equal(ego.yaw, body.heading[:, 0, 0])
+    assert np.ptp(ego.yaw[-20:]) == np.hypot(ego.vx, ego.vy)[-20:].max() == 0, "it stands and keeps its heading"
+
+
+def test_size_of_the_ego() -> None:
+    cars = (driving({}, start={}), driving({}, start={}, length_m=4, width_m=1.7))
+    observers = [drawn(of).observer for of in (config({"a": {}}), *cars)]
+    assert [(of.length, of.width) for of in observers] == [(0, 0), (5, 2), (4, 1.7)]
+
+
+def test_a_radar_on_an_ego_that_brakes_in_a_turn() -> None:
+    piece = {"acceleration_mps2": -2, "turn_rate_degps": 10}
+    truth = drawn(driving(piece, start={"speed_mps": 20}, length_m=5))
+    mount = {"x_m": 2.5, "y_m": 0.5, "yaw_deg": 5}
+    radar = Radar(rate_hz=20, mount=mount, range_sigma_m=1, azimuth_sigma_deg=1, range_rate_sigma_mps=1)
+    (sensor,) = ideal_sensors(truth, {"radar": radar})
+    # Speed v0 + a t along the heading w t: the integral by parts.
+    t, a, w, v0 = truth.time, -2, np.deg2rad(10), 20
+    v, yaw = v0 + a * t, w * t
+    x = v * np.sin(yaw) / w + a * (np.cos(yaw) - 1) / w**2
+    y = (v0 - v * np.cos(yaw)) / w + a * np.sin(yaw) / w**2
+    c, s = np.cos(yaw), np.sin(yaw)
+    dx, dy = 60 - (x + 2.5 * c - 0.5 * s), 5 - (y + 2.5 * s + 0.5 * c)
+    vx, vy = v * c - w * (2.5 * s + 0.5 * c), v * s + w * (2.5 * c - 0.5 * s)
+    distance = np.hypot(dx, dy)
+    azimuth = np.arctan2(dy, dx) - yaw - np.deg2rad(5)
+    expected = [distance, np.arctan2(np.sin(azimuth), np.cos(azimuth)), -(dx * vx + dy * vy) / distance]
+    np.testing.assert_allclose(sensor.measurement[:, :, 0, 0], expected, atol=1e-10)
 
 
 def test_white_acceleration_has_the_stated_sigma_on_each_axis() -> None:

@@ -106,6 +106,35 @@ def test_mistakes(tmp_path: Path, old: str, new: str, line: int, message: str) -
     assert f"{path}:{line}: {message}" in str(caught.value)
 
 
+VEHICLE = "rate_hz: 20\n  observer: {start: {speed_mps: 5}, pieces: [{}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "start: ",
+            "x: 1, start: ",
+            "truth.observer: write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle",
+        ),
+        ("pieces: [{}]", "vx_mps: 1", "truth.observer: write a point"),
+        ("pieces:", "parts:", "truth.observer.parts: unknown key; did you mean 'start'?"),
+        ("{}", "{for_s: 9}", "truth.observer.pieces.0.for_s: the pieces last 9 s, but truth.duration_s is 20"),
+        ("{}", "{white: {motion: cv, acceleration_sigma_mps2: 3}}", "truth.observer.pieces.0: the observer drives"),
+        ("{}", "{until_stop: true}", "truth.observer.pieces.0.until_stop: only used with a negative acceleration_mps2"),
+    ],
+)
+def test_mistakes_of_an_observer_that_drives(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(TEXT.replace("rate_hz: 20\n", VEHICLE, 1))
+    load_scenario(path)
+    assert old in VEHICLE
+    path.write_text(TEXT.replace("rate_hz: 20\n", VEHICLE.replace(old, new, 1), 1))
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    assert f"{path}:6: {message}" in str(caught.value)
+
+
 def test_objects_may_share_pieces_by_anchors(tmp_path: Path) -> None:
     scenario = yaml.safe_load(TEXT)
     scenario["truth"]["objects"]["b"] = scenario["truth"]["objects"]["a"]

@@ -99,19 +99,21 @@ def require_possible(truth: Truth) -> None:
     """Make sure that a truth can be scored and shown.
 
     Raises:
-        InputError: an object has a name that cannot be written, or is too far away or too fast.
+        InputError: an object has a name that cannot be written, or it or the observer is too far away or too fast.
     """
+    of = truth.observer
+    _require_in_reach("the observer", truth.time, np.hypot(of.vx, of.vy), of.px, of.py)
     for index, name in enumerate(truth.ids):
         problem = why_no_name(name)
         if problem is not None:
             raise InputError(problem, key="truth")
-        for what, values, quantity in (
-            ("speed", truth.speed, "speed"),
-            ("x", truth.px, "length"),
-            ("y", truth.py, "length"),
-        ):
-            largest = np.abs(values[:, index]).max(axis=-1)
-            step = int(np.argmax(~(largest <= LARGEST[quantity])))
-            if not largest[step] <= LARGEST[quantity]:
-                result = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {truth.time[step]:g} s"
-                raise InputError(f"{result}; at most {LARGEST[quantity]:.0e} is possible", key="truth")
+        _require_in_reach(name, truth.time, *(field[:, index] for field in (truth.speed, truth.px, truth.py)))
+
+
+def _require_in_reach(name: str, time: Array, speed: Array, px: Array, py: Array) -> None:
+    for what, values, quantity in (("speed", speed, "speed"), ("x", px, "length"), ("y", py, "length")):
+        largest = np.abs(values).reshape(len(time), -1).max(axis=-1)
+        step = int(np.argmax(~(largest <= LARGEST[quantity])))
+        if not largest[step] <= LARGEST[quantity]:
+            result = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {time[step]:g} s"
+            raise InputError(f"{result}; at most {LARGEST[quantity]:.0e} is possible", key="truth")

@@ -13,8 +13,8 @@ from trackbench.base.types import Array, Observer, Truth
 from trackbench.base.units import wrap_angle
 from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVelocity, Kinematics, MotionModel
 from trackbench.truth.audit import exact
-from trackbench.truth.config import MovingObserver, ScriptedOptions
-from trackbench.truth.config.scripted import Piece, ScriptedObject, ScriptedStart
+from trackbench.truth.config import MovingObserver, ScriptedObserver, ScriptedOptions
+from trackbench.truth.config.scripted import Piece, ScriptedBody, ScriptedStart
 from trackbench.truth.jumps import require_possible
 
 Generators = Sequence[np.random.Generator]
@@ -39,10 +39,7 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
     paths = []
     for name, body in config.objects.items():
         random = [stream(seed, scenario, run, f"motion of {name}") for run in range(runs)] if body.random else []
-        try:
-            paths.append(_path(body, steps, config.rate_hz, random))
-        except InputError as error:
-            raise InputError(error.message, key=f"truth.objects.{name}.{error.key}") from None
+        paths.append(_path(body, f"truth.objects.{name}", steps, config.rate_hz, random))
     size = max(path.px.shape[1] for path in paths)
     px, py, speed, heading, acceleration, yaw_rate = (
         np.stack([np.broadcast_to(field, (steps + 1, size)) for field in fields], axis=1)
@@ -62,7 +59,7 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
         alive=np.ones((steps + 1, len(paths)), dtype=bool),
         length=np.array([body.length_m for body in config.objects.values()]),
         width=np.array([body.width_m for body in config.objects.values()]),
-        observer=_observer(config.observer, time),
+        observer=_observer(config.observer, time, config.rate_hz),
         target=np.array([body.target for body in config.objects.values()]),
         source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
     )
@@ -79,8 +76,12 @@ def _steps(config: ScriptedOptions) -> int:
     return int(config.duration_s * config.rate_hz + 1e-6)
 
 
-def _path(body: ScriptedObject, steps: int, rate: int, random: Generators) -> Kinematics:
-    """The motion of one object, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
+def _path(body: ScriptedBody, key: str, steps: int, rate: int, random: Generators) -> Kinematics:
+    """The motion of one body, each ``(steps + 1, runs or 1)``; the speed is negative in reverse.
+
+    Raises:
+        InputError: it is to pass through waypoints, but stands still; its place in the scenario is ``key``.
+    """
     state = _start(body.start, max(1, len(random)))
     parts: list[Kinematics] = []
     left = steps
@@ -88,7 +89,8 @@ def _path(body: ScriptedObject, steps: int, rate: int, random: Generators) -> Ki
         count = left if piece.for_s is None else min(left, round(piece.for_s * rate))
         left -= count
         if piece.waypoints is not None and piece.speed_mps is None and not np.all(state.speed):
-            raise InputError("missing: the object stands still when this piece starts", key=f"pieces.{index}.speed_mps")
+            where = f"{key}.pieces.{index}.speed_mps"
+            raise InputError("missing: it stands still when this piece starts", key=where)
         part, state = _follow(piece, state, count, 1.0 / rate, random)
         # What holds at the end of a piece is said by the next one.
         parts.append(part if index == len(body.pieces) - 1 else Kinematics(*(field[:-1] for field in part)))
@@ -112,15 +114,21 @@ def _follow(
 
 
 def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
-    """Constant turn rate and acceleration along the path."""
+    """Constant turn rate and acceleration along the path, to a standstill if it is to stop there."""
     begin = STEADY.from_kinematics(
         state._replace(
             acceleration=np.full_like(state.px, piece.acceleration_mps2),
             yaw_rate=np.full_like(state.px, np.deg2rad(piece.turn_rate_degps)),
         )
     )
+    stop = np.full_like(state.px, np.inf)
+    if piece.until_stop:
+        stop = np.where(state.speed >= 0.0, state.speed / -piece.acceleration_mps2, np.inf)
     # Each from the start of the piece: no rounding adds up.
-    px, py, speed, heading, yaw_rate, acceleration = STEADY.transition(begin[:, None], elapsed[:, None])
+    driven = np.minimum(elapsed[:, None], stop)
+    px, py, speed, heading, yaw_rate, acceleration = STEADY.transition(begin[:, None], driven)
+    stands = elapsed[:, None] >= stop
+    speed, acceleration, yaw_rate = (np.where(stands, 0.0, rate) for rate in (speed, acceleration, yaw_rate))
     path = Kinematics(px, py, speed, heading, acceleration, yaw_rate)
     return path, _last(path)
 
@@ -175,13 +183,18 @@ def _start(start: ScriptedStart, runs: int) -> Kinematics:
     return Kinematics(*(np.full(runs, float(value)) for value in (start.x, start.y, speed, course, 0.0, 0.0)))
 
 
-def _observer(at: MovingObserver, time: Array) -> Observer:
-    turn = np.deg2rad(at.turn_rate_degps)
+def _observer(of: MovingObserver | ScriptedObserver, time: Array, rate: int) -> Observer:
+    if isinstance(of, ScriptedObserver):
+        path = _path(of, "truth.observer", len(time) - 1, rate, ())
+        px, py, speed, heading, _, yaw_rate = (field[:, 0] for field in path)
+        vx, vy = speed * np.cos(heading), speed * np.sin(heading)
+        return Observer(px, py, wrap_angle(heading), vx, vy, yaw_rate, of.length_m, of.width_m)
+    turn = np.deg2rad(of.turn_rate_degps)
     return Observer(
-        px=at.x + at.vx_mps * time,
-        py=at.y + at.vy_mps * time,
-        yaw=wrap_angle(np.deg2rad(at.yaw_deg) + turn * time),
-        vx=np.full_like(time, at.vx_mps),
-        vy=np.full_like(time, at.vy_mps),
+        px=of.x + of.vx_mps * time,
+        py=of.y + of.vy_mps * time,
+        yaw=wrap_angle(np.deg2rad(of.yaw_deg) + turn * time),
+        vx=np.full_like(time, of.vx_mps),
+        vy=np.full_like(time, of.vy_mps),
         yaw_rate=np.full_like(time, turn),
     )

@@ -43,6 +43,7 @@ class DriveConfig(Config):
     def carrier(self) -> Carrier:
         """The observer."""
         of = self.truth.observer
+        assert isinstance(of, MovingObserver)
         return Carrier(of.x, of.y, np.deg2rad(of.yaw_deg), of.vx_mps, of.vy_mps, np.deg2rad(of.turn_rate_degps))
 
 

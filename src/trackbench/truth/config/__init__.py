@@ -5,7 +5,7 @@ from __future__ import annotations
 from trackbench.truth.config.drivers import HUMAN, Drivers
 from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
 from trackbench.truth.config.recording import FixedObserver, MovingObserver, RecordingOptions
-from trackbench.truth.config.scripted import ScriptedOptions
+from trackbench.truth.config.scripted import ScriptedObserver, ScriptedOptions
 
 __all__ = [
     "HUMAN",
@@ -16,6 +16,7 @@ __all__ = [
     "MovingObserver",
     "NearestTargets",
     "RecordingOptions",
+    "ScriptedObserver",
     "ScriptedOptions",
     "VehicleSizes",
 ]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BaseModel, Discriminator, Field, Tag
 
-from trackbench.base.config import Angle, Config, Name, NonNegative, Positive, Problem
+from trackbench.base.config import MAPPING, PROBLEM, Angle, Config, Name, NonNegative, Positive, Problem
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
@@ -23,7 +23,7 @@ Waypoint = Annotated[list[Position], Field(min_length=2, max_length=2)]
 
 
 class ScriptedStart(Config):
-    """Where an object is at the start, and its velocity: speed and course, or its components."""
+    """Where a body is at the start, and its velocity: speed and course, or its components."""
 
     x: Position = Field(0, description="Position along x in the fixed frame, m.")
     y: Position = Field(0, description="Position along y in the fixed frame, m.")
@@ -77,6 +77,11 @@ class Piece(Config):
     acceleration_mps2: float = Field(
         0, description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses."
     )
+    until_stop: bool = Field(
+        False,
+        description="Of a negative acceleration: whether the object stands from where its speed is zero to the end of "
+        "the piece, and does not reverse.",
+    )
     white: WhiteMotion | None = Field(None, description="Random motion: a motion model driven by its own noise.")
     white_acceleration: WhiteAcceleration | None = Field(
         None, description="Random motion: constant velocity, with an acceleration of its own size on each axis."
@@ -118,21 +123,20 @@ class Piece(Config):
         for key in STEADY:
             if kinds and key in self.model_fields_set:
                 yield Problem((key,), f"not used with {kinds[0]}; write another piece for it")
+        if self.until_stop and (kinds or self.acceleration_mps2 >= 0):
+            yield Problem(("until_stop",), "only used with a negative acceleration_mps2")
         for kind, keys in KINDS.items():
             for key in keys:
                 if kind not in kinds and key in self.model_fields_set:
                     yield Problem((key,), f"only used with {kind}; the speed changes by acceleration_mps2")
 
 
-class ScriptedObject(Config):
-    """An object and its motion."""
+class ScriptedBody(Config):
+    """A body and its motion."""
 
     start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
     length_m: Positive = Field(4.5, description="Length, m, to draw it and to hide others.")
     width_m: Positive = Field(1.8, description="Width, m, to draw it and to hide others.")
-    target: bool = Field(
-        True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
-    )
     pieces: list[Piece] = Field(
         default_factory=lambda: [Piece()],
         min_length=1,
@@ -145,10 +149,53 @@ class ScriptedObject(Config):
         return any(piece.random for piece in self.pieces)
 
 
+class ScriptedObject(ScriptedBody):
+    """An object and its motion."""
+
+    target: bool = Field(
+        True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
+    )
+
+
+class ScriptedObserver(ScriptedBody):
+    """A vehicle that carries the sensors and drives like an object. It points where it drives."""
+
+    length_m: Positive = Field(5.0, description="Length, m.")
+    width_m: Positive = Field(2.0, description="Width, m.")
+
+    def problems(self) -> Iterator[Problem]:
+        for index, piece in enumerate(self.pieces):
+            if piece.random:
+                yield Problem(("pieces", index), "the observer drives alike in every run: no random motion")
+
+
+def _observer_kind(value: Any) -> str | None:
+    if isinstance(value, BaseModel):
+        return "<drive>" if isinstance(value, ScriptedObserver) else MAPPING
+    if not isinstance(value, dict):
+        return None
+    if not value.keys() & ScriptedObserver.model_fields.keys():
+        return MAPPING
+    return None if value.keys() & MovingObserver.model_fields.keys() else "<drive>"
+
+
+Observer = Annotated[
+    Annotated[MovingObserver, Tag(MAPPING)] | Annotated[ScriptedObserver, Tag("<drive>")],
+    Discriminator(
+        _observer_kind,
+        custom_error_type=PROBLEM,
+        custom_error_message="write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle "
+        "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}, and not keys of both",
+    ),
+]
+
+
 class ScriptedOptions(SteppedTruth):
     """Motion written down piece by piece, exact in position and velocity."""
 
-    observer: MovingObserver = Field(default_factory=MovingObserver, description="The point that carries the sensors.")
+    observer: Observer = Field(
+        default_factory=MovingObserver, description="What carries the sensors: a point, or a vehicle that drives."
+    )
     objects: dict[Name, ScriptedObject] = Field(min_length=1, description="The objects, by name.")
 
     @property
@@ -167,6 +214,9 @@ class ScriptedOptions(SteppedTruth):
         for name, body in self.objects.items():
             for problem in self._times(body.pieces):
                 yield Problem(("objects", name, "pieces", *problem.at), problem.message)
+        if isinstance(self.observer, ScriptedObserver):
+            for problem in self._times(self.observer.pieces):
+                yield Problem(("observer", "pieces", *problem.at), problem.message)
 
     def _times(self, pieces: list[Piece]) -> Iterator[Problem]:
         """Durations of pieces that do not add up to the length of the scene."""
