@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 88_910
-MOST_FILES = 523
+MOST_LINES = 94_500
+MOST_FILES = 560
 
 
 def lines_of(file: Path) -> int:

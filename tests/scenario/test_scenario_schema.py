@@ -8,6 +8,7 @@ import pytest
 import yaml
 from tests.support.places import DOCS, SCENARIOS
 
+from trackbench.base.subjects import offered, resolve
 from trackbench.metrics.registry import by_path, metric_paths
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import ScenarioConfig
@@ -51,11 +52,13 @@ def test_shipped_scenarios_fit_the_schema(path: Path) -> None:
 
 def test_the_examples_of_the_page_are_one_valid_scenario(tmp_path: Path) -> None:
     path = tmp_path / "example.yaml"
-    path.write_text(EXAMPLE)
+    blocks = {name: resolve(target).EXAMPLE for name, target in offered("blocks")}
+    example = EXAMPLE + "".join(blocks.values())
+    path.write_text(example)
 
-    assert errors(EXAMPLE) == []
+    assert errors(example) == []
     assert load_scenario(path).config.name == "highway_overtake"
-    assert set(yaml.safe_load(EXAMPLE)) == set(ScenarioConfig.model_fields)
+    assert set(yaml.safe_load(example)) == set(ScenarioConfig.model_fields)
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,10 @@ class Subject:
     """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it, and what it is."""
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
+    blocks: Mapping[str, str] = field(default_factory=dict)
+    """By the key of a scenario at its top level: the class of what stands there, with an ``EXAMPLE``."""
+    tuners: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a scenario and an executor that gives the scenario with tuned trackers."""
     run_options: Mapping[str, str] = field(default_factory=dict)
     """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
 

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo
+from pydantic import (
+    Discriminator,
+    Field,
+    GetJsonSchemaHandler,
+    PlainValidator,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+)
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from trackbench.base.config import PROBLEM, Config, KeyPath, Name, NonNegative, Positive, Problem
@@ -13,6 +22,7 @@ from trackbench.base.config.explain import explain
 from trackbench.base.config.plugin import Plugin, PluginName
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.plugins import one_line
+from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Metric
 from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
@@ -228,7 +238,7 @@ AnyEntry = Annotated[
 ]
 
 
-class ScenarioConfig(Config):
+class ScenarioKeys(Config):
     """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
 
     name: str = Field(
@@ -280,3 +290,20 @@ class ScenarioConfig(Config):
 
     def problems(self) -> Iterator[Problem]:
         yield from cross_checks.problems(self)
+
+
+def _with_blocks() -> type[ScenarioKeys]:
+    """The keys of a scenario, with those of the subjects."""
+    blocks: dict[str, Any] = {}
+    for name, target in offered("blocks"):
+        block = resolve(target)
+        blocks[name] = (block | None, Field(None, description=block.__doc__))
+    return create_model(
+        "ScenarioConfig", __base__=ScenarioKeys, __module__=__name__, __doc__=ScenarioKeys.__doc__, **blocks
+    )
+
+
+if TYPE_CHECKING:
+    ScenarioConfig = ScenarioKeys
+else:
+    ScenarioConfig = _with_blocks()

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from trackbench.base.config.key_units import show, split_key
+from trackbench.base.subjects import offered, resolve
 from trackbench.metrics import Field
 from trackbench.metrics.registry import METRICS, metric_paths
 from trackbench.models.motion import MOTION_MODELS
@@ -82,6 +83,9 @@ def scenario_markdown() -> str:
             blocks += [_motion_models(), _trackers(), *_declared(parts, described)]
         if section == "expect":
             blocks.append(_metrics())
+    for section, target in offered("blocks"):
+        blocks += [f"## {section}", f"```yaml\n{resolve(target).EXAMPLE}```"]
+        blocks += _described(schema["properties"][section], "", parts, described)
     return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
 
 

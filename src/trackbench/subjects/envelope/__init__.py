@@ -1,0 +1,10 @@
+"""For which sensors, traffic and manoeuvres a tracker meets its requirement, how surely, and the nearest case in which
+it does not."""
+
+from trackbench.base.subjects import Offer, Subject
+
+SUBJECT = Subject(
+    commands={"envelope": Offer(f"{__name__}.command:envelope_command", "Map where trackers meet their requirement.")},
+    api={"envelope": f"{__name__}.api:envelope"},
+    blocks={"envelope": f"{__name__}.config:EnvelopeConfig"},
+)

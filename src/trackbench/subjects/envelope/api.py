@@ -1,0 +1,236 @@
+"""An envelope: what is behind ``trackbench envelope``, and the call from a program."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import shlex
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from trackbench.api.plan import Counter, Listener
+from trackbench.api.result import Report
+from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.base.errors import InputError
+from trackbench.base.execution import executor
+from trackbench.base.subjects import offered, resolve
+from trackbench.base.types import Progress, no_progress
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName, require_engine
+from trackbench.metrics.registry import by_path
+from trackbench.runner.assemble import PACKAGES
+from trackbench.scenario import Scenario
+from trackbench.scenario.check import check_plugins
+from trackbench.scenario.shipped import shown_name
+from trackbench.subjects.envelope.axes import overrides
+from trackbench.subjects.envelope.claim import (
+    CellValue,
+    Claim,
+    ClaimCell,
+    Envelope,
+    Limit,
+    TrackerState,
+    hash_of,
+    parts_of,
+)
+from trackbench.subjects.envelope.decide import Decision
+from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
+from trackbench.subjects.envelope.store import Store
+from trackbench.subjects.envelope.task import EnvelopeTask, task_of
+
+
+@dataclass(frozen=True)
+class EnvelopePlan:
+    """How a map is made."""
+
+    isolation: Isolation = ISOLATED
+    engine: EngineName = "auto"
+    store: Path | None = None
+    """A folder that keeps the runs until the map is written."""
+
+    def __post_init__(self) -> None:
+        require_engine(self.engine)
+
+
+def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> Envelope:
+    """Make the map that a scenario asks for.
+
+    Raises:
+        InputError: something is wrong in the scenario, or a cell of the map is none.
+        TrackbenchError: the processes that do the work died.
+    """
+    task = task_of(loaded)
+    for note in check_plugins(task.loaded, plan.isolation):
+        listener.note(note)
+    retune = _retuner(executor) if task.config.retune else None
+    made = EnvelopeMap(task, executor, plan.isolation, plan.engine, Store(plan.store, signature_of(task)), retune)
+    with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
+        made.make(advance)
+    return envelope_of(made, command_of_envelope(loaded, plan))
+
+
+def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
+    """What is claimed of a map that was made."""
+    task, rows = made.task, []
+    cells = [*made.cells.values()]
+    for number, cell in enumerate(cells):
+        for place, item in enumerate(task.requirements):
+            own = task.of(item.tracker)
+            judged = cell.trackers[item.tracker].judged
+            decision = judged[own.index(item)] if judged else None
+            if decision is not None:
+                rows.append((number, place, decision.interval.value + decision.interval.influence))
+    parts = parts_of(rows)
+    config = task.loaded.config
+    fields = by_path(config.sensors, config.score.metrics, config.sensing.identities == "hidden")
+    claim = Claim(
+        scenario=config.name,
+        file=task.loaded.path.name,
+        text=task.loaded.text,
+        overrides=list(task.loaded.overrides),
+        claim=task.config.claim,
+        confidence=task.config.confidence,
+        spent=(1 - task.config.confidence) / (task.config.cells * len(task.trackers)),
+        extents=[tuple(extent) for extent in task.extents],
+        seed=config.monte_carlo.seed,
+        engine=made.engine,
+        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        command=command,
+        envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
+        limits=[Limit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
+        cells=[_cell(task, cell) for cell in cells],
+        parts_hash=hash_of(parts),
+    )
+    return Envelope(claim, parts)
+
+
+def _cell(task: EnvelopeTask, cell: Cell) -> ClaimCell:
+    return ClaimCell(
+        point=list(cell.point),
+        changes=overrides(task.axes, cell.point),
+        added=cell.added,
+        measurements=hashlib.sha256(cell.measurements).hexdigest()[:16],
+        trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
+    )
+
+
+def _tracker(tracker: TrackerCell) -> TrackerState:
+    return TrackerState(
+        state=tracker.state,
+        cause=tracker.cause,
+        scenes=tracker.extent.scenes,
+        runs=tracker.extent.runs,
+        looks=tracker.looks,
+        values=[_value(item) for item in tracker.judged],
+    )
+
+
+def _value(item: Decision | None) -> CellValue:
+    if item is None:
+        return CellValue(state="undecided", value=None, low=None, high=None)
+    return CellValue(state=item.state, value=item.interval.value, low=item.low, high=item.high)
+
+
+def signature_of(task: EnvelopeTask) -> str:
+    """What determines the runs of a map."""
+    loaded = task.loaded
+    settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], version("trackbench"), version("numpy")]
+    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()
+
+
+def _retuner(executor: Executor) -> Callable[[Scenario], Scenario]:
+    """What tunes the trackers of a cell: another subject offers it.
+
+    Raises:
+        InputError: none does.
+    """
+    tuners = [target for _, target in offered("tuners")]
+    if not tuners:
+        raise InputError("nothing here tunes trackers", key="envelope.retune")
+    tune: Callable[[Scenario, Executor], Scenario] = resolve(tuners[0])
+    return lambda loaded: tune(loaded, executor)
+
+
+def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:
+    """The command that repeats a map."""
+    parts = ["trackbench", "envelope", shown_name(loaded.path)]
+    for override in loaded.overrides:
+        parts += ["--set", override]
+    if plan.engine != "auto":
+        parts += ["--engine", plan.engine]
+    return shlex.join(parts)
+
+
+def envelope(
+    scenario: Scenario | Named,
+    *,
+    workers: int | None = 1,
+    engine: EngineName = "auto",
+    progress: Progress = no_progress,
+) -> FinishedEnvelope:
+    """Map where trackers meet what the scenario expects of them.
+
+    Args:
+        scenario: what :func:`load` gave or takes, with an ``envelope:`` block.
+        workers: number of processes; None: one for each core where it pays. The claim is the same.
+        engine: ``auto``, ``numpy`` or ``fused``.
+        progress: called with the number of cells that are decided and of those that there are.
+
+    Raises:
+        InputError: something is wrong in the scenario.
+        TrackbenchError: the processes that do the work died.
+    """
+    loaded = loaded_scenario(scenario)
+    with executor(workers) as chosen:
+        return FinishedEnvelope(make_envelope(loaded, EnvelopePlan(engine=engine), chosen, Counter(progress, "cells")))
+
+
+class FinishedEnvelope:
+    """A map that was made. A notebook shows it as a page, ``print`` as text."""
+
+    def __init__(self, made: Envelope) -> None:
+        self.envelope = made
+
+    @property
+    def claim(self) -> Claim:
+        """Its cells, and what repeats them."""
+        return self.envelope.claim
+
+    def json(self) -> dict[str, Any]:
+        """The claim, as ``trackbench envelope --json`` prints it."""
+        values: dict[str, Any] = self.claim.model_dump(mode="json")
+        return values
+
+    def report(self) -> Report:
+        """The page, as ``trackbench envelope`` writes it."""
+        from trackbench.subjects.envelope.report import envelope_document
+
+        return Report(envelope_document(self.envelope))
+
+    def save(self, out: Path | str) -> Path:
+        """Write the folder of the envelope; returns its place.
+
+        Args:
+            out: in which it is made.
+
+        Raises:
+            TrackbenchError: it cannot be written.
+        """
+        from trackbench.subjects.envelope.files import save_envelope
+
+        return save_envelope(self.envelope, Path(out))
+
+    def __repr__(self) -> str:
+        claim = self.claim
+        return f"<envelope of {claim.scenario}: {len(claim.cells)} cells, {len(claim.axes)} axes>"
+
+    def __str__(self) -> str:
+        return str(self.report())
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()

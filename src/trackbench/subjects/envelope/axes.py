@@ -1,0 +1,184 @@
+"""Points of the map: where they lie on each axis, and what they change in the scenario."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.config.key_units import split_key
+from trackbench.base.scipy_functions import scipy_function
+from trackbench.base.types import Array
+from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
+
+#: A value of an axis: a number, or the name of a choice.
+Value = float | str
+#: A value of each axis, in the order of the axes.
+Point = tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class MapAxis:
+    """An axis by its name, with its geometry."""
+
+    name: str
+    config: Axis
+    distance_scale: float | None = None
+    """What counts as one unit of distance, in the unit of the axis; None: its range."""
+
+    @property
+    def continuous(self) -> bool:
+        """Whether the map may be refined along it."""
+        return self.config.continuous
+
+    @property
+    def ordered(self) -> bool:
+        """Whether its values are numbers."""
+        return self.config.form != "choices"
+
+    @property
+    def unit(self) -> str:
+        """Of its values; empty where there is none."""
+        if self.config.unit or self.config.key is None:
+            return self.config.unit
+        unit = split_key(self.config.key.rpartition(".")[2])[1]
+        return unit.symbol if unit else ""
+
+    @cached_property
+    def values(self) -> tuple[Value, ...]:
+        """Those that the map starts from."""
+        config = self.config
+        if config.form == "choices":
+            return tuple(str(choice) for choice in config.choices)
+        if not config.continuous:
+            return tuple(sorted(config.values))
+        return tuple(map(self.at, np.linspace(0.0, 1.0, config.levels).tolist()))
+
+    def at(self, share: float) -> float:
+        """The value at a share of a continuous axis, rounded to what a person would write."""
+        low, high = float(self.config.low or 0.0), float(self.config.high or 0.0)
+        value = low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
+        digits = 5 - math.floor(math.log10(high - low if self.config.scale == "linear" else value))
+        return round(value, digits)
+
+    def share(self, value: Value) -> float:
+        """Where a value lies between the ends, from 0 to 1; a choice by its place."""
+        if not self.ordered or isinstance(value, str):
+            return self.values.index(value) / max(1, len(self.values) - 1)
+        low, high = (float(self.config.low or 0.0), float(self.config.high or 0.0)) if self.continuous else _ends(self)
+        if self.config.scale == "log":
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
+
+    def distance(self, a: Value, b: Value) -> float:
+        """Between two values in shares of the range, or in units of ``scale``; of choices 0 or 1."""
+        if isinstance(a, str) or isinstance(b, str):
+            return float(a != b)
+        return abs(self.share(a) - self.share(b)) if self.distance_scale is None else abs(a - b) / self.distance_scale
+
+    def cost(self, value: Value) -> float:
+        """What a value costs; 0 where nothing is stated."""
+        known = self.config.cost
+        if isinstance(value, str):
+            return known.get(value, 0.0)
+        if not known:
+            return 0.0
+        at = sorted((float(key), cost) for key, cost in known.items())
+        return float(np.interp(value, [x for x, _ in at], [cost for _, cost in at]))
+
+    def changes(self, value: Value) -> dict[str, Any]:
+        """By key of the scenario, what it is set to."""
+        config = self.config
+        if isinstance(config.choices, dict) and config.choices:
+            return dict(config.choices[str(value)])
+        if config.form == "choices":
+            assert config.key is not None
+            return {config.key: next(choice for choice in config.choices if str(choice) == value)}
+        number = float(value)
+        if config.key is not None:
+            return {config.key: _plain(number)}
+        return {key: _plain(link.offset + link.factor * number) for key, link in config.keys.items()}
+
+    def shown(self, value: Value) -> str:
+        """A value with its unit, as it is read."""
+        return value if isinstance(value, str) else f"{value:.4g} {self.unit}".strip()
+
+
+def axes_of(config: EnvelopeConfig) -> tuple[MapAxis, ...]:
+    """The axes of a map, in the order of the scenario."""
+    return tuple(MapAxis(name, axis, config.scale.get(name)) for name, axis in config.axes.items())
+
+
+def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
+    """What a point changes in the scenario: ``key.path=value`` each."""
+    changed: dict[str, Any] = {}
+    for axis, value in zip(axes, point, strict=True):
+        changed |= axis.changes(value)
+    return [f"{key}={json.dumps(value)}" for key, value in changed.items()]
+
+
+def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
+    """Where the map starts: every combination of the levels, or a scrambled Sobol sequence.
+
+    Source of the sequence: Owen (1998), "Scrambling Sobol' and Niederreiter-Xing points".
+    """
+    if config.design == "grid":
+        return list(product(*(axis.values for axis in axes)))
+    # Half of the cells are kept for the border.
+    count = max(2, config.cells // 2)
+    sobol = scipy_function("scipy.stats", "qmc", "Sobol")(len(axes), rng=0)
+    shares = sobol.random_base2(math.ceil(math.log2(count)))[:count]
+    points = [tuple(map(_from_share, axes, row)) for row in shares]
+    return list(dict.fromkeys(points))
+
+
+def shares(axes: Sequence[MapAxis], points: Sequence[Point]) -> Array:
+    """``(points, axes)`` where each lies between the ends of each axis."""
+    return np.array([[axis.share(value) for axis, value in zip(axes, point, strict=True)] for point in points])
+
+
+def distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
+    """Euclidean, in shares of each range or in units of ``scale``."""
+    return math.hypot(*(axis.distance(x, y) for axis, x, y in zip(axes, a, b, strict=True)))
+
+
+def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> Point | None:
+    """The point half way between two that differ in continuous axes alone; None where nothing is left between them."""
+    middle: list[Value] = []
+    for axis, x, y in zip(axes, a, b, strict=True):
+        if x == y:
+            middle.append(x)
+        elif not axis.continuous or isinstance(x, str) or isinstance(y, str):
+            return None
+        else:
+            middle.append(axis.at((axis.share(x) + axis.share(y)) / 2))
+    apart = max(abs(axis.share(x) - axis.share(y)) for axis, x, y in zip(axes, a, b, strict=True))
+    point = tuple(middle)
+    return None if apart <= resolution * (1 + 1e-9) or point in (a, b) else point
+
+
+def named(axes: Sequence[MapAxis], point: Point) -> Mapping[str, Value]:
+    """The values of a point by the names of the axes."""
+    return {axis.name: value for axis, value in zip(axes, point, strict=True)}
+
+
+def _ends(axis: MapAxis) -> tuple[float, float]:
+    numbers = [float(value) for value in axis.values]
+    return numbers[0], numbers[-1]
+
+
+def _from_share(axis: MapAxis, share: float) -> Value:
+    if axis.continuous:
+        return axis.at(float(share))
+    return axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)]
+
+
+def _plain(number: float) -> float | int:
+    """Whole numbers as such: some keys take no others."""
+    return int(number) if number == int(number) and abs(number) < 1e15 else round(number, 12)

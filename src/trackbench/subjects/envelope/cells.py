@@ -1,0 +1,192 @@
+"""A cell of the map: the scenario at one point, and the runs that were made there."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Indices
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName
+from trackbench.metrics import Metric, evaluate, merge_sums
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.evaluate import MetricSums
+from trackbench.metrics.intervals import Interval
+from trackbench.metrics.protocol import Field
+from trackbench.metrics.registry import by_path
+from trackbench.results import Failure
+from trackbench.runner.block import failures_and_outcomes, run_blocks
+from trackbench.runner.labelled_run import LabelledOutcome
+from trackbench.runner.work import BlockRuns, Work, work_of
+from trackbench.scenario import Scenario
+from trackbench.scenario.config import Expectation
+from trackbench.truth import LoadedTruth
+
+Claim = Literal["these scenes", "traffic like these"]
+
+
+class Requirement(NamedTuple):
+    """What a cell is judged by: one limit on one metric of one tracker."""
+
+    tracker: str
+    metric: str
+    direction: Literal["below", "above"]
+    limit: float
+    other: str | None = None
+    """Where it must be better than another tracker: the limit is that of the difference, 0."""
+
+    def __str__(self) -> str:
+        if self.other is not None:
+            return f"{self.tracker} {self.metric} better than {self.other}"
+        return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}"
+
+
+class Extent(NamedTuple):
+    """How far the runs of a cell go: runs of each of its scenes."""
+
+    scenes: int
+    runs: int
+
+    def blocks_beyond(self, done: Extent, largest: int) -> list[BlockRuns]:
+        """The runs that are missing from what was done, in blocks of at most so many."""
+        pieces = []
+        for scene in range(self.scenes):
+            first = done.runs if scene < done.scenes else 0
+            starts = range(first, self.runs, largest)
+            pieces += [BlockRuns(scene, range(start, min(start + largest, self.runs))) for start in starts]
+        return pieces
+
+    @property
+    def parts(self) -> int:
+        """Number of runs of all scenes."""
+        return self.scenes * self.runs
+
+
+@dataclass
+class Runs:
+    """What the runs of one tracker in a cell left."""
+
+    sums: MetricSums = field(default_factory=dict)
+    scene: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """``(runs,)`` the scene of each run, in the order in which they were made."""
+    run: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """``(runs,)`` its number in the scene."""
+
+    def extended(self, sums: MetricSums, pieces: Sequence[BlockRuns], metrics: Sequence[Metric]) -> Runs:
+        """With the runs of some more blocks."""
+        scene = np.concatenate([np.full(len(piece.runs), piece.scene) for piece in pieces])
+        run = np.concatenate([np.array(piece.runs) for piece in pieces])
+        whole = merge_sums([self.sums, sums], metrics) if self.sums else sums
+        return Runs(whole, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
+
+    def intervals(self, metrics: Sequence[Metric], claim: Claim) -> dict[str, Interval]:
+        """By path, each metric with what each independent part adds: a scene, or a run over all scenes."""
+        if claim == "traffic like these":
+            return evaluate(self.sums, self.scene, metrics).intervals
+        intervals = evaluate(self.sums, np.zeros_like(self.scene), metrics).intervals
+        return {path: _by_repetition(interval, self.run) for path, interval in intervals.items()}
+
+
+def _by_repetition(interval: Interval, run: Indices) -> Interval:
+    """The scenes stay and runs repeat: the run of one number in all scenes is one independent part."""
+    if len(interval.influence) != len(run) or run[-1] + 1 == len(run):
+        return interval
+    number = np.bincount(run)
+    weight = None if interval.weight is None else np.bincount(run, interval.weight).astype(float)
+    return interval._replace(influence=np.bincount(run, interval.influence) / number, weight=weight)
+
+
+class LookResult(NamedTuple):
+    """What some new runs of a cell left, by tracker."""
+
+    sums: dict[str, MetricSums]
+    failures: dict[str, Failure]
+    seconds: float
+    measurements: bytes
+    """A hash of them."""
+
+
+def requirements_of(loaded: Scenario) -> list[Requirement]:
+    """What the scenario expects, as what its cells are judged by.
+
+    Raises:
+        InputError: it expects nothing, or something that no interval tells.
+    """
+    config = loaded.config
+    if not config.expect:
+        message = "an envelope needs a requirement, such as {tracker: ekf, metric: position_rmse, below: 0.5}"
+        raise loaded.locate(InputError(message, key="expect"))
+    hidden = config.sensing.identities == "hidden"
+    fields = by_path(config.sensors, config.score.metrics, hidden)
+    return [_requirement(loaded, fields, number, item) for number, item in enumerate(config.expect)]
+
+
+def _requirement(loaded: Scenario, fields: Mapping[str, Field], number: int, item: Expectation) -> Requirement:
+    if item.better_than is not None:
+        larger = fields[item.metric].better == "larger"
+        return Requirement(item.tracker, item.metric, "above" if larger else "below", 0.0, item.better_than)
+    if item.below is not None:
+        return Requirement(item.tracker, item.metric, "below", item.below)
+    if item.above is not None:
+        return Requirement(item.tracker, item.metric, "above", item.above)
+    message = (
+        "is a word, of which no cell can be shown to be right or wrong: an envelope takes below, above, better_than"
+    )
+    raise loaded.locate(InputError(message, key=f"expect.{number}.is"))
+
+
+def work_of_cell(
+    loaded: Scenario,
+    truths: Sequence[LoadedTruth],
+    requirements: Sequence[Requirement],
+    isolation: Isolation = ISOLATED,
+    engine: EngineName = "auto",
+) -> Work:
+    """What the runs of a cell need; of the metrics those that it is judged by, and coverage.
+
+    Raises:
+        InputError: a requirement is on what has no interval.
+    """
+    work = work_of(loaded, truths, isolation, engine)
+    wanted = {item.metric for item in requirements}
+    metrics = [metric for metric in work.metrics if wanted & _paths(metric, work)]
+    known = frozenset[str]().union(*(_paths(metric, work) for metric in metrics))
+    for number, item in enumerate(loaded.config.expect):
+        if item.metric not in known:
+            message = f"{item.metric} is no mean over runs, so that no cell can be decided by it"
+            raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
+    metrics += [metric for metric in work.metrics if metric.name == "coverage" and metric not in metrics]
+    return replace(work, metrics=tuple(metrics), recorded_run=-1, driven_twice=None)
+
+
+def _paths(metric: Metric, work: Work) -> frozenset[str]:
+    """What expectations may name that is a mean over runs."""
+    sensors = work.sensors if metric.per_sensor else ("",)
+    return frozenset(metric.path.replace("<sensor>", sensor) for sensor in sensors)
+
+
+def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -> LookResult:
+    """The runs of some blocks of a cell, for some of its trackers; called in any process."""
+    work = replace(work, trackers={name: entry for name, entry in work.trackers.items() if name in names})
+    blocks = [block for group in work.groups(pieces) for block in run_blocks(work, group)]
+    failures, outcomes = failures_and_outcomes(work.trackers, blocks)
+    sums = {name: merge_sums([_sums_of(item) for item in items], work.metrics) for name, items in outcomes.items()}
+    seconds = sum(item.seconds for items in outcomes.values() for item in items)
+    digest = hashlib.sha256(b"".join(each for block in blocks for each in block.digests)).digest()
+    return LookResult(sums, failures, seconds, digest)
+
+
+def _sums_of(outcome: Any) -> MetricSums:
+    sums: MetricSums = outcome.sums if isinstance(outcome, LabelledOutcome) else outcome.metrics
+    return sums
+
+
+def coverage_of(runs: Runs) -> float | None:
+    """Share of the estimates that are due and were given; None with hidden identities."""
+    scores = runs.sums.get(ESTIMATES.name)
+    return None if scores is None else float(scores.coverage)

@@ -1,0 +1,233 @@
+"""What is claimed of a map: each cell with its state, and what is needed to repeat and check it (``claim.json``)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array
+from trackbench.results.metric_value import ResultModel, read_model
+from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
+from trackbench.subjects.envelope.config import EnvelopeConfig
+
+CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
+
+State = Literal["holds", "fails", "undecided"]
+STATES: tuple[State, ...] = ("holds", "fails", "undecided")
+
+
+class Limit(ResultModel):
+    """A requirement of the scenario."""
+
+    tracker: str
+    metric: str
+    unit: str
+    direction: Literal["below", "above"]
+    limit: float
+    other: str | None = None
+    """The tracker that it has to be better than; the value is then the difference, and the limit 0."""
+
+    @property
+    def text(self) -> str:
+        """As it is read."""
+        if self.other is not None:
+            return f"{self.tracker} {self.metric} better than {self.other}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}{unit}"
+
+    def beyond(self, value: float) -> bool:
+        """Whether a value does not meet it."""
+        return value >= self.limit if self.direction == "below" else value <= self.limit
+
+
+class CellValue(ResultModel):
+    """A requirement in a cell."""
+
+    state: State
+    value: float | None
+    low: float | None
+    """One-sided bounds of the value, each at the error that is spent at this look; None where there is none."""
+    high: float | None
+
+
+class TrackerState(ResultModel):
+    """A tracker in a cell."""
+
+    state: State
+    cause: str
+    """Why it fails, where that is not a limit."""
+    scenes: int
+    runs: int
+    """Of each scene."""
+    looks: int
+    values: list[CellValue]
+    """By requirement on the tracker, in their order."""
+
+
+class ClaimCell(ResultModel):
+    """A point of the map."""
+
+    point: list[float | str]
+    changes: list[str]
+    """``key.path=value`` of each key that the scenario has there."""
+    added: bool
+    """Whether it was put near a border."""
+    measurements: str
+    """A hash of all measurements of its runs."""
+    trackers: dict[str, TrackerState]
+
+    @property
+    def at(self) -> Point:
+        """Its values of the axes."""
+        return tuple(self.point)
+
+
+class Claim(ResultModel):
+    """A map."""
+
+    schema_version: Literal[1] = 1
+    scenario: str
+    """Its name."""
+    file: str
+    text: str
+    """Of the scenario file."""
+    overrides: list[str]
+    claim: Literal["these scenes", "traffic like these"]
+    confidence: float
+    spent: float
+    """The error of one tracker in one cell, over all looks and to one side."""
+    extents: list[tuple[int, int]]
+    """Of each look: scenes, and runs of each."""
+    seed: int
+    engine: str
+    versions: dict[str, str]
+    command: str
+    envelope: dict[str, Any]
+    """The ``envelope:`` block, as it was."""
+    limits: list[Limit]
+    cells: list[ClaimCell]
+    parts_hash: str
+    """sha256 of the values in ``parts.parquet``."""
+
+    @property
+    def config(self) -> EnvelopeConfig:
+        """The block."""
+        return EnvelopeConfig.model_validate(self.envelope)
+
+    @property
+    def axes(self) -> tuple[MapAxis, ...]:
+        """Those of the map."""
+        return axes_of(self.config)
+
+    @property
+    def trackers(self) -> list[str]:
+        """Those of which something is required."""
+        return list(dict.fromkeys(limit.tracker for limit in self.limits))
+
+    def limits_of(self, tracker: str) -> list[Limit]:
+        """The requirements on a tracker."""
+        return [limit for limit in self.limits if limit.tracker == tracker]
+
+    def counts(self, tracker: str) -> dict[State, int]:
+        """By state, the number of cells."""
+        states = [cell.trackers[tracker].state for cell in self.cells]
+        return {state: states.count(state) for state in STATES}
+
+    def by_point(self) -> dict[Point, ClaimCell]:
+        """The cells by their values of the axes."""
+        return {cell.at: cell for cell in self.cells}
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """A claim with what each run, or scene, adds to each value."""
+
+    claim: Claim
+    parts: pa.Table
+    """``cell`` and ``limit`` (their numbers in the claim), ``part`` (the run, or the scene), ``value``: their mean over
+    the parts is the value of the cell, to first order."""
+
+    def values(self, cell: int, limit: int) -> Array:
+        """``(parts,)`` of a requirement in a cell."""
+        return self._by_place.get((cell, limit), np.zeros(0))
+
+    @property
+    def _by_place(self) -> dict[tuple[int, int], Array]:
+        cached: dict[tuple[int, int], Array] | None = self.__dict__.get("_split")
+        if cached is None:
+            cached = dict(_split(self.parts))
+            object.__setattr__(self, "_split", cached)
+        return cached
+
+
+def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:
+    """By cell and requirement, the values in the order of the table."""
+    cell, limit, value = (parts[name].to_numpy() for name in ("cell", "limit", "value"))
+    change = np.flatnonzero(np.diff(cell) | np.diff(limit)) + 1
+    starts = [0, *change.tolist(), len(cell)]
+    for start, stop in pairwise(starts):
+        if stop > start:
+            yield (int(cell[start]), int(limit[start])), value[start:stop]
+
+
+def read_claim(place: Path) -> Claim:
+    """The claim of a folder or of its file.
+
+    Raises:
+        InputError: there is none, or it is damaged.
+    """
+    file = place / CLAIM if place.is_dir() else place
+    try:
+        return read_model(Claim, file, "claim of an envelope", [SCHEMA_VERSION])
+    except FileNotFoundError:
+        raise InputError(f"there is no {CLAIM} of an envelope", file=place) from None
+
+
+def read_envelope(place: Path) -> Envelope:
+    """The claim of a folder with the values of its runs.
+
+    Raises:
+        InputError: one is not there, damaged, or of another map.
+    """
+    import pyarrow.parquet as pq
+
+    folder = place if place.is_dir() else place.parent
+    claim, file = read_claim(place), folder / PARTS
+    try:
+        parts = pq.read_table(file)
+    except FileNotFoundError:
+        raise InputError(f"there is no {PARTS} beside the claim", file=folder) from None
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from None
+    if parts.column_names != ["cell", "limit", "part", "value"] or hash_of(parts) != claim.parts_hash:
+        raise InputError("is not the table of this claim: its values have another hash", file=file)
+    return Envelope(claim, parts)
+
+
+def hash_of(parts: pa.Table) -> str:
+    """sha256 of the columns, whatever the file's compression is."""
+    import hashlib
+
+    digest = hashlib.sha256()
+    for column in parts.columns:
+        digest.update(np.ascontiguousarray(column.to_numpy()).tobytes())
+    return digest.hexdigest()
+
+
+def parts_of(rows: Sequence[tuple[int, int, Array]]) -> pa.Table:
+    """The table of values ``(parts,)`` by cell and requirement."""
+    sizes = [len(values) for *_, values in rows]
+    columns = {
+        "cell": np.repeat([cell for cell, *_ in rows], sizes).astype(np.int32),
+        "limit": np.repeat([limit for _, limit, _ in rows], sizes).astype(np.int32),
+        "part": np.concatenate([np.arange(0), *map(np.arange, sizes)]).astype(np.int32),
+        "value": np.concatenate([np.zeros(0), *(values for *_, values in rows)]),
+    }
+    return pa.table(columns)

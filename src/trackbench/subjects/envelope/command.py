@@ -1,0 +1,81 @@
+"""``trackbench envelope``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from trackbench.api.scenario import load
+from trackbench.base.execution import executor
+from trackbench.base.process import INTERRUPTED
+from trackbench.cli.options import engine_option, isolation_options, names_in, out_option
+from trackbench.cli.run_output import RunOutput
+from trackbench.cli.terminal import quiet_option, verbose_option
+from trackbench.driving.isolation import Isolation
+from trackbench.engine.choice import EngineName
+
+
+@click.command("envelope")
+@click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO")
+@click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
+@click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
+@out_option("The folder NAME-envelope is written there.", "results")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays. Same claim.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
+@engine_option
+@isolation_options
+@click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
+@quiet_option("The headline alone.")
+@verbose_option
+def envelope_command(
+    scenario: Path,
+    trackers: str | None,
+    settings: tuple[str, ...],
+    out: Path,
+    workers: int | None,
+    cluster: str | None,
+    engine: EngineName,
+    isolation: Isolation,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Map where trackers meet their requirement.
+
+    The scenario's envelope: block says what is varied, its expect: block what is required. Each cell of the map
+    holds, fails or is undecided. An interrupted map goes on where it was.
+
+    \b
+    Examples:
+      trackbench envelope envelope/sensor_quality
+      trackbench envelope my.yaml --set envelope.cells=60 --workers 2
+
+    \b
+    Exit status: 0 the map is made, 2 bad input, 4 cannot write
+    """
+    from trackbench.document.terminal import print_document
+    from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
+    from trackbench.subjects.envelope.files import claim_text, looks_of, require_out, save_envelope
+    from trackbench.subjects.envelope.report import envelope_summary, headlines
+
+    loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
+    name = loaded.config.name
+    require_out(name, out)
+    store = looks_of(name, out)
+    output = RunOutput(as_json, quiet)
+    try:
+        with executor(workers, cluster) as chosen:
+            made = make_envelope(loaded, EnvelopePlan(isolation, engine, store), chosen, output)
+    except KeyboardInterrupt:
+        click.echo(f"interrupted: the runs so far are kept; the same command goes on from {store}", err=True)
+        raise click.exceptions.Exit(INTERRUPTED) from None
+    folder = save_envelope(made, out)
+    if as_json:
+        click.echo(claim_text(made.claim), nl=False)
+    elif quiet:
+        for line in headlines(made.claim):
+            click.echo(line)
+    else:
+        print_document(envelope_summary(made), Console())
+        click.echo(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")

@@ -1,0 +1,182 @@
+"""The ``envelope:`` block of a scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from trackbench.base.config import Config, Name, NonNegative, Positive, Problem
+
+#: What an axis may be given by; exactly one of these.
+FORMS = ("from", "values", "choices")
+#: Of what is not an axis: numbers of the Monte-Carlo design, and what the map itself is made of.
+FIXED = ("monte_carlo", "envelope", "name", "expect", "worlds", "recording")
+
+
+class Linked(Config):
+    """How a key follows the value of an axis: ``offset + factor * value``."""
+
+    factor: float = Field(1, description="What the value is multiplied by.")
+    offset: float = Field(0, description="What is added.")
+
+
+class Axis(Config):
+    """What is varied: one key of the scenario, several that follow from one value, or named changes."""
+
+    key: str | None = Field(None, description="The key that takes the value, such as `sensors.radar.range_sigma_m`.")
+    keys: dict[str, Linked] = Field(
+        default_factory=dict, description="Several keys that follow the value, each by a factor and an offset."
+    )
+    low: float | None = Field(None, alias="from", description="The least value of a continuous axis.")
+    high: float | None = Field(None, alias="to", description="The largest value of a continuous axis.")
+    levels: int = Field(5, ge=2, le=200, description="How many values of a continuous axis the map starts from.")
+    scale: Literal["linear", "log"] = Field("linear", description="How the values of a continuous axis are spaced.")
+    values: list[float] = Field(default_factory=list, description="The values, if there are no others between them.")
+    choices: dict[str, dict[str, Any]] | list[str | bool] = Field(
+        default_factory=list,
+        description="Categories: values of `key`, or names, each with the keys that it sets.",
+    )
+    unit: str = Field("", description="Of the value, as it is shown; that of the key unless given.")
+    cost: dict[str, NonNegative] = Field(
+        default_factory=dict,
+        description="What a value costs, such as `{0.1: 400, 1: 50}`; between two values along a straight line.",
+    )
+
+    @property
+    def continuous(self) -> bool:
+        """Whether there are values between two others."""
+        return self.low is not None
+
+    @property
+    def form(self) -> str:
+        """The key that says which values there are."""
+        return next(name for name in FORMS if getattr(self, {"from": "low"}.get(name, name)) not in (None, [], {}))
+
+    def problems(self) -> Iterator[Problem]:
+        stated = [name for name in FORMS if getattr(self, {"from": "low"}.get(name, name)) not in (None, [], {})]
+        if len(stated) != 1:
+            more = f"write one of {', '.join(stated)}" if stated else "missing: from and to, values, or choices"
+            yield Problem((stated[1],) if stated else (), more)
+            return
+        yield from self._keyed()
+        if self.continuous:
+            yield from self._between()
+        elif self.high is not None:
+            yield Problem(("to",), "only used with from")
+        for value in [item for item in self.values if self.values.count(item) > 1][1:2]:
+            yield Problem(("values",), f"{value:g} stands there twice")
+        if len(self.values) == 1 or (self.form == "choices" and len(self.choices) == 1):
+            yield Problem((self.form,), "at least two are needed to vary anything")
+        if self.form != "from" and {"levels", "scale"} & self.model_fields_set:
+            yield Problem(("levels",), "only used with from and to")
+        names = {str(choice) for choice in self.choices}
+        for name in self.cost:
+            if self.form == "choices" and name not in names:
+                yield Problem(("cost", name), f"is none of the choices {', '.join(sorted(names))}")
+            if self.form != "choices" and _number(name) is None:
+                yield Problem(("cost", name), "a value of the axis is needed")
+
+    def _keyed(self) -> Iterator[Problem]:
+        named = isinstance(self.choices, dict) and bool(self.choices)
+        if named and (self.key or self.keys):
+            yield Problem(("key" if self.key else "keys",), "each choice says which keys it sets: leave this out")
+        elif not named and (self.key is None) == (not self.keys):
+            yield Problem((), "write key, or keys where several follow the value")
+        if self.keys and self.form == "choices":
+            yield Problem(("keys",), "choices are no numbers: give each choice the keys that it sets")
+        every = [("key", self.key)] if self.key else [("keys", key) for key in self.keys]
+        every += [("choices", key) for keys in self.choices.values() for key in keys] if named else []  # type: ignore[union-attr]
+        for place, key in every:
+            if key is not None and key.partition(".")[0] in FIXED:
+                yield Problem((place,), f"{key} cannot be an axis: the map rests on it")
+
+    def _between(self) -> Iterator[Problem]:
+        assert self.low is not None
+        if self.high is None:
+            yield Problem(("to",), "missing: the largest value")
+        elif self.low >= self.high:
+            yield Problem(("from",), f"must be below to, which is {self.high:g}")
+        elif self.scale == "log" and self.low <= 0:
+            yield Problem(("from",), "must be above 0 on a logarithmic scale")
+
+
+class Population(Config):
+    """How the runs of a cell grow from look to look."""
+
+    first: int = Field(25, ge=10, description="Runs at the first look at a cell; of `traffic like these`, scenes.")
+    most: int = Field(400, ge=10, description="The number after which a cell that is not decided stays `undecided`.")
+
+    def problems(self) -> Iterator[Problem]:
+        if self.first > self.most:
+            yield Problem(("first",), f"must be at most the budget of a cell, which is {self.most}")
+
+
+class EnvelopeConfig(Config):
+    """What `trackbench envelope` varies, and how surely a cell of its map is decided."""
+
+    EXAMPLE: ClassVar[str] = """\
+envelope:
+  claim: these scenes
+  axes:
+    range_sigma: {key: sensors.front_radar.range_sigma_m, from: 0.1, to: 2, scale: log}
+    rate: {key: sensors.front_radar.rate_hz, values: [5, 10, 20], cost: {5: 50, 10: 80, 20: 120}}
+"""
+
+    axes: dict[Name, Axis] = Field(min_length=1, description="What is varied, by name.")
+    confidence: float = Field(
+        0.95, gt=0.5, lt=1, description="That no cell of the whole map is decided wrongly, for any tracker."
+    )
+    claim: Literal["these scenes", "traffic like these"] = Field(
+        "these scenes",
+        description="these scenes: runs repeat, and the scenes stay. traffic like these: scenes repeat, at least 30.",
+    )
+    runs: Population = Field(default_factory=Population, description="Runs, or scenes, of a cell.")
+    cells: int = Field(200, ge=2, le=10_000, description="Most cells, those added near borders included.")
+    design: Literal["grid", "sobol"] = Field(
+        "grid",
+        description="Where it starts: every combination of levels, or a Sobol sequence of cells / 2 points.",
+    )
+    resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
+        1 / 32, description="Share of a continuous axis down to which the map is refined near a border."
+    )
+    retune: bool = Field(
+        False, description="Whether the process noise of each tracker is tuned anew in each cell before it is judged."
+    )
+    scale: dict[Name, Positive] = Field(
+        default_factory=dict,
+        description="What counts as one unit of distance along an axis, instead of its range, for the nearest "
+        "counter-example.",
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if self.claim == "traffic like these" and self.runs.first < 30:
+            yield Problem(("runs", "first"), "must be at least 30 scenes for a claim about traffic like these")
+        grid = math.prod(len(axis.values) or len(axis.choices) or axis.levels for axis in self.axes.values())
+        if self.design == "grid" and grid > self.cells:
+            message = f"the grid has {grid} cells: raise cells, take fewer levels, or write design: sobol"
+            yield Problem(("cells",), message)
+        for name in self.scale:
+            if name not in self.axes:
+                yield Problem(("scale", name), f"is no axis; choose from {', '.join(self.axes)}")
+        keys: dict[str, str] = {}
+        for name, axis in self.axes.items():
+            for key in axis_keys(axis):
+                if key in keys:
+                    yield Problem(("axes", name), f"{key} is varied by {keys[key]} already")
+                keys[key] = name
+
+
+def axis_keys(axis: Axis) -> list[str]:
+    """The keys of the scenario that an axis changes, each once."""
+    named = [key for keys in axis.choices.values() for key in keys] if isinstance(axis.choices, dict) else []
+    return list(dict.fromkeys([*([axis.key] if axis.key else []), *axis.keys, *named]))
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,63 @@
+"""The folder of an envelope: its claim, the values of its runs, and its pages."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from trackbench import results
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
+from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
+from trackbench.subjects.envelope.report import envelope_document
+
+
+def folder_of(scenario: str, out: Path) -> Path:
+    """Where the envelope of a scenario is written."""
+    return out / f"{scenario}-envelope"
+
+
+def looks_of(scenario: str, out: Path) -> Path:
+    """Where the runs of an envelope are kept until it is written."""
+    return out / f".{scenario}-envelope.looks"
+
+
+def require_out(scenario: str, out: Path) -> None:
+    """Make sure, before any work, that the folder can be written.
+
+    Raises:
+        InputError: it cannot.
+    """
+    results.require_writable(out)
+    results.require_replaceable(folder_of(scenario, out), CLAIM)
+
+
+def save_envelope(made: Envelope, out: Path) -> Path:
+    """Write the folder whole, or not at all; returns its place.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    folder, document = folder_of(made.claim.scenario, out), envelope_document(made)
+    files: dict[str, Callable[[Path], object]] = {
+        CLAIM: partial(results.write_file, claim_text(made.claim)),
+        PARTS: partial(_write_parts, made),
+        "envelope.html": partial(results.write_file, to_html(document)),
+        "envelope.md": partial(results.write_file, to_markdown(document)),
+    }
+    results.save_files(files, folder, CLAIM)
+    shutil.rmtree(looks_of(made.claim.scenario, out), ignore_errors=True)
+    return folder
+
+
+def claim_text(claim: Claim) -> str:
+    """The claim as JSON."""
+    return results.to_json(claim.model_dump(mode="json"))
+
+
+def _write_parts(made: Envelope, path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    pq.write_table(made.parts, path, compression="zstd")

@@ -1,0 +1,265 @@
+"""Makes the map: runs in each cell until it is decided or its budget is spent, then new cells near the border."""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from trackbench.base.execution import Task
+from trackbench.base.types import NotedProgress, no_progress
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName
+from trackbench.metrics import Metric
+from trackbench.metrics.intervals import Interval
+from trackbench.results import Failure
+from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import own_folder
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.envelope.axes import Point, start_points
+from trackbench.subjects.envelope.cells import (
+    Extent,
+    LookResult,
+    Requirement,
+    Runs,
+    coverage_of,
+    make_runs,
+    work_of_cell,
+)
+from trackbench.subjects.envelope.decide import Decision, Spending, State, decide
+from trackbench.subjects.envelope.refine import refined
+from trackbench.subjects.envelope.store import Store
+from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
+from trackbench.truth import LoadedTruth
+
+#: So many cells are asked for at once: enough for the processes of a machine, and few enough for its memory.
+AHEAD = 16
+#: Truths of so many different scenarios are kept.
+KEPT_TRUTHS = 4
+NOTHING = Extent(0, 0)
+
+
+@dataclass
+class TrackerCell:
+    """What is known of one tracker in a cell."""
+
+    runs: Runs = field(default_factory=Runs)
+    extent: Extent = NOTHING
+    looks: int = 0
+    judged: tuple[Decision | None, ...] = ()
+    """By requirement, in the order of the scenario; None where there is no value."""
+    state: State = "undecided"
+    cause: str = ""
+    """Why it fails where that is not a limit."""
+
+
+@dataclass
+class Cell:
+    """A point of the map, and what its trackers reached there."""
+
+    point: Point
+    loaded: Scenario
+    trackers: dict[str, TrackerCell]
+    """Those of which something is required."""
+    others: dict[str, TrackerCell]
+    """Those that they are held against alone."""
+    added: bool = False
+    """Whether it was put near a border, and was not where the map started."""
+    seconds: float = 0.0
+    measurements: bytes = b""
+    """The hashes of the measurements of each look."""
+
+    @property
+    def states(self) -> dict[str, State]:
+        """By tracker."""
+        return {name: tracker.state for name, tracker in self.trackers.items()}
+
+    @property
+    def undecided(self) -> list[str]:
+        """The trackers that are."""
+        return [name for name, tracker in self.trackers.items() if tracker.state == "undecided"]
+
+
+class _Look(NamedTuple):
+    """A look at a cell that is under way."""
+
+    cell: Cell
+    names: list[str]
+    work: Work
+    pieces: list[BlockRuns]
+    kept: bool
+    result: Future[LookResult]
+
+
+class EnvelopeMap:
+    """The cells of a map, as they are made.
+
+    Args:
+        task: what is mapped.
+        executor: what makes the runs.
+        isolation: how plug-ins are kept apart.
+        engine: what computes.
+        store: keeps what was made, so that an interrupted command goes on.
+        retune: makes the scenario of a cell one with tuned trackers.
+    """
+
+    def __init__(
+        self,
+        task: EnvelopeTask,
+        executor: Executor,
+        isolation: Isolation = ISOLATED,
+        engine: EngineName = "auto",
+        store: Store | None = None,
+        retune: Callable[[Scenario], Scenario] | None = None,
+    ) -> None:
+        self.task = task
+        self.cells: dict[Point, Cell] = {}
+        self.engine = ""
+        """That computed the cells."""
+        self._executor, self._isolation, self._engine = executor, isolation, engine
+        self._store = store or Store(None, "")
+        self._retune = retune
+        self._spending = Spending(
+            1.0 - task.config.confidence, task.config.cells * len(task.trackers), len(task.extents)
+        )
+        self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
+
+    def make(self, progress: NotedProgress = no_progress) -> None:
+        """Make all cells.
+
+        Args:
+            progress: called with the number of cells that are done and of those that there are.
+
+        Raises:
+            InputError: a cell is no valid scenario.
+            TrackbenchError: the processes that make the runs died.
+        """
+        config = self.task.config
+        points, added = start_points(self.task.axes, config), False
+        while points:
+            new = [self._cell(point, added) for point in points]
+            self.cells |= {cell.point: cell for cell in new}
+            for look, extent in enumerate(self.task.extents):
+                self._look(new, look, extent, progress)
+            states = {point: cell.states for point, cell in self.cells.items()}
+            left = config.cells - len(self.cells)
+            points, added = refined(self.task.axes, states, left, config.resolution, config.design), True
+
+    def _cell(self, point: Point, added: bool) -> Cell:
+        loaded = self.task.scenario_at(point)
+        if self._retune is not None:
+            loaded = self._retune(loaded)
+        trackers = {name: TrackerCell() for name in self.task.trackers}
+        others = {
+            item.other: TrackerCell() for item in self.task.requirements if item.other and item.other not in trackers
+        }
+        return Cell(point, loaded, trackers, others, added)
+
+    def _look(self, cells: Sequence[Cell], look: int, extent: Extent, progress: NotedProgress) -> None:
+        """At those of some cells that are not decided."""
+        waiting: deque[_Look] = deque()
+        for cell in cells:
+            if cell.undecided:
+                waiting.append(self._begun(cell, look, extent))
+            if len(waiting) >= AHEAD:
+                self._end(waiting.popleft(), look, extent, progress)
+        while waiting:
+            self._end(waiting.popleft(), look, extent, progress)
+
+    def _begun(self, cell: Cell, look: int, extent: Extent) -> _Look:
+        others = [item.other for item in self.task.requirements if item.other and item.tracker in cell.undecided]
+        names = list(dict.fromkeys([*cell.undecided, *others]))
+        # All of them were at every look before.
+        done = self.task.extents[look - 1] if look else NOTHING
+        work = self._work(cell.loaded, extent)
+        objects = max(1, *(len(scene.truth.ids) for scene in work.scenes))
+        pieces = extent.blocks_beyond(done, max(1, LARGEST_BATCH // objects))
+        kept = self._store.load(cell.point, look)
+        result: Future[LookResult] = Future()
+        if kept is not None:
+            result.set_result(kept)
+        else:
+            # Scenes that are done are not sent again.
+            here = work.of_scenes({piece.scene for piece in pieces})
+            result = self._executor.submit(Task(make_runs, here, own_folder(cell.loaded), long=True), names, pieces)
+        return _Look(cell, names, work, pieces, kept is not None, result)
+
+    def _work(self, loaded: Scenario, extent: Extent) -> Work:
+        """That of a cell up to a look."""
+        if self.task.config.claim == "traffic like these":
+            truth = loaded.config.truth.model_copy(update={"seeds": extent.scenes})
+            loaded = replace(loaded, config=loaded.config.model_copy(update={"truth": truth}))
+        key = truth_key(loaded)
+        if key not in self._truths:
+            self._truths[key] = truths_of(loaded, executor=self._executor)
+            while len(self._truths) > KEPT_TRUTHS:
+                self._truths.popitem(last=False)
+        work = work_of_cell(loaded, self._truths[key], self.task.requirements, self._isolation, self._engine)
+        self.engine = work.engine
+        return work
+
+    def _end(self, begun: _Look, look: int, extent: Extent, progress: NotedProgress) -> None:
+        """Take in the runs of a look, and decide."""
+        cell, result = begun.cell, begun.result.result()
+        if not begun.kept:
+            self._store.save(cell.point, look, result)
+        cell.seconds += result.seconds
+        cell.measurements += result.measurements
+        for name in begun.names:
+            tracker = cell.trackers.get(name) or cell.others[name]
+            if name in result.failures:
+                _fail(tracker, result.failures[name])
+                continue
+            tracker.runs = tracker.runs.extended(result.sums[name], begun.pieces, begun.work.metrics)
+            tracker.extent, tracker.looks = extent, look + 1
+        for name in cell.undecided:
+            self._decide(cell, name, begun.work.metrics, begun.work.min_coverage)
+        decided = sum(not item.undecided for item in self.cells.values())
+        progress(decided, len(self.cells), f"{len(self.cells) - decided} open")
+
+    def _decide(self, cell: Cell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
+        tracker = cell.trackers[name]
+        requirements = self.task.of(name)
+        own = tracker.runs.intervals(metrics, self.task.config.claim)
+        tracker.judged = tuple(
+            self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
+        )
+        states = {item.state if item else "undecided" for item in tracker.judged}
+        coverage = coverage_of(tracker.runs)
+        if coverage is not None and coverage < min_coverage:
+            tracker.state, tracker.cause = "fails", f"{100 * (1 - coverage):.0f} % of the estimates are missing"
+        elif "fails" in states:
+            tracker.state = "fails"
+        elif states == {"holds"}:
+            tracker.state = "holds"
+
+    def _judged(
+        self,
+        cell: Cell,
+        item: Requirement,
+        own: dict[str, Interval],
+        metrics: Sequence[Metric],
+        looks: int,
+        requirements: int,
+    ) -> Decision | None:
+        interval = own.get(item.metric)
+        if item.other is not None and interval is not None:
+            other = cell.trackers.get(item.other) or cell.others[item.other]
+            if other.cause:
+                return None
+            interval = difference_of(interval, other.runs.intervals(metrics, self.task.config.claim)[item.metric])
+        if interval is None:
+            return None
+        return decide(interval, item.limit, item.direction, self._spending.at(looks - 1, requirements))
+
+
+def difference_of(a: Interval, b: Interval) -> Interval:
+    """``a - b`` from the same runs, as a value of its own."""
+    return Interval(a.value - b.value, a.corrected - b.corrected, scenes=a.scenes)
+
+
+def _fail(tracker: TrackerCell, failure: Failure) -> None:
+    tracker.state, tracker.cause = "fails", str(failure)

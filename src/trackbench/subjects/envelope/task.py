@@ -1,0 +1,94 @@
+"""What is mapped, and how surely: from the ``envelope:`` block of a scenario."""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import scenario_of, select_trackers
+from trackbench.scenario.truth import source_of
+from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of, named, overrides
+from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
+from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
+from trackbench.truth.config.filed import TracksConfig
+
+
+class EnvelopeTask(NamedTuple):
+    """What is mapped, and how surely."""
+
+    loaded: Scenario
+    """With the trackers alone of which something is required, and those that they are held against."""
+    config: EnvelopeConfig
+    axes: tuple[MapAxis, ...]
+    requirements: tuple[Requirement, ...]
+    extents: tuple[Extent, ...]
+    """Of the looks."""
+
+    @property
+    def trackers(self) -> list[str]:
+        """Those of which something is required."""
+        return list(dict.fromkeys(item.tracker for item in self.requirements))
+
+    def of(self, tracker: str) -> list[Requirement]:
+        """The requirements on a tracker."""
+        return [item for item in self.requirements if item.tracker == tracker]
+
+    def scenario_at(self, point: Point) -> Scenario:
+        """The scenario of a cell, with so many runs as the last look has.
+
+        Raises:
+            InputError: it is not valid there; with the values of the axes.
+        """
+        last = self.extents[-1]
+        changes = [*overrides(self.axes, point), f"monte_carlo.runs={last.runs}"]
+        changes += [f"truth.seeds={last.scenes}"] if self.config.claim == "traffic like these" else []
+        try:
+            scenario = scenario_of(self.loaded.text, self.loaded.path, [*self.loaded.overrides, *changes])
+        except InputError as error:
+            at = ", ".join(f"{name} {value}" for name, value in named(self.axes, point).items())
+            raise InputError(f"the scenario is not valid at {at}: {error.message}", key="envelope.axes") from error
+        return select_trackers(scenario, [*self.loaded.config.trackers])
+
+
+def task_of(loaded: Scenario) -> EnvelopeTask:
+    """What the scenario's ``envelope:`` asks for.
+
+    Raises:
+        InputError: it has none, requires nothing, has no such key, or cannot repeat what its claim is about.
+    """
+    config: EnvelopeConfig | None = getattr(loaded.config, "envelope", None)
+    if config is None:
+        message = "missing: nothing says what is varied; write envelope: {axes: {NAME: {key: ..., from: ..., to: ...}}}"
+        raise InputError(message, key="envelope", file=loaded.path)
+    requirements = requirements_of(loaded)
+    needed = {name for item in requirements for name in (item.tracker, item.other)}
+    chosen = select_trackers(loaded, [name for name in loaded.config.trackers if name in needed])
+    for name, entry in chosen.config.trackers.items():
+        if isinstance(entry, TracksConfig):
+            message = "its tracks were made elsewhere, and there are none of other cells"
+            raise loaded.locate(InputError(message, key=f"trackers.{name}.use"))
+    return EnvelopeTask(chosen, config, axes_of(config), tuple(requirements), _extents(chosen, config))
+
+
+def truth_key(loaded: Scenario) -> str:
+    """Equal of scenarios that have the same truth."""
+    config = loaded.config
+    hidden = config.sensing.identities
+    return json.dumps([hidden, config.monte_carlo.seed, repr(source_of(loaded)), config.monte_carlo.runs])
+
+
+def _extents(loaded: Scenario, config: EnvelopeConfig) -> tuple[Extent, ...]:
+    """Of each look: twice as many as at the one before."""
+    sizes = [config.runs.first]
+    while sizes[-1] < config.runs.most:
+        sizes.append(min(2 * sizes[-1], config.runs.most))
+    scenes = len(loaded.config.truth.scenes())
+    if config.claim == "these scenes":
+        return tuple(Extent(scenes, size) for size in sizes)
+    varied = {key for axis in config.axes.values() for key in axis_keys(axis)}
+    if "seeds" not in type(loaded.config.truth).model_fields or "truth.seeds" in varied:
+        message = "traffic like these needs scenes that repeat, a truth with seeds; write these scenes"
+        raise loaded.locate(InputError(message, key="envelope.claim"))
+    return tuple(Extent(size, loaded.config.monte_carlo.runs) for size in sizes)
