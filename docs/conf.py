@@ -28,6 +28,7 @@ MENU = {
         "recorded-traffic",
         "sensors",
         "sensor-effects",
+        "protocols",
         "worlds",
         "traffic-sensing",
         "sensor-presets",
