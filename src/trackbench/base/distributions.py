@@ -21,6 +21,11 @@ def normal_quantile(probability: float) -> float:
     return float(_special("ndtri")(probability))
 
 
+def normal_below(x: Array) -> Array:
+    """``(...)`` probabilities that a standard normal variable is at most ``x``."""
+    return np.asarray(_special("ndtr")(x))
+
+
 def normal_density(x: float) -> float:
     """Of the standard normal distribution."""
     return math.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)

@@ -76,6 +76,12 @@ def _sensor_effects() -> Iterator[Row]:
     return _plugins(EFFECTS, lambda effect: _options(effect, without=("type",)))
 
 
+def _functions() -> Iterator[Row]:
+    from trackbench.functions import FUNCTIONS
+
+    return _plugins(FUNCTIONS, lambda function: _options(function, without=("use",)))
+
+
 def _truth() -> Iterator[Row]:
     from trackbench.truth import TRUTH_SOURCES
     from trackbench.truth.tracks import TRAFFIC_FORMATS
@@ -140,6 +146,7 @@ _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "motion-models": _motion_models,
     "sensors": _sensors,
     "sensor-effects": _sensor_effects,
+    "functions": _functions,
     "truth": _truth,
     "metrics": _metrics,
     "worlds": _worlds,

@@ -19,7 +19,7 @@ from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
-from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope, SquaredErrors
+from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope, SquaredErrors, run_column
 from trackbench.metrics.sums import BlockScores, Scores, stretches
 from trackbench.results import Health, MetricValue
 
@@ -90,7 +90,7 @@ def evaluate(
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         charged = metric.without_charged(own_sums) if by_part else None
         for path, (value, interval) in values.items():
-            if metric.shared is None:
+            if metric.shared is None or metric.columns == (run_column(path),):
                 evaluation.own[path] = interval
             if interval is not None:
                 if not by_part:

@@ -97,6 +97,8 @@ class Interval(NamedTuple):
     """Runs from which on the interval is calibrated."""
     in_time: bool = False
     """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    details: tuple[tuple[str, float], ...] = ()
+    """Fields of the value in a result, by name."""
 
     @property
     def corrected(self) -> Array:
@@ -175,7 +177,8 @@ class Interval(NamedTuple):
         """As it stands in a result."""
         ci95 = self.ci95
         reason = self.parts.uncalibrated or ALL_THE_SAME
-        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=reason if ci95 is None else None)
+        stated = {"unit": unit, "ci95": ci95, "reason": reason if ci95 is None else None}
+        return MetricValue(value=self.value, **stated, **dict(self.details))
 
 
 def ratio(

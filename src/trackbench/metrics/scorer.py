@@ -13,6 +13,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
+from trackbench.functions.protocol import Bodies
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
@@ -61,6 +62,7 @@ class Scorer:
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
         measured: Callable[[slice], Array] = no_measurements,
+        bodies: Bodies | None = None,
     ) -> None:
         """A scorer of one block.
 
@@ -75,6 +77,7 @@ class Scorer:
             compute: how equations are computed.
             measured: gives ``(2, instants, batch)`` the latest measured position at some instants, m; called where the
                 tracker gave no estimate that is due.
+            bodies: the ego and the sizes of the objects, which functions need.
         """
         self._target, self._compute = target, compute
         _, _, self._objects, _ = target.state.shape
@@ -83,7 +86,7 @@ class Scorer:
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker
         read_only = _read_only(target), _read_only(classes), _read_only(measurements)
-        scope = Scope(*read_only, tracker, first, single, self.chunk, compute)
+        scope = Scope(*read_only, tracker, first, single, self.chunk, compute, bodies)
         self._due, self._starting = scope.expected, scope.starting
         self._expected = self._due | self._starting
         self._classes = classes

@@ -134,6 +134,16 @@ class MetricValue(ResultModel):
     """Share of the squared error that is charged for missing estimates; None where none is missing."""
     without_charged: float | None = None
     """The value over the estimates that were given alone."""
+    p05: float | None = None
+    """Of a delay, what 5 % are below; as ``p50`` and ``p95``."""
+    p50: float | None = None
+    p95: float | None = None
+    early: float | None = None
+    """Mean of the delays below 0; None where there is none."""
+    late: float | None = None
+    """Mean of the delays above 0; None where there is none."""
+    missing: float | None = None
+    """Share of the events without an answer."""
     conditions: tuple[ConditionVerdict, ...] | None = None
     """Those under which the statistic was judged, which the verdict takes into account."""
     parts: tuple[PartVerdict, ...] | None = None

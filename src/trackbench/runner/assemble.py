@@ -136,7 +136,7 @@ def assemble(
             margin=margin,
             baseline=baseline,
             best=best,
-            metrics=[_summary_of_metric(metric) for metric in (work.metrics if hidden else scenario.score.metrics)],
+            metrics=[_summary_of_metric(metric) for metric in (work.metrics if hidden else scenario.own_metrics)],
         ),
         recorded_run=work.number(work.recorded_scene, work.recorded_run),
         trackers=trackers,

@@ -228,7 +228,7 @@ class HiddenRun(TrackerRun[Tracks]):
                 scores = score_run(truth, history, options, own, outside, ends)
             else:
                 scores = self._scored_without_truth(run, ends)
-            tracked = TrackedRun(truth, history, own, scores, outside)
+            tracked = TrackedRun(truth, history, own, scores, outside, scene.bodies(scene.due.steps))
             pieces = in_stretches(tracked, ends) if ends else [tracked]
             for stretch in [pieces[number] for number in counted] if ends else pieces:
                 sums = {name: item.update(sums[name], stretch) for name, item in summing.items()}

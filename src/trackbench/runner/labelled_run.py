@@ -99,6 +99,7 @@ class LabelledRun(TrackerRun[Estimate | None]):
             metrics=work.metrics,
             compute=compute_by(work.engine_here),
             measured=partial(targets.measured, config),
+            bodies=scene.bodies(scene.instants()),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
         batch = objects * len(piece.runs)

@@ -20,6 +20,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
+from trackbench.functions import Bodies, Ego
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
@@ -79,6 +80,10 @@ class Scene:
     def due(self) -> Due:
         """Where identities are hidden, which objects should be tracked when."""
         return find_due(self.truth, self.sensors)
+
+    def bodies(self, steps: Indices) -> Bodies:
+        """The ego and the sizes of the objects at some of the truth's steps."""
+        return Bodies(Ego.of(self.truth.observer, steps), self.truth.length, self.truth.width)
 
 
 class BlockRuns(NamedTuple):
@@ -322,7 +327,10 @@ def work_of(
         velocity_sigma=entry_velocity(every) if velocity is None else velocity,
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
-        metrics=(*built_in_metrics(hidden, all(truth.known for truth in every)), *scenario.score.metrics),
+        metrics=(
+            *built_in_metrics(hidden, all(truth.known for truth in every)),
+            *scenario.own_metrics,
+        ),
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if hidden else None,
         switch_costs=scenario.score.switch_costs_s,

@@ -23,7 +23,9 @@ from trackbench.base.config.plugin import Plugin, PluginName
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.plugins import one_line
 from trackbench.base.subjects import offered, resolve
+from trackbench.functions import FUNCTIONS, Function
 from trackbench.metrics import Metric
+from trackbench.metrics.functions import function_metrics
 from trackbench.metrics.registry import METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
@@ -259,6 +261,11 @@ class ScenarioKeys(Config):
     trackers: dict[Name, AnyEntry] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")
+    functions: dict[Name, Annotated[Function, Plugin(FUNCTIONS, "use")]] = Field(
+        default_factory=dict,
+        description="Driver assistance functions, by name, whose decisions on the tracks are held against those on the "
+        "truth.",
+    )
     expect: list[Expectation] = Field(
         default_factory=list, description="What must hold; otherwise the exit status is 1."
     )
@@ -282,6 +289,12 @@ class ScenarioKeys(Config):
             message = "its tracks were made elsewhere, so that it cannot be driven"
             raise InputError(message, key=f"trackers.{name}.use")
         return entry
+
+    @property
+    def own_metrics(self) -> list[Metric]:
+        """Those beside the built-in ones: of its functions, and those that it names."""
+        hidden = self.sensing.identities == "hidden"
+        return [*function_metrics(self.functions, hidden=hidden), *self.score.metrics]
 
     @property
     def full_name(self) -> str:

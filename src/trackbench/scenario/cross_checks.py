@@ -231,7 +231,7 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     """Every path that an expectation may name."""
     hidden, truth = scenario.sensing.identities == "hidden", scenario.truth
     known = not (isinstance(truth, RecordingTruth) and truth.without_truth)
-    return by_path(scenario.sensors, scenario.score.metrics, hidden, known)
+    return by_path(scenario.sensors, scenario.own_metrics, hidden, known)
 
 
 def _limit(

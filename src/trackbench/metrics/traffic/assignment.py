@@ -188,6 +188,11 @@ class NearPairs(NamedTuple):
             self.instant[mask], self.object[mask], self.column[mask], self.track[mask], self.distance[mask]
         )
 
+    def within(self, span: slice) -> NearPairs:
+        """Those at some of the instants, which are numbered from the first of them."""
+        own = self.where((self.instant >= span.start) & (self.instant < span.stop))
+        return own._replace(instant=own.instant - span.start)
+
 
 def similarity(distance: Array, cutoff: float) -> Array:
     """From 1 at no distance to 0 at the cutoff, as HOTA, CLEAR and identity take it."""

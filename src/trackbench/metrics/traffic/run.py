@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Indices, Mask
+from trackbench.functions.protocol import Bodies
 from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
     Nearby,
+    NearPairs,
     TrackHistory,
     TruthHistory,
     count_by_gospa,
@@ -91,6 +93,15 @@ class RunScores(NamedTuple):
     """See :class:`TgospaParts`."""
     until: tuple[RunSums, ...] = ()
     """The values of its beginnings, up to some instants."""
+    on: Sequence[NearPairs] = ()
+    """The pairs of a track and the object that it is on, due or optional."""
+
+    def object_of(self, shape: tuple[int, ...]) -> Indices:
+        """``(T, K)`` the object that each track is on; -1 where it is on none."""
+        found = np.full(shape, -1)
+        for pairs in self.on:
+            found[pairs.instant, pairs.column] = pairs.object
+        return found
 
 
 class TrackScope(NamedTuple):
@@ -115,6 +126,8 @@ class TrackedRun(NamedTuple):
     """What the built-in metrics are made of; in a stretch latencies and existence are those of the whole run."""
     unscored: Mask | None = None
     """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
+    bodies: Bodies | None = None
+    """The ego and the sizes of the objects, which functions need."""
 
 
 def score_run(
@@ -148,6 +161,7 @@ def score_run(
         events=events(truth, tracks, counted, of_gospa, whole.track_of, whole.changes, switch),
         strips=strips(whole.track_of, counted.due, whole.changes),
         tgospa_exact=whole.tgospa_exact,
+        on=(counted.matched, counted.excused),
         until=tuple(whole.values if end == steps else until(end).values for end in ends),
     )
 
@@ -262,10 +276,12 @@ def in_stretches(run: TrackedRun, ends: Sequence[int]) -> list[TrackedRun]:
                 if span.start <= event.instant < span.stop
             ),
             strips=run.scores.strips[span],
+            on=[pairs.within(span) for pairs in run.scores.on],
         )
         taken, outside = run.associations and run.associations.within(span), run.unscored
         outside = None if outside is None else outside[span]
-        parts.append(TrackedRun(run.truth.within(span), run.tracks.within(span), taken, scores, outside))
+        bodies = run.bodies and run.bodies.within(span)
+        parts.append(TrackedRun(run.truth.within(span), run.tracks.within(span), taken, scores, outside, bodies))
     return parts
 
 

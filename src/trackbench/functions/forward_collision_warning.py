@@ -1,0 +1,34 @@
+"""Forward collision warning by the time to collision."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from trackbench.base.config import Positive
+from trackbench.functions.path import on_path, probability_positive, time_until
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+
+
+class ForwardCollisionWarning(Function):
+    """Warns of an object in the path of the ego whose time to collision is too short.
+
+    With the gap d and the closing speed v the condition is d - v t < 0, of an object ahead that overlaps the path in
+    width. Its probability is Phi((v t - d) / sigma) times that of the overlap: along and across the path errors are
+    taken to be independent. It is exact on a straight path, since the margin is linear.
+
+    Source: ISO 15623 (forward vehicle collision warning systems); NHTSA (2010), "Forward Collision Warning System
+    Confirmation Test", which states when a warning has to come as a time to collision.
+    """
+
+    quantity = Quantity("ttc", "s", "time to collision")
+
+    ttc_s: Positive = Field(2.4, description="It warns where the time to collision is shorter, s.")
+
+    def decide(self, ego: Ego, objects: Objects) -> Decision:
+        place = on_path(ego, objects)
+        closing, gap, within = ego.speed - place.speed, place.gap, place.probability_within()
+        too_short = probability_positive(closing * self.ttc_s - gap, place.variance((-1.0, 0.0, -self.ttc_s, 0.0)))
+        ahead = objects.there & (place.along > 0)
+        ttc = time_until(gap, closing)
+        possible = ahead & (within > 0.5) & (closing > 0)
+        return decision(possible, ahead * within * too_short, self.probability, ttc, ttc)

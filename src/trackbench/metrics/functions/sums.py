@@ -1,0 +1,199 @@
+"""What is kept of a function's decisions on the tracks of one tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.functions import Bodies, Decision, Function, Objects
+from trackbench.functions.path import on_path
+from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
+from trackbench.metrics.functions.events import TOLERANCE, answers, first_impact, spans
+from trackbench.metrics.protocol import Chunk, Scope
+
+if TYPE_CHECKING:
+    from trackbench.metrics.traffic import TrackedRun, TrackScope
+
+#: Rows of the sums of each run.
+ROWS = (
+    "events",
+    "delay",
+    "squared_delay",
+    "missing",
+    "false",
+    "hours",
+    "squared_error",
+    "errors",
+    "wrong_lead",
+    "leads",
+    "squared_braking",
+    "braking",
+)
+
+
+class FunctionScores(NamedTuple):
+    """The sums of some runs, and every event."""
+
+    sums: Array
+    """``(rows, runs)`` as ``ROWS``."""
+    delay: Array
+    """``(events,)`` s, in the order of runs."""
+    missing: Mask
+    """``(events,)``"""
+
+    def of(self, row: str) -> Array:
+        """``(runs,)``"""
+        return np.asarray(self.sums[ROWS.index(row)])
+
+
+class Decisions(NamedTuple):
+    """What a function decides at some instants on the truth and on tracks, each ``(instants, runs)``."""
+
+    truth: Decision
+    tracks: Decision
+    """With the object of the truth in the place of the chosen track's column; -1 where that is on none."""
+    chose: Mask
+    """Whether it chose a track."""
+    overlap: Mask
+    """Whether an object of the truth overlaps the ego."""
+
+
+class FunctionSums:
+    """The accumulator of one function, whose sums its metrics share; with known and with hidden identities.
+
+    Decisions count over the whole drive, from the first instant: a track that starts late warns late.
+    """
+
+    def __init__(self, label: str, function: Function) -> None:
+        self.name = f"function {label}"
+        self.function = function
+
+    def init(self, scope: Scope | TrackScope) -> list[Any]:
+        """The bodies and times of a block with known identities; then what was decided."""
+        return [scope] if isinstance(scope, Scope) else []
+
+    def update(self, sums: list[Any], chunk: Chunk | TrackedRun) -> list[Any]:
+        if isinstance(chunk, Chunk):
+            sums.append(decisions_of_chunk(self.function, chunk, sums[0]))
+        else:
+            sums.append(scores_of(decisions_of_run(self.function, chunk), chunk.truth.time, self.function))
+        return sums
+
+    def close(self, sums: list[Any]) -> FunctionScores:
+        if not isinstance(sums[0], Scope):
+            return self.merge(sums)
+        scope, *chunks = sums
+        whole = _joined(chunks, scope.runs)
+        return scores_of(whole, scope.target.time[: len(whole.overlap)], self.function)
+
+    def merge(self, blocks: Sequence[FunctionScores]) -> FunctionScores:
+        sums, delay, missing = zip(*blocks, strict=True)
+        return FunctionScores(np.concatenate(sums, axis=1), np.concatenate(delay), np.concatenate(missing))
+
+
+def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisions:
+    """With known identities: the column of a track is that of its object."""
+    bodies = scope.bodies
+    assert bodies is not None
+    alive = scope.target.alive[chunk.instants].T[..., None]
+    truth = np.moveaxis(chunk.truth, 1, 2)
+    # (..., instants, objects * runs) to (..., objects, instants, runs).
+    of_runs = (values.reshape(*values.shape[:-1], -1, chunk.runs) for values in (chunk.mean, chunk.covariance))
+    mean, covariance = (np.moveaxis(values, -2, -3) for values in of_runs)
+    given = chunk.given.reshape(len(chunk.given), -1, chunk.runs).swapaxes(0, 1)
+    length, width = bodies.length[:, None, None], bodies.width[:, None, None]
+    own = bodies.within(chunk.instants)
+    objects, overlap = _truth(truth, alive, own)
+    there = given & alive
+    tracks = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
+    ego = own.ego.each((slice(None), None))
+    decided = function.decide(ego, tracks)
+    return Decisions(function.decide(ego, objects), decided, decided.object != NO_OBJECT, overlap)
+
+
+def decisions_of_run(function: Function, run: TrackedRun) -> Decisions:
+    """With hidden identities: a track has the size of the object that it is on, or the nominal one."""
+    truth, tracks, bodies = run.truth, run.tracks, run.bodies
+    assert bodies is not None
+    objects, overlap = _truth(truth.state.transpose(0, 2, 1)[..., None], (truth.status > 0).T[..., None], bodies)
+    on = run.scores.object_of(tracks.ids.shape)
+    length, width = (
+        np.where(on == NO_OBJECT, nominal, np.append(sizes, 0.0)[on]).T[..., None]
+        for sizes, nominal in zip((bodies.length, bodies.width), NOMINAL_SIZE, strict=True)
+    )
+    there = (tracks.ids >= 0).T[..., None]
+    mean, covariance = np.swapaxes(tracks.mean, -1, -2)[..., None], np.swapaxes(tracks.covariance, -1, -2)[..., None]
+    own = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
+    ego = bodies.ego.each((slice(None), None))
+    decided = function.decide(ego, own)
+    chose = decided.object != NO_OBJECT
+    column = np.where(chose, decided.object, 0)
+    chosen = np.take_along_axis(on, column, axis=1) if on.shape[1] else column
+    decided = decided._replace(object=np.where(chose, chosen, NO_OBJECT))
+    return Decisions(function.decide(ego, objects), decided, chose, overlap)
+
+
+def _truth(state: Array, there: Mask, bodies: Bodies) -> tuple[Objects, Mask]:
+    """The objects of the truth ``(4, objects, instants, runs or 1)`` and where one overlaps the ego ``(instants,
+    runs or 1)``."""
+    length, width = bodies.length[:, None, None], bodies.width[:, None, None]
+    objects = Objects(state, np.zeros((4, *state.shape)), there, length, width)
+    place = on_path(bodies.ego.each((slice(None), None)), objects)
+    touches = there & (np.abs(place.along) < place.lengths) & (np.abs(place.across) < place.widths)
+    return objects, np.asarray(touches.any(axis=0))
+
+
+def _joined(chunks: Sequence[Decisions], runs: int) -> Decisions:
+    """Successive instants together, each ``(instants, runs)``."""
+
+    def every(parts: Sequence[Any]) -> Any:
+        return np.concatenate([np.broadcast_to(part, (len(part), runs)) for part in parts])
+
+    truth, tracks, chose, overlap = zip(*chunks, strict=True)
+    truth, tracks = (Decision(*map(every, zip(*parts, strict=True))) for parts in (truth, tracks))
+    return Decisions(truth, tracks, every(chose), every(overlap))
+
+
+def scores_of(decisions: Decisions, time: Array, function: Function) -> FunctionScores:
+    """The sums of each run from all its decisions, at times ``(instants,)`` s."""
+    truth, tracks, chose, overlap = decisions
+    runs = truth.active.shape[1]
+    events, own = spans(truth.active, time), spans(tracks.active, time)
+    result = answers(events, own, first_impact(events, overlap), time)
+
+    def by_run(run: Indices, values: Array | None = None) -> Array:
+        return np.bincount(run, values, runs).astype(float)
+
+    begins = _first_moments(events.run, events.start, events.stop, time, runs)
+    error = np.where(begins, tracks.quantity - truth.quantity, np.nan)
+    has_lead = chose | (truth.object != NO_OBJECT)
+    acts = tracks.active | truth.active
+    commanded, required = (np.where(item.active, item.quantity, 0.0) for item in (tracks, truth))
+    nothing = np.zeros(runs)
+    sums = {
+        "events": by_run(events.run),
+        "delay": by_run(events.run, result.delay),
+        "squared_delay": by_run(events.run, result.delay**2),
+        "missing": by_run(events.run, result.missing.astype(float)),
+        "false": by_run(own.run[result.false]),
+        "hours": np.full(runs, (time[-1] - time[0]) / 3600),
+        "squared_error": np.nansum(error**2, axis=0),
+        "errors": np.isfinite(error).sum(axis=0),
+        "wrong_lead": (has_lead & (tracks.object != truth.object)).sum(axis=0) if function.chooses_lead else nothing,
+        "leads": has_lead.sum(axis=0) if function.chooses_lead else nothing,
+        "squared_braking": ((commanded - required) ** 2).sum(axis=0, where=acts) if function.brakes else nothing,
+        "braking": acts.sum(axis=0) if function.brakes else nothing,
+    }
+    return FunctionScores(np.stack([sums[name] for name in ROWS]).astype(float), result.delay, result.missing)
+
+
+def _first_moments(run: Indices, start: Indices, stop: Indices, time: Array, runs: int) -> Mask:
+    """``(instants, runs)`` the first ``TOLERANCE`` of each event."""
+    until = np.minimum(np.searchsorted(time, time[start] + TOLERANCE), stop)
+    change = np.zeros((len(time) + 1, runs), dtype=int)
+    np.add.at(change, (start, run), 1)
+    np.add.at(change, (until, run), -1)
+    return np.cumsum(change, axis=0)[:-1] > 0

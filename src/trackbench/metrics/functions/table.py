@@ -1,0 +1,150 @@
+"""The metrics of each function that a scenario asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import new_class
+from typing import Any, ClassVar
+
+import numpy as np
+
+from trackbench.functions import Function
+from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
+from trackbench.metrics.intervals import Interval, ratio, root
+from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
+
+NO_EVENT = "the function is never active on the truth: no event"
+
+
+class FunctionMetric(Metric):
+    """A metric of one function; its class is made for that function, by :func:`function_metrics`."""
+
+    better: ClassVar[Direction | None] = "smaller"
+    at_least: ClassVar[float] = 0.0
+    stem: ClassVar[str]
+    """Of its name, before that of the function."""
+    label: ClassVar[str]
+    """The name of the function in the scenario."""
+    function: ClassVar[Function]
+    total: ClassVar[str]
+    """Row of the sums, and that of the number of its terms."""
+    count: ClassVar[str]
+    missing: ClassVar[str] = NO_EVENT
+    """Why there is no value where there is no term."""
+    squared: ClassVar[bool] = False
+    """Whether the total is of squares."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Its class has no name in this module.
+        return _of_function, (type(self).__bases__[0], self.label, self.function, self.scores)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return (run_column(self.name),)
+
+    def finish(self, sums: FunctionScores) -> Outcome:
+        total, count = sums.of(self.total), sums.of(self.count)
+        if not count.sum() > 0:
+            return self.no_value(self.missing)
+        value = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
+        return root(value) if self.squared else value
+
+
+class WarnDelay(FunctionMetric):
+    """Signed, so that neither direction is better; ``warn_error`` compares."""
+
+    stem, total, count, unit = "warn_delay", "delay", "events", "s"
+    meaning = "time from an event of {} on the truth to that on the tracks, mean over events"
+    better, at_least = None, -np.inf
+    fields = (
+        Field("p05", "time that 5 % of the delays are below, s"),
+        Field("p50", "time that half of them are below, s"),
+        Field("p95", "time that 95 % of them are below, s"),
+        Field("early", "mean of the delays below 0, s"),
+        Field("late", "mean of those above 0, s"),
+        Field("missing", "share of events without an answer, whose delay is the time to the impact or the end"),
+    )
+
+    def finish(self, sums: FunctionScores) -> Outcome:
+        value = super().finish(sums)
+        if not isinstance(value, Interval):
+            return value
+        delay = sums.delay
+        low, middle, high = np.quantile(delay, [0.05, 0.5, 0.95]).tolist()
+        details = {"p05": low, "p50": middle, "p95": high, "missing": float(sums.missing.mean())}
+        apart = {"early": delay[delay < 0], "late": delay[delay > 0]}
+        details |= {name: float(own.mean()) for name, own in apart.items() if len(own)}
+        return value._replace(details=tuple(details.items()))
+
+
+class WarnError(FunctionMetric):
+    stem, total, count, unit, squared = "warn_error", "squared_delay", "events", "s", True
+    meaning = "root mean square delay of {} on the tracks, over events"
+
+
+class MissedWarnings(FunctionMetric):
+    stem, total, count, unit, at_most = "missed_warnings", "missing", "events", "1", 1.0
+    meaning = "share of the events of {} on the truth without one on the tracks"
+
+
+class FalseWarnings(FunctionMetric):
+    stem, total, count, unit = "false_warnings", "false", "hours", "1/h"
+    meaning = "times {} is active on the tracks without an event on the truth, per hour of the drive"
+    missing = "the drive has no length"
+
+
+class QuantityError(FunctionMetric):
+    """Of what the function computes of its object: at the instants of the first ``TOLERANCE`` s of each event at which
+    it has a value on the truth and on the tracks."""
+
+    total, count, squared = "squared_error", "errors", True
+    meaning = "root mean square error of the {} that {} computes, in the first 0.5 s of each event"
+    missing = "there is no event in which it has a value on the truth and on the tracks"
+
+
+class LeadErrors(FunctionMetric):
+    stem, total, count, unit, at_most = "lead_errors", "wrong_lead", "leads", "1", 1.0
+    meaning = "share of the instants with a lead at which that of {} on the tracks is not that on the truth"
+    missing = "there is never a lead"
+
+
+class BrakeError(FunctionMetric):
+    stem, total, count, unit, squared = "brake_error", "squared_braking", "braking", "m/s^2", True
+    meaning = "root mean square difference of the deceleration that {} commands on the tracks and on the truth"
+    missing = "it brakes neither on the truth nor on the tracks"
+
+
+EVENT_METRICS: tuple[type[FunctionMetric], ...] = (WarnDelay, WarnError, MissedWarnings, FalseWarnings)
+
+
+def function_metrics(functions: Mapping[str, Function], *, hidden: bool) -> tuple[FunctionMetric, ...]:
+    """The metrics of the functions of a scenario, by its names, with known or hidden identities."""
+    scores = "tracks" if hidden else "estimates"
+    return tuple(
+        _of_function(kind, label, function, scores)
+        for label, function in functions.items()
+        for kind in _kinds(function)
+    )
+
+
+def _kinds(function: Function) -> list[type[FunctionMetric]]:
+    more = [LeadErrors] if function.chooses_lead else []
+    return [*EVENT_METRICS, QuantityError, *more, *([BrakeError] if function.brakes else [])]
+
+
+def _of_function(kind: type[FunctionMetric], label: str, function: Function, scores: str) -> FunctionMetric:
+    quantity = function.quantity
+    members: dict[str, Any] = {"stem": f"{quantity.name}_error", "unit": quantity.unit} if kind is QuantityError else {}
+    stem = members.get("stem") or kind.stem
+    words = (quantity.meaning, label) if kind is QuantityError else (label,)
+    members |= {
+        "name": f"{stem}.{label}",
+        "meaning": kind.meaning.format(*words),
+        "label": label,
+        "function": function,
+        "scores": scores,
+        "shared": FunctionSums(label, function),
+        "__module__": __name__,
+    }
+    metric: FunctionMetric = new_class(kind.__name__, (kind,), {}, lambda body: body.update(members))()
+    return metric
