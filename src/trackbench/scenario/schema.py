@@ -28,6 +28,9 @@ def json_schema() -> Schema:
     parts = schema["$defs"]
     sensors = schema["properties"]["sensors"]["patternProperties"]
     kinds = [_lift(form, "type", parts) for entry in sensors.values() for form in entry["oneOf"]]
+    for entry in schema["properties"]["functions"]["patternProperties"].values():
+        for form in entry["oneOf"]:
+            _lift(form, "use", parts)
     for form in schema["properties"]["truth"]["oneOf"]:
         _lift(form, "source", parts)
     _options(parts)
@@ -48,7 +51,7 @@ def json_schema() -> Schema:
         "description": initial["description"],
     }
     _untitle(schema)
-    for section in ("sensors", "trackers"):
+    for section in ("sensors", "trackers", "functions"):
         named = schema["properties"][section]
         named["additionalProperties"] = False
     return {

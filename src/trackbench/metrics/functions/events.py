@@ -63,18 +63,20 @@ def answers(events: Spans, own: Spans, impact: Indices, time: Array) -> Answers:
         time: ``(instants,)`` s.
     """
     reach = TOLERANCE + SAME_TIME
-    # Runs follow each other so far apart that nothing of two runs is near.
-    apart = time[-1] - time[0] + 4 * reach
     ends = np.append(time, time[-1])
+    hit = impact < len(time)
+    # The runs follow each other, so far apart that nothing of two of them is near.
+    apart = time[-1] - time[0] + 4 * reach
     begin, end = (ends[at] + events.run * apart for at in (events.start, events.stop))
     own_begin, own_end = (ends[at] + own.run * apart for at in (own.start, own.stop))
-    hit = impact < len(time)
-    last = np.where(hit, ends[impact] + events.run * apart, end)
-    first = np.searchsorted(own_end, begin - reach)
-    candidate = np.append(own_begin, np.inf)[first]
-    missing = ~(candidate < np.where(hit, last - SAME_TIME, end + reach))
-    before = np.append(-np.inf, end[:-1])
-    delay = np.where(missing, last, np.maximum(candidate, before)) - begin
+    candidate = np.searchsorted(own_end, begin - reach)
+    begins = np.append(own_begin, np.inf)[candidate]
+    missing = ~(begins < np.where(hit, ends[impact] + events.run * apart - SAME_TIME, end + reach))
+    # Of times of one run, that rounding is no delay.
+    answered = np.append(ends[own.start], 0.0)[candidate]
+    going_on = np.append(False, (events.run[1:] == events.run[:-1]) & (begins[1:] < end[:-1]))
+    answered = np.where(going_on, np.append(0.0, ends[events.stop[:-1]]), answered)
+    delay = np.where(missing, ends[np.where(hit, impact, events.stop)], answered) - ends[events.start]
     following = np.searchsorted(end, own_begin - reach)
     false = np.append(begin, np.inf)[following] > own_end + reach
     return Answers(delay, missing, false)

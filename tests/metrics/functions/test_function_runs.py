@@ -1,0 +1,79 @@
+"""Functions in whole runs: from the scenario to the result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trackbench.results import Result
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+
+#: Both at 50 km/h, the gap is 40 m, and the lead brakes at 6 m/s^2.
+BRAKING = """
+name: braking_lead
+truth:
+  source: scripted
+  duration_s: 8
+  rate_hz: 20
+  observer: {start: {speed_mps: 13.89}, length_m: 5, width_m: 2}
+  objects:
+    lead:
+      start: {x: 44.75, speed_mps: 13.89}
+      pieces: [{for_s: 3}, {for_s: 2.3, acceleration_mps2: -6}, {}]
+sensors:
+  radar: {type: radar, rate_hz: 20, range_sigma_m: SIGMA, azimuth_sigma_deg: AZIMUTH, range_rate_sigma_mps: SIGMA}
+trackers:
+  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 8}
+  slow: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1}
+monte_carlo: {runs: 20}
+functions:
+  fcw: {use: forward_collision_warning, ttc_s: 2.4}
+"""
+
+
+def result_of(folder: Path, text: str, **changes: str) -> Result:
+    """Of a scenario with words in capitals in place of others."""
+    for word, value in changes.items():
+        text = text.replace(word, value)
+    file = folder / "scenario.yaml"
+    file.write_text(text, encoding="utf-8")
+    loaded = load_scenario(file)
+    return run(loaded, truths_of(loaded))
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return result_of(tmp_path_factory.mktemp("noisy"), BRAKING, SIGMA="0.5", AZIMUTH="0.2")
+
+
+def test_without_noise_nothing_is_late_missed_or_false(tmp_path: Path):
+    metrics = result_of(tmp_path, BRAKING, SIGMA="0.001", AZIMUTH="0.001")["ekf"].metrics
+    assert metrics["warn_delay.fcw"].value == 0.0
+    assert metrics["warn_delay.fcw"].missing == 0.0
+    assert metrics["missed_warnings.fcw"].value == 0.0
+    assert metrics["false_warnings.fcw"].value == 0.0
+    assert metrics["ttc_error.fcw"].value < 0.01
+
+
+def test_a_slow_tracker_warns_later_in_every_run(noisy: Result):
+    delay, slow = (noisy[name].metrics["warn_delay.fcw"] for name in ("ekf", "slow"))
+    assert slow.value > delay.value + 0.1
+    assert slow.ci95[0] > delay.ci95[1]
+    assert slow.p05 <= slow.p50 <= slow.p95
+    (difference,) = [item for item in noisy.differences if item.metric == "warn_error.fcw"]
+    assert difference.ci95[0] * difference.ci95[1] > 0
+
+
+def test_the_mean_is_that_of_the_runs_in_the_table(noisy: Result):
+    rows = noisy.tables.runs.to_pandas().query("tracker == 'slow'")
+    assert rows["warn_delay.fcw_per_run"].mean() == pytest.approx(noisy["slow"].metrics["warn_delay.fcw"].value)
+
+
+def test_blocks_of_runs_merge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result):
+    monkeypatch.setattr("trackbench.runner.work.BATCH_SIZE", 7)
+    result = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2")
+    for path in ("warn_delay.fcw", "ttc_error.fcw", "false_warnings.fcw"):
+        assert result["slow"].metrics[path] == noisy["slow"].metrics[path]
