@@ -175,6 +175,8 @@ class EnvelopeMap:
         # All of them were at every look before.
         done = self.task.extents[look - 1] if look else NOTHING
         work = self._work(cell.loaded, extent)
+        # A world may have another number of scenes.
+        extent = extent._replace(scenes=len(work.scenes))
         objects = max(1, *(len(scene.truth.ids) for scene in work.scenes))
         pieces = extent.blocks_beyond(done, max(1, LARGEST_BATCH // objects))
         kept = self._store.load(cell.point, look)

@@ -27,7 +27,7 @@ def refined(
     """
     if most <= 0 or not any(axis.continuous for axis in axes):
         return []
-    pairs = _along_axes(axes, states) if design == "grid" else _nearest(axes, states)
+    pairs = _along_axes(axes, states) if design == "grid" else _neighbours(axes, states)
     found: dict[Point, float] = {}
     for a, b in pairs:
         if _differ(states[a], states[b]):
@@ -55,8 +55,11 @@ def _along_axes(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iter
             yield from pairwise(line)
 
 
-def _nearest(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point]]:
-    """Of each point, the nearest one that has another state and the same values of all other axes."""
+def _neighbours(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterator[tuple[Point, Point]]:
+    """Pairs with no third point in the sphere over them, among points with the same values of all other axes.
+
+    Source: Gabriel and Sokal (1969), "A new statistical approach to geographic variation analysis".
+    """
     fixed = [number for number, axis in enumerate(axes) if not axis.continuous]
     groups: dict[tuple[Value, ...], list[Point]] = {}
     for point in points:
@@ -64,7 +67,8 @@ def _nearest(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iterato
     for group in groups.values():
         at = shares(axes, group)
         for place, point in enumerate(group):
-            others = [other for other in range(len(group)) if _differ(points[point], points[group[other]])]
-            if others:
-                gaps = ((at[others] - at[place]) ** 2).sum(axis=1)
-                yield point, group[others[int(np.argmin(gaps))]]
+            for other in range(place + 1, len(group)):
+                inside = ((at - at[place]) * (at - at[other])).sum(axis=1) <= 0
+                # The two themselves are on the sphere.
+                if inside.sum() == 2:
+                    yield point, group[other]

@@ -1,0 +1,158 @@
+"""Points of the map: values, shares, distances, costs, changes, and where the map is refined."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+from tests.subjects.envelope.conftest import SMALL
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.subjects.envelope.axes import MapAxis, between, distance, overrides, start_points
+from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
+from trackbench.subjects.envelope.refine import refined
+
+
+def axis(unit: float | None = None, **config: Any) -> MapAxis:
+    return MapAxis("x", Axis.model_validate(config), unit)
+
+
+LINEAR = axis(key="sensors.lidar.position_sigma_m", **{"from": 0.0, "to": 2.0}, levels=3)
+LOG = axis(key="sensors.lidar.position_sigma_m", **{"from": 0.01, "to": 1.0}, levels=3, scale="log")
+RATES = axis(key="sensors.lidar.rate_hz", values=[20, 5, 10], cost={"5": 50, "20": 110})
+WORLDS = axis(key="world", choices=["ideal", "human"])
+SUITES = axis(choices={"radar": {"a": 1}, "both": {"a": 2, "b": 3}}, cost={"radar": 50, "both": 400})
+
+
+def test_values_and_shares() -> None:
+    assert LINEAR.values == (0.0, 1.0, 2.0)
+    assert LOG.values == (0.01, 0.1, 1.0)
+    assert RATES.values == (5, 10, 20)
+    assert SUITES.values == ("radar", "both")
+    for each in (LINEAR, LOG, RATES, WORLDS, SUITES):
+        assert [each.share(value) for value in (each.values[0], each.values[-1])] == [0.0, 1.0]
+    assert LOG.share(0.1) == pytest.approx(0.5)
+    assert LINEAR.unit == "m"
+
+
+def test_costs_are_interpolated() -> None:
+    assert [RATES.cost(value) for value in (5.0, 10.0, 20.0)] == [50, 70, 110]
+    assert SUITES.cost("both") == 400
+    assert LINEAR.cost(1.0) == 0
+
+
+def test_linked_keys_follow_the_value() -> None:
+    linked = axis(
+        keys={"truth.observer.start.speed_mps": {}, "truth.objects.lead.start.x": {"factor": 4, "offset": 5}},
+        **{"from": 10, "to": 20},
+    )
+
+    assert overrides([linked], (12.5,)) == ["truth.observer.start.speed_mps=12.5", "truth.objects.lead.start.x=55"]
+    assert overrides([SUITES, RATES], ("both", 10.0)) == ["a=2", "b=3", "sensors.lidar.rate_hz=10"]
+
+
+def test_distance_is_in_shares_of_the_range_or_in_a_scale() -> None:
+    axes = [LINEAR, LOG, WORLDS]
+
+    assert distance(axes, (0.0, 0.01, "ideal"), (1.0, 0.1, "ideal")) == pytest.approx(0.5**0.5)
+    assert distance(axes, (0.0, 0.01, "ideal"), (0.0, 0.01, "human")) == 1.0
+    assert distance([axis(0.5, key="a.b", **{"from": 0, "to": 2})], (0.0,), (2.0,)) == 4.0
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_between_is_half_way(a: float, b: float) -> None:
+    x, y = LOG.at(a), LOG.at(b)
+
+    point = between([LOG], (x,), (y,), 1 / 8)
+
+    if abs(LOG.share(x) - LOG.share(y)) <= 1 / 8:
+        assert point is None
+    else:
+        assert point is not None
+        assert LOG.share(point[0]) == pytest.approx((LOG.share(x) + LOG.share(y)) / 2, abs=1e-4)
+
+
+def test_nothing_lies_between_choices_or_values() -> None:
+    assert between([WORLDS], ("ideal",), ("human",), 0.01) is None
+    assert between([RATES], (5,), (20,), 0.01) is None
+
+
+def square(**block: Any) -> tuple[EnvelopeConfig, list[MapAxis]]:
+    """A map of two axes from 0 to 1."""
+    axes = {name: {"key": f"a.{name}", "from": 0, "to": 1} for name in "xy"}
+    config = EnvelopeConfig.model_validate({"axes": axes, **block})
+    return config, [MapAxis(name, item) for name, item in config.axes.items()]
+
+
+def test_a_sobol_start_fills_half_of_the_cells() -> None:
+    config = EnvelopeConfig.model_validate(
+        {
+            "design": "sobol",
+            "cells": 64,
+            "axes": {"x": {"key": "a.b", "from": 0, "to": 1}, "y": {"key": "a.c", "from": 0, "to": 1}},
+        }
+    )
+    axes = [MapAxis(name, item) for name, item in config.axes.items()]
+
+    points = start_points(axes, config)
+
+    assert len(points) == 32
+    # A net of base 2: each half and each quarter of an axis has its share.
+    for number in (0, 1):
+        assert sum(float(point[number]) < 0.25 for point in points) == 8
+
+
+@pytest.mark.parametrize("design", ["grid", "sobol"])
+def test_the_map_is_refined_at_the_border_alone(design: str) -> None:
+    config = EnvelopeConfig.model_validate(
+        {
+            "axes": {
+                "x": {"key": "a.b", "from": 0, "to": 1, "levels": 5},
+                "y": {"key": "a.c", "from": 0, "to": 1, "levels": 5},
+            }
+        }
+    )
+    axes = [MapAxis(name, item) for name, item in config.axes.items()]
+    states = {point: {"kf": "fails" if float(point[0]) > 0.6 else "holds"} for point in start_points(axes, config)}
+
+    points = refined(axes, states, 100, 1 / 32, design)
+
+    assert {point[0] for point in points} == {0.625}
+    assert len(points) == 5
+    assert len(refined(axes, states, 2, 1 / 32, design)) == 2
+    assert refined(axes, states, 100, 0.25, design) == []
+
+
+SETTLE = {"key": "score.settle_s", "from": 0, "to": 1}
+
+
+@pytest.mark.parametrize(
+    ("block", "key", "message"),
+    [
+        ({"axes": {}}, "axes", "must not be empty"),
+        ({"axes": {"x": {"key": "score.settle_s"}}}, "axes.x", "from and to, values, or choices"),
+        ({"axes": {"x": {"from": 0, "to": 1}}}, "axes.x", "write key"),
+        ({"axes": {"x": {**SETTLE, "from": 2}}}, "axes.x.from", "must be below to"),
+        ({"axes": {"x": {**SETTLE, "key": "monte_carlo.runs"}}}, "axes.x.key", "cannot be an axis"),
+        ({"axes": {"x": {**SETTLE, "scale": "log"}}}, "axes.x.from", "above 0"),
+        ({"cells": 4, "axes": {"x": SETTLE}}, "cells", "has 5 cells"),
+        ({"claim": "traffic like these", "axes": {"x": SETTLE}}, "runs.first", "at least 30"),
+        ({"axes": {"x": SETTLE, "y": SETTLE}}, "axes.y", "varied by x already"),
+        ({"axes": {"x": SETTLE}, "scale": {"y": 1}}, "scale.y", "is no axis"),
+    ],
+)
+def test_what_is_no_envelope_is_refused(block: dict[str, Any], key: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        tb.load({**SMALL, "envelope": block})
+
+    assert caught.value.key == f"envelope.{key}"
+    assert message in caught.value.message
+
+
+def test_an_axis_is_checked_by_itself() -> None:
+    with pytest.raises(ValidationError):
+        Axis.model_validate({"key": "a.b", "values": [1, 1]})
