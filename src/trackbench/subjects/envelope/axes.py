@@ -60,9 +60,17 @@ class MapAxis:
             return tuple(sorted(config.values))
         return tuple(map(self.at, np.linspace(0.0, 1.0, config.levels).tolist()))
 
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest value of an axis of numbers."""
+        if self.continuous:
+            return float(self.config.low or 0.0), float(self.config.high or 0.0)
+        numbers = [float(value) for value in self.values]
+        return numbers[0], numbers[-1]
+
     def at(self, share: float) -> float:
-        """The value at a share of a continuous axis, rounded to what a person would write."""
-        low, high = float(self.config.low or 0.0), float(self.config.high or 0.0)
+        """The value at a share of an axis of numbers, rounded to what a person would write."""
+        low, high = self.ends
         value = low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
         digits = 5 - math.floor(math.log10(high - low if self.config.scale == "linear" else value))
         return round(value, digits)
@@ -71,7 +79,7 @@ class MapAxis:
         """Where a value lies between the ends, from 0 to 1; a choice by its place."""
         if not self.ordered or isinstance(value, str):
             return self.values.index(value) / max(1, len(self.values) - 1)
-        low, high = (float(self.config.low or 0.0), float(self.config.high or 0.0)) if self.continuous else _ends(self)
+        low, high = self.ends
         if self.config.scale == "log":
             return math.log(value / low) / math.log(high / low)
         return (value - low) / (high - low)
@@ -166,11 +174,6 @@ def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> P
 def named(axes: Sequence[MapAxis], point: Point) -> Mapping[str, Value]:
     """The values of a point by the names of the axes."""
     return {axis.name: value for axis, value in zip(axes, point, strict=True)}
-
-
-def _ends(axis: MapAxis) -> tuple[float, float]:
-    numbers = [float(value) for value in axis.values]
-    return numbers[0], numbers[-1]
 
 
 def _from_share(axis: MapAxis, share: float) -> Value:

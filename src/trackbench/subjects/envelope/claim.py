@@ -112,6 +112,8 @@ class Claim(ResultModel):
     envelope: dict[str, Any]
     """The ``envelope:`` block, as it was."""
     limits: list[Limit]
+    base: list[float | str | None]
+    """The scenario's own value of each axis; None where it has none."""
     cells: list[ClaimCell]
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from trackbench.base.errors import counted
 from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Section, Table
 from trackbench.subjects.envelope.claim import Claim, Envelope
+from trackbench.subjects.envelope.margin_text import along, holding, undecided
+from trackbench.subjects.envelope.margins import Margin, margins
 
 
 def headlines(claim: Claim) -> Iterator[str]:
@@ -37,7 +39,24 @@ def envelope_summary(made: Envelope) -> Document:
 
 def _summary(made: Envelope) -> Iterator[Block]:
     yield Items(tuple(Item(text) for text in headlines(made.claim)))
+    yield from _margins(made.claim)
     yield _cells(made.claim)
+
+
+def _margins(claim: Claim) -> Iterator[Block]:
+    found = [margin for tracker in claim.trackers for margin in margins(claim, tracker)]
+    if found:
+        columns = [
+            (Column("tracker", left=True), [Cell(margin.tracker, tracker=margin.tracker) for margin in found]),
+            (Column("axis", left=True), [Cell(margin.axis.name) for margin in found]),
+            (Column("holds", left=True), [Cell(holding(margin), details=_further(margin)) for margin in found]),
+        ]
+        yield Section("Margins", (Table.of_columns("margins", columns),))
+
+
+def _further(margin: Margin) -> tuple[str, ...]:
+    """What is undecided, and where the line goes."""
+    return tuple(text for text in (undecided(margin), f"at {along(margin)}" if margin.at else "") if text)
 
 
 def _cells(claim: Claim) -> Table:

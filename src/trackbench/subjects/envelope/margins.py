@@ -1,0 +1,171 @@
+"""How far each axis may be moved, along a line through the scenario itself, before the requirement is no longer met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, Limit, State
+
+#: Of a value that is decided, but at its limit.
+_NEXT_TO = 1e-12
+
+
+class Crossing(NamedTuple):
+    """Where a line crosses the border: between two cells that are decided, and differ."""
+
+    low: float
+    """The decided cell below the border; those between it and ``high`` are undecided."""
+    high: float
+    point: float
+    """Where the interpolated value meets the limit."""
+    holds_below: bool
+    """Whether the requirement is met below the border."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """What the cells of one line say of one tracker."""
+
+    tracker: str
+    axis: MapAxis
+    at: tuple[tuple[MapAxis, Value], ...]
+    """The other axes with their values on the line."""
+    through_base: bool
+    """Whether they are the scenario's own; the line is the nearest to it otherwise."""
+    cells: tuple[tuple[float, ClaimCell], ...]
+    """Those of the line by their value of the axis."""
+    crossings: tuple[Crossing, ...]
+
+    @property
+    def states(self) -> dict[float, State]:
+        """By value of the axis."""
+        return {value: cell.trackers[self.tracker].state for value, cell in self.cells}
+
+    @property
+    def decided(self) -> dict[float, State]:
+        """By value of the axis, those that are."""
+        return {value: state for value, state in self.states.items() if state != "undecided"}
+
+
+def margins(claim: Claim, tracker: str) -> list[Margin]:
+    """For each axis of numbers, the line through the scenario itself, or the nearest to it; one a category."""
+    found = []
+    for number, axis in enumerate(claim.axes):
+        if axis.ordered:
+            found += [margin_on(claim, tracker, number, line) for line in lines_near_base(claim, number)]
+    return found
+
+
+def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> Margin:
+    """What a line says of a tracker.
+
+    Args:
+        claim: of the map.
+        tracker: its name.
+        number: of the axis along which the line goes.
+        line: cells that differ in this axis alone.
+    """
+    axes = claim.axes
+    axis, first = axes[number], line[0].point
+    at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
+    own = all(base == first[i] for i, base in enumerate(claim.base) if i != number)
+    cells = tuple((float(cell.point[number]), cell) for cell in line)
+    return Margin(tracker, axis, at, own, cells, tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells)))
+
+
+def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
+    """The cells in the order of an axis, along the line that is nearest to the scenario's own values of the others.
+
+    There is one for each combination of the categories. A line has at least as many cells as the axis had levels at
+    the start: the few cells that were put near a border are no line of their own.
+    """
+    axes = claim.axes
+    lines: dict[Point, list[ClaimCell]] = {}
+    for cell in claim.cells:
+        lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(cell)
+    others = [(axis, base) for i, (axis, base) in enumerate(zip(axes, claim.base, strict=True)) if i != number]
+    found = []
+    for category in product(*(axis.values for axis, _ in others if not axis.ordered)):
+        whole = [
+            at
+            for at, line in lines.items()
+            if len(line) >= len(axes[number].values) and tuple(v for v in at if isinstance(v, str)) == category
+        ]
+        if whole:
+            nearest = min(whole, key=lambda at: (_distance(others, at), -len(lines[at])))
+            found.append(sorted(lines[nearest], key=lambda cell: float(cell.point[number])))
+    return found
+
+
+def _distance(others: Sequence[tuple[MapAxis, Value | None]], at: Point) -> float:
+    """From the scenario's own values, as far as it has some; half way along the axis where it has none."""
+    gaps = []
+    for (axis, base), value in zip(others, at, strict=True):
+        if axis.ordered:
+            low, high = axis.ends
+            own = 0.5 if base is None else axis.share(min(max(float(base), low), high))
+            gaps.append(axis.share(value) - own)
+    return math.hypot(*gaps)
+
+
+def _crossings(
+    limits: Sequence[Limit], tracker: str, axis: MapAxis, cells: Sequence[tuple[float, ClaimCell]]
+) -> Iterator[Crossing]:
+    values = [value for value, _ in cells]
+    beyond = excess([cell for _, cell in cells], tracker, limits)
+    states = [cell.trackers[tracker].state for _, cell in cells]
+    decided = [place for place, state in enumerate(states) if state != "undecided"]
+    for a, b in pairwise(decided):
+        if states[a] != states[b]:
+            shares = np.array([axis.share(value) for value in values[a : b + 1]])
+            holds_below = states[a] == "holds"
+            point = axis.at(_first_beyond(shares, beyond[a : b + 1], holds_below))
+            yield Crossing(values[a], values[b], min(max(point, values[a]), values[b]), holds_below)
+
+
+def _first_beyond(shares: Array, beyond: Array, holds_below: bool) -> float:
+    """The share of the axis at which the requirement is first not met, coming from the end at which it is.
+
+    Args:
+        shares: ``(points,)`` of an axis, in order.
+        beyond: ``(points, limits)`` of :func:`excess`.
+        holds_below: whether it is met at the first of the points; at the last one otherwise.
+    """
+    if not holds_below:
+        return 1.0 - _first_beyond(1.0 - shares[::-1], beyond[::-1], True)
+    found = []
+    for values in beyond.T:
+        there = np.isfinite(values)
+        x, y = shares[there], values[there]
+        if (y > 0).any():
+            i = int(np.argmax(y > 0))
+            found.append(float(x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i])))
+    # There is none where it fails for another cause than a limit.
+    return min(found, default=float(shares[0] + shares[-1]) / 2)
+
+
+def excess(cells: Sequence[ClaimCell], tracker: str, limits: Sequence[Limit]) -> Array:
+    """``(cells, limits)`` how far each value is beyond its limit: above 0 where it is not met, NaN where there is none.
+
+    Differences of logarithms where all values and the limit are positive. Where a value is decided, its sign is that
+    of the decision.
+    """
+    columns = []
+    for place, limit in enumerate(limits):
+        own = [values[place] if values else None for values in (cell.trackers[tracker].values for cell in cells)]
+        value = np.array([math.nan if item is None or item.value is None else item.value for item in own])
+        positive = limit.limit > 0 and bool((value[np.isfinite(value)] > 0).all())
+        beyond = np.log(value / limit.limit) if positive else value - limit.limit
+        states = np.array(["" if item is None else item.state for item in own])
+        beyond = beyond if limit.direction == "below" else -beyond
+        beyond = np.where(states == "holds", np.minimum(beyond, -_NEXT_TO), beyond)
+        columns.append(np.where(states == "fails", np.maximum(beyond, _NEXT_TO), beyond))
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,110 @@
+"""Margins: where the border lies along a line, with its band."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support.claims import claim_of
+
+from trackbench.subjects.envelope.margin_text import holding, margin_sentence, undecided
+from trackbench.subjects.envelope.margins import Margin, lines_near_base, margins
+
+LINE = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 21}}
+SQUARE = {
+    "q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 5},
+    "r": {"key": "sensors.radar.azimuth_sigma_deg", "from": 0.1, "to": 10.0, "levels": 3, "scale": "log"},
+}
+
+
+def only(axes, value, **more) -> Margin:
+    (margin,) = margins(claim_of(axes, {"ekf": value}, **more), "ekf")
+    return margin
+
+
+def test_the_border_of_an_exponential_is_met_exactly():
+    """exp(x - 0.43) meets 1 at .43 of the axis, and the logarithm is a straight line."""
+    (crossing,) = only(LINE, lambda x: math.exp(x - 0.43), reach=0.06).crossings
+    assert crossing.point == pytest.approx(1.0 + 2.0 * 0.43, abs=1e-4)
+    assert (crossing.low, crossing.high) == (1.7, 2.0)
+    assert crossing.holds_below
+
+
+def test_the_border_of_a_difference_is_met_exactly():
+    """A value that is negative somewhere is interpolated by itself."""
+    (crossing,) = only(LINE, lambda x: 1.0 - 3.0 * (x - 0.61), reach=0.02).crossings
+    assert crossing.point == pytest.approx(1.0 + 2.0 * 0.61, abs=1e-4)
+    assert not crossing.holds_below
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (lambda x: 0.5, "everywhere from 1 to 3 m"),
+        (lambda x: 2.0, "nowhere from 1 to 3 m"),
+        (lambda x: 1.0, "at no value surely"),
+        (lambda x: math.exp(x - 0.43), "up to 1.86 ± 0.16 m"),
+        (lambda x: math.exp(0.43 - x), "from 1.86 ± 0.16 m on"),
+        (lambda x: math.exp(math.cos(2 * math.pi * x)), "from 1.50 ± 0.10 m to 2.50 ± 0.10 m"),
+        (lambda x: None if x > 0.5 else 0.5, "up to 2.05 ± 0.05 m"),
+    ],
+)
+def test_it_is_said_where_it_holds(value, says):
+    margin = only(LINE, value, reach=0.06)
+    assert holding(margin) == says
+
+
+def test_a_band_that_is_not_symmetric_is_given_by_its_ends():
+    margin = only(LINE, lambda x: 0.5 if x < 0.45 else 1.05 + 0.1 * (x - 0.5), reach=0.06)
+    assert holding(margin) == "up to 2.0 m (1.9 to 2.3)"
+
+
+def test_what_is_undecided_outside_the_bands_is_said():
+    margin = only(LINE, lambda x: 0.99 if 0.33 < x < 0.47 else 0.5)
+    assert holding(margin).startswith("everywhere")
+    assert undecided(margin) == "undecided at 1.7 to 1.9 m"
+
+
+def test_the_line_goes_through_the_scenario_or_near_it():
+    claim = claim_of(SQUARE, {"ekf": lambda x, y: x + y}, base=[1.4, 1.0], more=[(0.5, 0.25), (0.125, 0.5)])
+    along_q, along_r = margins(claim, "ekf")
+    assert along_q.through_base
+    assert [value for _, value in along_q.at] == [1.0]
+    assert not along_r.through_base
+    assert [value for _, value in along_r.at] == [1.5]
+    assert "nearest to the scenario's own" in margin_sentence(along_r, claim.limits)
+
+
+def test_each_category_has_its_line():
+    axes = {**LINE, "world": {"key": "truth.world", "choices": ["ideal", "human"]}}
+    claim = claim_of(axes, {"ekf": lambda x, world: math.exp(x - 0.4 - 0.2 * world)})
+    found = {margin.at[0][1]: margin.crossings[0].point for margin in margins(claim, "ekf")}
+    assert found == {"ideal": pytest.approx(1.8, abs=1e-3), "human": pytest.approx(2.2, abs=1e-3)}
+
+
+def test_a_sobol_design_of_two_axes_has_no_line():
+    claim = claim_of(SQUARE, {"ekf": lambda x, y: x + y})
+    few = claim.model_copy(update={"cells": claim.cells[::4]})
+    assert lines_near_base(few, 0) == []
+
+
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=12),
+    st.floats(0.0, 0.5),
+    st.lists(st.floats(0.01, 0.99), max_size=6),
+)
+def test_the_border_is_in_its_band_and_no_cell_in_a_band_is_decided(heights, reach, more):
+    shares = np.linspace(0, 1, len(heights))
+    margin = only(
+        LINE, lambda x: math.exp(float(np.interp(x, shares, heights))), reach=reach, more=[(share,) for share in more]
+    )
+    states = margin.states
+    for crossing in margin.crossings:
+        assert crossing.low <= crossing.point <= crossing.high
+        assert {states[value] for value in states if crossing.low < value < crossing.high} <= {"undecided"}
+        assert states[crossing.low] == ("holds" if crossing.holds_below else "fails")
+        assert states[crossing.high] == ("fails" if crossing.holds_below else "holds")
+    decided = list(margin.decided.values())
+    assert len(margin.crossings) == sum(a != b for a, b in pairwise(decided))
