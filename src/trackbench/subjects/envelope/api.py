@@ -41,6 +41,7 @@ from trackbench.subjects.envelope.claim import (
 )
 from trackbench.subjects.envelope.decide import Decision
 from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
+from trackbench.subjects.envelope.named_files import hashes_of
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
@@ -65,14 +66,24 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         InputError: something is wrong in the scenario, or a cell of the map is none.
         TrackbenchError: the processes that do the work died.
     """
+    made = map_of(loaded, plan, executor, listener)
+    with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
+        made.make(advance)
+    return envelope_of(made, command_of_envelope(loaded, plan))
+
+
+def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> EnvelopeMap:
+    """The map that a scenario asks for, of which no cell is made yet.
+
+    Raises:
+        InputError: something is wrong in the scenario.
+    """
     task = task_of(loaded)
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
     retune = _retuner(executor) if task.config.retune else None
-    made = EnvelopeMap(task, executor, plan.isolation, plan.engine, Store(plan.store, signature_of(task)), retune)
-    with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
-        made.make(advance)
-    return envelope_of(made, command_of_envelope(loaded, plan))
+    store = Store(plan.store, signature_of(task, plan))
+    return EnvelopeMap(task, executor, plan.isolation, plan.engine, store, retune)
 
 
 def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
@@ -91,8 +102,9 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
     fields = by_path(config.sensors, config.own_metrics, config.sensing.identities == "hidden")
     claim = Claim(
         scenario=config.name,
-        file=task.loaded.path.name,
+        file=shown_name(task.loaded.path),
         text=task.loaded.text,
+        files=hashes_of(task.loaded),
         overrides=list(task.loaded.overrides),
         claim=task.config.claim,
         confidence=task.config.confidence,
@@ -100,7 +112,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         extents=[tuple(extent) for extent in task.extents],
         seed=config.monte_carlo.seed,
         engine=made.engine,
-        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        versions=_versions(),
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
         limits=[Limit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
@@ -116,7 +128,7 @@ def _cell(task: EnvelopeTask, cell: Cell) -> ClaimCell:
         point=list(cell.point),
         changes=overrides(task.axes, cell.point),
         added=cell.added,
-        measurements=hashlib.sha256(cell.measurements).hexdigest()[:16],
+        measurements=[each.hex()[:16] for each in cell.measurements],
         trackers={name: _tracker(tracker) for name, tracker in cell.trackers.items()},
     )
 
@@ -138,11 +150,15 @@ def _value(item: Decision | None) -> CellValue:
     return CellValue(state=item.state, value=item.interval.value, low=item.low, high=item.high)
 
 
-def signature_of(task: EnvelopeTask) -> str:
+def signature_of(task: EnvelopeTask, plan: EnvelopePlan) -> str:
     """What determines the runs of a map."""
     loaded = task.loaded
-    settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], version("trackbench"), version("numpy")]
+    settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, _versions()]
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()
+
+
+def _versions() -> dict[str, str]:
+    return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
 def _retuner(executor: Executor) -> Callable[[Scenario], Scenario]:

@@ -68,6 +68,13 @@ class MapAxis:
         numbers = [float(value) for value in self.values]
         return numbers[0], numbers[-1]
 
+    def takes(self, value: Value) -> bool:
+        """Whether it may have a value."""
+        if not self.continuous:
+            return value in self.values
+        low, high = self.ends
+        return not isinstance(value, str) and low <= value <= high
+
     def at(self, share: float) -> float:
         """The value at a share of an axis of numbers, rounded to what a person would write."""
         low, high = self.ends

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
+from pydantic import ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
@@ -79,8 +81,8 @@ class ClaimCell(ResultModel):
     """``key.path=value`` of each key that the scenario has there."""
     added: bool
     """Whether it was put near a border."""
-    measurements: str
-    """A hash of all measurements of its runs."""
+    measurements: list[str]
+    """Of each look, a hash of the measurements of the runs that were added."""
     trackers: dict[str, TrackerState]
 
     @property
@@ -96,8 +98,11 @@ class Claim(ResultModel):
     scenario: str
     """Its name."""
     file: str
+    """The scenario file, as it was named."""
     text: str
-    """Of the scenario file."""
+    """Of that file."""
+    files: dict[str, str]
+    """By name, the sha256 of each module, program and log that the scenario names."""
     overrides: list[str]
     claim: Literal["these scenes", "traffic like these"]
     confidence: float
@@ -118,12 +123,31 @@ class Claim(ResultModel):
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""
 
-    @property
+    @model_validator(mode="after")
+    def _whole(self) -> Claim:
+        """Its cells are such as its axes and its requirements have."""
+        try:
+            axes, trackers = self.axes, self.trackers
+        except ValidationError as invalid:
+            error = invalid.errors()[0]
+            raise ValueError(f"envelope.{'.'.join(map(str, error['loc']))}: {error['msg']}") from None
+        if not self.extents or not self.limits:
+            raise ValueError("it has no looks or no limits")
+        for number, cell in enumerate(self.cells):
+            inside = len(cell.point) == len(axes) and all(map(MapAxis.takes, axes, cell.point))
+            if not inside or [*cell.trackers] != trackers:
+                raise ValueError(f"cell {number} has other axes or trackers than the claim")
+            for name, tracker in cell.trackers.items():
+                if len(tracker.values) not in (0, len(self.limits_of(name))):
+                    raise ValueError(f"cell {number} has other limits of {name} than the claim")
+        return self
+
+    @cached_property
     def config(self) -> EnvelopeConfig:
         """The block."""
         return EnvelopeConfig.model_validate(self.envelope)
 
-    @property
+    @cached_property
     def axes(self) -> tuple[MapAxis, ...]:
         """Those of the map."""
         return axes_of(self.config)
@@ -192,8 +216,12 @@ def read_claim(place: Path) -> Claim:
         raise InputError(f"there is no {CLAIM} of an envelope", file=place) from None
 
 
-def read_envelope(place: Path) -> Envelope:
+def read_envelope(place: Path, *, hashed: bool = True) -> Envelope:
     """The claim of a folder with the values of its runs.
+
+    Args:
+        place: the folder, or the claim in it.
+        hashed: whether the values must have the hash that the claim states.
 
     Raises:
         InputError: one is not there, damaged, or of another map.
@@ -208,7 +236,9 @@ def read_envelope(place: Path) -> Envelope:
         raise InputError(f"there is no {PARTS} beside the claim", file=folder) from None
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"not a readable table: {' '.join(str(error).split())}", file=file) from None
-    if parts.column_names != ["cell", "limit", "part", "value"] or hash_of(parts) != claim.parts_hash:
+    if parts.schema != parts_of([]).schema or any(column.null_count for column in parts.columns):
+        raise InputError("is not the table of a claim: cell, limit, part and value", file=file)
+    if hashed and hash_of(parts) != claim.parts_hash:
         raise InputError("is not the table of this claim: its values have another hash", file=file)
     return Envelope(claim, parts)
 

@@ -15,10 +15,18 @@ from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
+from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 
 
-@click.command("envelope")
-@click.argument("scenario", type=click.Path(path_type=Path), metavar="SCENARIO")
+@click.group(
+    "envelope",
+    cls=EnvelopeGroup,
+    invoke_without_command=True,
+    subcommand_metavar="| --verify CLAIM",
+)
+@click.argument(
+    "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=first_words
+)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The folder NAME-envelope is written there.", "results")

@@ -69,8 +69,8 @@ class Cell:
     added: bool = False
     """Whether it was put near a border, and was not where the map started."""
     seconds: float = 0.0
-    measurements: bytes = b""
-    """The hashes of the measurements of each look."""
+    measurements: list[bytes] = field(default_factory=list)
+    """Of each look, the hash of the measurements of its runs."""
 
     @property
     def states(self) -> dict[str, State]:
@@ -140,13 +140,17 @@ class EnvelopeMap:
         config = self.task.config
         points, added = start_points(self.task.axes, config), False
         while points:
-            new = [self._cell(point, added) for point in points]
-            self.cells |= {cell.point: cell for cell in new}
-            for look, extent in enumerate(self.task.extents):
-                self._look(new, look, extent, progress)
+            self.make_cells(points, added, progress)
             states = {point: cell.states for point, cell in self.cells.items()}
             left = config.cells - len(self.cells)
             points, added = refined(self.task.axes, states, left, config.resolution, config.design), True
+
+    def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
+        """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""
+        new = [self._cell(point, added) for point in points]
+        self.cells |= {cell.point: cell for cell in new}
+        for look, extent in enumerate(self.task.extents):
+            self._look(new, look, extent, progress)
 
     def _cell(self, point: Point, added: bool) -> Cell:
         loaded = self.task.scenario_at(point)
@@ -209,7 +213,7 @@ class EnvelopeMap:
         if not begun.kept:
             self._store.save(cell.point, look, result)
         cell.seconds += result.seconds
-        cell.measurements += result.measurements
+        cell.measurements.append(result.measurements)
         for name in begun.names:
             tracker = cell.trackers.get(name) or cell.others[name]
             if name in result.failures:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import logging
 import pickle
-import shutil
 from pathlib import Path
 from typing import Any
 
+from trackbench.base.errors import OutputError
 from trackbench.base.files import write_whole
 from trackbench.subjects.envelope.axes import Point
 
-log = logging.getLogger(__name__)
-
-#: Of what the files of another program, scenario or design do not have.
-SIGNATURE = "signature"
+#: Bytes of the sha256 that a file begins with.
+DIGEST = 32
 
 
 class Store:
@@ -23,38 +20,50 @@ class Store:
 
     Args:
         folder: None keeps nothing.
-        signature: what determines the runs; the files of another one are removed.
+        signature: what determines the runs; the files of another one have other names.
     """
 
     def __init__(self, folder: Path | None, signature: str) -> None:
-        self._folder = folder
+        self._folder, self._signature = folder, signature
         self.taken = 0
         """Looks that were there already."""
-        if folder is None:
-            return
-        mark = folder / SIGNATURE
-        if mark.is_file() and mark.read_text() != signature:
-            log.info("%s is of another scenario or version, and is begun anew", folder)
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        mark.write_text(signature)
 
     def load(self, point: Point, look: int) -> Any:
         """What a look at a cell left; None where it was not made, or its file is damaged."""
         if self._folder is None:
             return None
         try:
-            content = pickle.loads(self._file(point, look).read_bytes())
-        except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError):
+            raw = self._file(self._folder, point, look).read_bytes()
+        except OSError:
+            return None
+        if hashlib.sha256(raw[DIGEST:]).digest() != raw[:DIGEST]:
+            return None
+        try:
+            content = pickle.loads(raw[DIGEST:])
+        except (AttributeError, ImportError, TypeError):
+            # Written by a program that had other classes.
             return None
         self.taken += 1
         return content
 
     def save(self, point: Point, look: int, content: Any) -> None:
-        """Keep what a look at a cell left; the file is there whole, or not at all."""
-        if self._folder is not None:
-            write_whole(self._file(point, look), pickle.dumps(content))
+        """Keep what a look at a cell left; the file is there whole, or not at all.
 
-    def _file(self, point: Point, look: int) -> Path:
-        assert self._folder is not None
-        return self._folder / f"{hashlib.sha256(repr(point).encode()).hexdigest()[:24]}-{look}"
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self._folder is None:
+            return
+        raw, file = pickle.dumps(content), self._file(self._folder, point, look)
+        try:
+            try:
+                write_whole(file, hashlib.sha256(raw).digest() + raw)
+            except FileNotFoundError:
+                # Another command with the same map has ended, and removed the folder.
+                write_whole(file, hashlib.sha256(raw).digest() + raw)
+        except OSError as error:
+            raise OutputError(f"cannot write {self._folder}: {error.strerror or error}") from error
+
+    def _file(self, folder: Path, point: Point, look: int) -> Path:
+        name = hashlib.sha256(f"{self._signature} {point!r}".encode()).hexdigest()[:24]
+        return folder / f"{name}-{look}"

@@ -1,0 +1,71 @@
+"""``trackbench envelope --verify``, ``diff`` and ``badge``: what is done with finished maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from trackbench import results
+from trackbench.base.execution import executor
+from trackbench.cli.options import FAILED_EXPECTATION, isolation_options
+from trackbench.cli.run_output import RunOutput
+from trackbench.cli.terminal import quiet_option
+from trackbench.driving.isolation import Isolation
+
+#: Discrepancies that are printed.
+MOST_SHOWN = 20
+
+
+@click.command("--verify")
+@click.argument("claim", type=click.Path(path_type=Path), metavar="CLAIM")
+@click.option("--seed", type=click.IntRange(0), metavar="S", help="Repeat the draw of the cells that printed it.")
+@click.option(
+    "--beside",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    metavar="DIR",
+    help="Folder of the modules and logs that the scenario names.",
+)
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N.")
+@isolation_options
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")
+@quiet_option("The outcome alone.")
+def verify_command(
+    claim: Path,
+    seed: int | None,
+    beside: Path | None,
+    workers: int | None,
+    cluster: str | None,
+    isolation: Isolation,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Replay a tenth of the cells of a claim, and check that it follows from itself.
+
+    CLAIM is the folder of an envelope, or the claim.json in it. The cells are drawn anew each time. They are made
+    again from what the claim holds, by the trackers that its scenario names, and must give the same states and
+    runs, and the same values to 1e-9.
+
+    \b
+    Examples:
+      trackbench envelope --verify results/highway-envelope
+      trackbench envelope --verify claim.json --seed 7 --json
+
+    \b
+    Exit status: 0 equal, 1 not, 2 bad input
+    """
+    from trackbench.subjects.envelope.replay import verify
+
+    output = RunOutput(as_json, quiet)
+    with executor(workers, cluster) as chosen:
+        found = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
+    if as_json:
+        click.echo(results.to_json(found.json()), nl=False)
+    else:
+        for note in found.notes:
+            click.echo(note, err=True)
+        for item in [] if quiet else found.discrepancies[:MOST_SHOWN]:
+            click.echo(f"DIFFERS  {item}")
+        click.echo(found.outcome)
+    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)

@@ -1,0 +1,193 @@
+"""A claim held against itself and against a tenth of its cells that are made again (``envelope --verify``)."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.api.plan import Listener
+from trackbench.base.errors import InputError, counted
+from trackbench.base.execution import executor
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import scenario_of, select_trackers
+from trackbench.scenario.shipped import find_scenario
+from trackbench.subjects.envelope.api import EnvelopePlan, envelope_of, map_of
+from trackbench.subjects.envelope.claim import CLAIM, CellValue, Claim, Envelope, read_envelope
+from trackbench.subjects.envelope.consistency import Discrepancy, contradictions, place_of_cell
+from trackbench.subjects.envelope.named_files import require_same
+
+#: Share of the cells that are replayed.
+SHARE = 0.1
+#: Values that differ by less, relative to the larger, are equal.
+EQUAL = 1e-9
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was found of a claim."""
+
+    claim: Claim
+    seed: int
+    """Of the draw."""
+    replayed: tuple[str, ...]
+    """The cells that were made again."""
+    discrepancies: tuple[Discrepancy, ...]
+    notes: tuple[str, ...]
+    """Versions that are others than those of the claim."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was found."""
+        return not self.discrepancies
+
+    @property
+    def outcome(self) -> str:
+        """In a sentence."""
+        cells = f"{len(self.replayed)} of {counted(len(self.claim.cells), 'cell')} replayed (--seed {self.seed})"
+        if self.passed:
+            return f"{self.claim.scenario}: equal: the claim follows from itself, {cells}"
+        return f"{self.claim.scenario}: not equal in {counted(len(self.discrepancies), 'place')}; {cells}"
+
+    def json(self) -> dict[str, Any]:
+        """As ``trackbench envelope --verify --json`` prints it."""
+        return {
+            "scenario": self.claim.scenario,
+            "passed": self.passed,
+            "seed": self.seed,
+            "cells": len(self.claim.cells),
+            "replayed": list(self.replayed),
+            "discrepancies": [item._asdict() for item in self.discrepancies],
+            "notes": list(self.notes),
+        }
+
+
+def verify(
+    place: Path,
+    *,
+    seed: int | None = None,
+    beside: Path | None = None,
+    isolation: Isolation = ISOLATED,
+    chosen: Executor | None = None,
+    listener: Listener | None = None,
+) -> Verification:
+    """Check that a claim follows from itself, and replay a tenth of its cells from what it holds.
+
+    Args:
+        place: the folder of an envelope, or the claim in it.
+        seed: of the draw; None: from the entropy of the operating system.
+        beside: where the modules and logs are that the scenario names.
+        isolation: how plug-ins are kept apart.
+        chosen: where the runs are made.
+        listener: is told of the work.
+
+    Raises:
+        InputError: there is no claim, it cannot be read, or a file that it names is another.
+    """
+    made = read_envelope(place, hashed=False)
+    claim = made.claim
+    seed = secrets.randbits(32) if seed is None else seed
+    loaded = _scenario(claim, place, beside)
+    listener = listener or Listener()
+    with executor() as own:
+        plan = EnvelopePlan(isolation, "numpy" if claim.engine == "numpy" else "auto")
+        again = map_of(loaded, plan, chosen or own, listener)
+        expected = envelope_of(again, "").claim
+        # Other axes or requirements have other cells.
+        same = (claim.envelope, claim.limits) == (expected.envelope, expected.limits)
+        numbers = drawn(len(claim.cells), seed) if same else []
+        cells = [claim.cells[number] for number in numbers]
+        with listener.progress(f"replay of {claim.scenario}", "cells") as advance:
+            again.make_cells([cell.at for cell in cells], False, advance)
+    replayed = envelope_of(again, "")
+    found = [*contradictions(made, expected)]
+    for place_again, number in enumerate(numbers):
+        found += _differences(made, number, replayed, place_again)
+    return Verification(
+        claim,
+        seed,
+        tuple(place_of_cell(claim.axes, cell.at) for cell in cells),
+        tuple(dict.fromkeys(found)),
+        tuple(_versions(claim, replayed.claim)),
+    )
+
+
+def drawn(cells: int, seed: int) -> list[int]:
+    """The numbers of the cells that are replayed: a tenth, at least one."""
+    if not cells:
+        return []
+    return sorted(np.random.default_rng(seed).choice(cells, math.ceil(SHARE * cells), replace=False).tolist())
+
+
+def _scenario(claim: Claim, place: Path, beside: Path | None) -> Scenario:
+    """That of the claim, with the files beside it.
+
+    Raises:
+        InputError: it is none, or a file is missing or another.
+    """
+    file = place if place.is_file() else place / CLAIM
+    named = Path(claim.file)
+    try:
+        path = find_scenario(claim.file) if beside is None else beside / named.name
+    except InputError:
+        path = file.parent / named.name
+    try:
+        loaded = scenario_of(claim.text, path, claim.overrides)
+        names = {name for limit in claim.limits for name in (limit.tracker, limit.other) if name}
+        loaded = select_trackers(loaded, [name for name in loaded.config.trackers if name in names])
+    except InputError as error:
+        raise InputError(f"the scenario in the claim is not valid: {error}", file=file) from None
+    require_same(loaded, claim.files)
+    return loaded
+
+
+def _differences(made: Envelope, number: int, replayed: Envelope, again: int) -> Iterator[Discrepancy]:
+    """Between a cell and what its replay gave, by their numbers in each."""
+    claim, cell, other = made.claim, made.claim.cells[number], replayed.claim.cells[again]
+    where = place_of_cell(claim.axes, cell.at)
+    if cell.measurements != other.measurements:
+        yield Discrepancy(where, "its measurements have another hash than those of the replay")
+    for name, tracker in cell.trackers.items():
+        for key in ("state", "cause", "scenes", "runs", "looks"):
+            mine, its = getattr(tracker, key), getattr(other.trackers[name], key)
+            if mine != its:
+                yield Discrepancy(f"{where}, {name}", f"{key} is {mine!r}, and {its!r} of the replay")
+        values = zip(claim.limits_of(name), tracker.values, other.trackers[name].values, strict=False)
+        for limit, value, its_value in values:
+            for what in _of_value(value, its_value):
+                yield Discrepancy(f"{where}, {name} {limit.metric}", what)
+    for place, limit in enumerate(claim.limits):
+        runs, its_runs = made.values(number, place), replayed.values(again, place)
+        scale = EQUAL * np.abs(its_runs).max(initial=0.0)
+        if runs.shape != its_runs.shape or not np.allclose(runs, its_runs, rtol=EQUAL, atol=scale):
+            what = "the values of its runs are not those of the replay"
+            yield Discrepancy(f"{where}, {limit.tracker} {limit.metric}", what)
+
+
+def _of_value(value: CellValue, again: CellValue) -> Iterator[str]:
+    """Between a value with its bounds and that of the replay."""
+    if value.state != again.state:
+        yield f"state is {value.state}, and {again.state} of the replay"
+    numbers = [getattr(item, key) for item in (value, again) for key in ("value", "low", "high")]
+    scale = max((abs(number) for number in numbers if number is not None), default=0.0)
+    for key in ("value", "low", "high"):
+        mine, its = getattr(value, key), getattr(again, key)
+        if (mine is None) != (its is None):
+            yield f"{key} is {mine}, and {its} of the replay"
+        elif mine is not None and abs(mine - its) > EQUAL * scale:
+            yield f"{key} is {mine:.10g}, and {its:.10g} of the replay: {abs(mine - its) / scale:.2g} of it apart"
+
+
+def _versions(claim: Claim, here: Claim) -> Iterator[str]:
+    for name, number in claim.versions.items():
+        if here.versions.get(name) != number:
+            yield f"made with {name} {number}, replayed with {here.versions.get(name, 'none')}"
+    if here.engine not in ("", claim.engine):
+        yield f"made by the engine {claim.engine}, replayed by {here.engine}"
