@@ -41,7 +41,9 @@ def verify_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Replay a tenth of the cells of a claim, and check that it follows from itself.
+    """Replay a tenth of the cells of a claim.
+
+    What the claim states must also follow from itself.
 
     CLAIM is the folder of an envelope, or the claim.json in it. The cells are drawn anew each time. They are made
     again from what the claim holds, by the trackers that its scenario names, and must give the same states and
