@@ -94,8 +94,10 @@ def _design(claim: Claim) -> Iterator[Discrepancy]:
 def _of_tracker(claim: Claim, tracker: TrackerState, cell: ClaimCell) -> Iterator[str]:
     """Its state follows from those of its requirements, and its runs from the looks."""
     states = [value.state for value in tracker.values]
-    expected = "fails" if tracker.cause else overall(states)
-    if tracker.state != expected:
+    expected = overall(states)
+    if tracker.cause and tracker.state == "holds":
+        yield f"holds, and yet {tracker.cause}"
+    elif tracker.state != expected and not (tracker.cause and tracker.state == "fails"):
         yield f"is said to be {tracker.state}, and its values say {expected}"
     if tracker.cause and not tracker.looks:
         return
