@@ -43,6 +43,7 @@ from trackbench.subjects.envelope.decide import Decision
 from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
 from trackbench.subjects.envelope.named_files import hashes_of
 from trackbench.subjects.envelope.store import Store
+from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
 
 
@@ -99,7 +100,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
                 rows.append((number, place, decision.interval.value + decision.interval.influence))
     parts = parts_of(rows)
     config = task.loaded.config
-    fields = by_path(config.sensors, config.own_metrics, config.sensing.identities == "hidden")
+    fields = by_path(config.sensors, config.score.metrics, config.sensing.identities == "hidden")
     claim = Claim(
         scenario=config.name,
         file=shown_name(task.loaded.path),
@@ -218,6 +219,11 @@ class FinishedEnvelope:
     def claim(self) -> Claim:
         """Its cells, and what repeats them."""
         return self.envelope.claim
+
+    @property
+    def suites(self) -> list[CheapestSuite]:
+        """Of each tracker, and of several together, the cheapest suite with which it holds, by the axes' ``cost``."""
+        return cheapest_suites(self.claim)
 
     def json(self) -> dict[str, Any]:
         """The claim, as ``trackbench envelope --json`` prints it."""

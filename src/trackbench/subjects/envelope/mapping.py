@@ -12,7 +12,7 @@ from trackbench.base.execution import Task
 from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics import Evaluation, Metric
+from trackbench.metrics import Metric
 from trackbench.metrics.intervals import Interval
 from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
@@ -53,7 +53,7 @@ class TrackerCell:
     """By requirement, in the order of the scenario; None where there is no value."""
     state: State = "undecided"
     cause: str = ""
-    """Why it fails, or cannot be decided, where that is not a limit."""
+    """Why it fails where that is not a limit."""
 
 
 @dataclass
@@ -229,13 +229,11 @@ class EnvelopeMap:
     def _decide(self, cell: Cell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
         tracker = cell.trackers[name]
         requirements = self.task.of(name)
-        own = tracker.runs.evaluated(metrics, self.task.config.claim)
+        own = tracker.runs.intervals(metrics, self.task.config.claim)
         tracker.judged = tuple(
             self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
         )
         states = {item.state if item else "undecided" for item in tracker.judged}
-        reasons = [own.values[item.metric].reason for item in requirements if item.metric not in own.intervals]
-        tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
         coverage = coverage_of(tracker.runs)
         if coverage is not None and coverage < min_coverage:
             tracker.state, tracker.cause = "fails", f"{100 * (1 - coverage):.0f} % of the estimates are missing"
@@ -248,20 +246,17 @@ class EnvelopeMap:
         self,
         cell: Cell,
         item: Requirement,
-        own: Evaluation,
+        own: dict[str, Interval],
         metrics: Sequence[Metric],
         looks: int,
         requirements: int,
     ) -> Decision | None:
-        interval = own.intervals.get(item.metric)
+        interval = own.get(item.metric)
         if item.other is not None and interval is not None:
             other = cell.trackers.get(item.other) or cell.others[item.other]
             if other.cause:
                 return None
-            against = other.runs.evaluated(metrics, self.task.config.claim).intervals.get(item.metric)
-            if against is None:
-                return None
-            interval = difference_of(interval, against)
+            interval = difference_of(interval, other.runs.intervals(metrics, self.task.config.claim)[item.metric])
         if interval is None:
             return None
         return decide(interval, item.limit, item.direction, self._spending.at(looks - 1, requirements))

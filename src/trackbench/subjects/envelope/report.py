@@ -9,6 +9,7 @@ from trackbench.document import Block, Cell, Code, Column, Document, Item, Items
 from trackbench.subjects.envelope.claim import Claim, Envelope
 from trackbench.subjects.envelope.margin_text import along, holding, undecided
 from trackbench.subjects.envelope.margins import Margin, margins
+from trackbench.subjects.envelope.suites import suite_sentences
 
 
 def headlines(claim: Claim) -> Iterator[str]:
@@ -40,6 +41,8 @@ def envelope_summary(made: Envelope) -> Document:
 def _summary(made: Envelope) -> Iterator[Block]:
     yield Items(tuple(Item(text) for text in headlines(made.claim)))
     yield from _margins(made.claim)
+    if sentences := [*suite_sentences(made.claim)]:
+        yield Section("Cheapest suites", (Items(tuple(map(Item, sentences))),))
     yield _cells(made.claim)
 
 

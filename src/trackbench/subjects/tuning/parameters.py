@@ -165,14 +165,7 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
     entry = loaded.config.trackers[tracker]
     if not isinstance(entry, FilterConfig):
         raise InputError(f"{tracker} is not built in: give --range options.KEY=LOW:HIGH", file=loaded.path)
-    parameters: list[Parameter] = []
-    if entry.process_noise_diag is None:
-        # The options of a single motion model stand beside its name, or with it in a mapping.
-        in_mapping = isinstance(loaded.document.value["trackers"][tracker].get("motion"), dict)
-        for number, motion in enumerate(entry.models):
-            prefix = f"motion.imm.{number}." if len(entry.models) > 1 else "motion." if in_mapping else ""
-            for option in dict.fromkeys(motion.driving_noise):
-                parameters.append(_usual(prefix + option, option, getattr(motion, option)))
+    parameters = noise_ranges(loaded, tracker, entry)
     if isinstance(entry.motion, ImmConfig):
         parameters += [_usual(f"{STAYS}{number}", "stay_s", stay) for number, stay in enumerate(entry.motion.stay_s)]
     if entry.associate is not None:
@@ -185,6 +178,20 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
             parameters.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
     if not parameters:
         raise InputError(f"{tracker} has no process noise that could be tuned: give --range", file=loaded.path)
+    return parameters
+
+
+def noise_ranges(loaded: Scenario, tracker: str, entry: FilterConfig) -> list[Parameter]:
+    """The usual ranges of the process noise of a built-in tracker; none where its motion models do not drive it."""
+    if entry.process_noise_diag is not None:
+        return []
+    parameters = []
+    # The options of a single motion model stand beside its name, or with it in a mapping.
+    in_mapping = isinstance(loaded.document.value["trackers"][tracker].get("motion"), dict)
+    for number, motion in enumerate(entry.models):
+        prefix = f"motion.imm.{number}." if len(entry.models) > 1 else "motion." if in_mapping else ""
+        for option in dict.fromkeys(motion.driving_noise):
+            parameters.append(_usual(prefix + option, option, getattr(motion, option)))
     return parameters
 
 

@@ -1,0 +1,110 @@
+"""The cheapest sensors with which a tracker meets its requirement: by what the values of the axes cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
+from typing import NamedTuple
+
+from trackbench.subjects.envelope.axes import MapAxis, Value
+from trackbench.subjects.envelope.claim import Claim, ClaimCell
+
+#: Of all trackers together.
+EVERY = ""
+
+
+class Suite(NamedTuple):
+    """Values of the axes that have a cost, and the cells that have them."""
+
+    values: tuple[Value, ...]
+    """In the order of the priced axes."""
+    cost: float
+    cells: tuple[ClaimCell, ...]
+
+    def state(self, trackers: Sequence[str]) -> str:
+        """``holds`` where every cell does, ``fails`` where one does, else ``undecided``; for all of some trackers."""
+        states = {cell.trackers[name].state for cell in self.cells for name in trackers}
+        return "fails" if "fails" in states else "undecided" if "undecided" in states else "holds"
+
+    def shown(self, axes: Sequence[MapAxis]) -> str:
+        """As it is read, such as "azimuth 0.5 deg, rate 20 Hz"."""
+        return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, self.values, strict=True))
+
+
+class CheapestSuite(NamedTuple):
+    """The suites of least cost inside the envelope of a tracker, or of all."""
+
+    tracker: str
+    """Empty of all trackers together."""
+    suites: tuple[Suite, ...]
+    """Those of the least cost, which may be several; none where no suite holds."""
+    cheaper: Suite | None
+    """The dearest of the suites that cost less, none of which is shown to hold."""
+    cheaper_state: str
+
+
+def priced_axes(claim: Claim) -> list[MapAxis]:
+    """The axes with a cost."""
+    return [axis for axis in claim.axes if axis.config.cost]
+
+
+def cheapest_suites(claim: Claim) -> list[CheapestSuite]:
+    """Of each tracker, and of several together, the cheapest suite that holds whatever the other axes are.
+
+    Of a grid those suites count that were tried at all levels of the other axes, or at as many points.
+    """
+    if not priced_axes(claim):
+        return []
+    groups = {tracker: [tracker] for tracker in claim.trackers}
+    if len(groups) > 1:
+        groups[EVERY] = claim.trackers
+    suites = _suites(claim)
+    return [_cheapest(name, suites, trackers) for name, trackers in groups.items()]
+
+
+def suite_sentences(claim: Claim) -> Iterator[str]:
+    """What is said of each cheapest suite."""
+    axes = priced_axes(claim)
+    for found in cheapest_suites(claim):
+        who = found.tracker or "all trackers"
+        if not found.suites:
+            yield f"{who}: holds with no suite, at any cost"
+            continue
+        first, *tied = found.suites
+        cells = "in its cell" if len(first.cells) == 1 else f"in all its {len(first.cells)} cells"
+        text = f"{who}: the cheapest suite costs {first.cost:g}, {first.shown(axes)}: holds {cells}"
+        text += "".join(f"; as cheap: {suite.shown(axes)}" for suite in tied)
+        if found.cheaper is None:
+            yield f"{text}; none costs less"
+        else:
+            cheaper = found.cheaper
+            yield f"{text}; the next cheaper one, {cheaper.shown(axes)} for {cheaper.cost:g}: {found.cheaper_state}"
+
+
+def _suites(claim: Claim) -> list[Suite]:
+    """By cost."""
+    axes = claim.axes
+    priced = [number for number, axis in enumerate(axes) if axis.config.cost]
+    cells: dict[tuple[Value, ...], list[ClaimCell]] = {}
+    for cell in claim.cells:
+        cells.setdefault(tuple(cell.at[number] for number in priced), []).append(cell)
+    least = prod(len(axis.values) for axis in axes if not axis.config.cost) if claim.config.design == "grid" else 1
+    suites = [
+        Suite(values, sum(axes[number].cost(value) for number, value in zip(priced, values, strict=True)), tuple(own))
+        for values, own in cells.items()
+        if len(own) >= least
+    ]
+    return sorted(suites, key=lambda suite: suite.cost)
+
+
+def _cheapest(name: str, suites: Sequence[Suite], trackers: Sequence[str]) -> CheapestSuite:
+    states: Mapping[tuple[Value, ...], str] = {suite.values: suite.state(trackers) for suite in suites}
+    holding = [suite for suite in suites if states[suite.values] == "holds"]
+    least = holding[0].cost if holding else float("-inf")
+    cheaper = [suite for suite in suites if suite.cost < least]
+    return CheapestSuite(
+        name,
+        tuple(suite for suite in holding if suite.cost == least),
+        cheaper[-1] if cheaper else None,
+        states[cheaper[-1].values] if cheaper else "",
+    )

@@ -1,0 +1,74 @@
+"""The tuner of process noise that the cells of an envelope use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.base.execution import executor
+from trackbench.base.subjects import offered, resolve
+
+#: A car that turns, and a filter whose process noise is far too small.
+TURNING: dict[str, Any] = {
+    "name": "turning",
+    "truth": {
+        "source": "scripted",
+        "duration_s": 10,
+        "rate_hz": 10,
+        "objects": {
+            "car": {
+                "start": {"x": 20, "y": 5, "speed_mps": 10},
+                "pieces": [{"for_s": 4}, {"for_s": 3, "turn_rate_degps": 20}, {"for_s": 3}],
+            }
+        },
+    },
+    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.5}},
+    "trackers": {"kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 0.5}},
+    "monte_carlo": {"runs": 40, "seed": 1},
+    "expect": [{"tracker": "kf", "metric": "position_rmse", "below": 0.3}],
+}
+
+
+def retuned(scenario: dict[str, Any]) -> tb.Scenario:
+    """As an envelope asks for it."""
+    tune = resolve(next(target for _, target in offered("tuners")))
+    with executor(1) as chosen:
+        result: tb.Scenario = tune(tb.load(scenario), chosen)
+    return result
+
+
+def rmse(loaded: tb.Scenario) -> float:
+    value = tb.run(loaded, workers=1)["kf"].position_rmse.value
+    assert value is not None
+    return value
+
+
+def test_it_comes_within_2_percent_of_the_best_of_a_sweep_of_the_scenario_s_own_runs() -> None:
+    tuned = retuned(TURNING)
+    sweep = [
+        rmse(tb.load(TURNING, {"trackers.kf.acceleration_sigma_mps2": value})) for value in np.geomspace(2, 12, 15)
+    ]
+    assert rmse(tuned) < 1.02 * min(sweep)
+    # Which the start is far from.
+    assert rmse(tb.load(TURNING)) > 1.3 * min(sweep)
+
+
+def test_it_is_the_same_every_time_and_loads_again_from_its_changes() -> None:
+    first, second = retuned(TURNING), retuned(TURNING)
+    assert first.overrides == second.overrides != ()
+    assert tb.load(TURNING, first.overrides).config == first.config
+
+
+def test_trackers_of_one_s_own_stay_as_they_are() -> None:
+    assert retuned(TURNING | {"trackers": {"kf": {"use": "raw"}}}).overrides == ()
+
+
+def test_a_point_of_a_sweep_is_refused() -> None:
+    swept = {"kf": TURNING["trackers"]["kf"] | {"sweep": {"acceleration_sigma_mps2": [1, 2]}}}
+    expect = [{"tracker": "kf_1", "metric": "position_rmse", "below": 0.3}]
+    with pytest.raises(InputError, match="a point of a sweep"):
+        retuned(TURNING | {"trackers": swept, "expect": expect})
