@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from trackbench.base.types import Array
+from trackbench.functions import Ego, Objects
+from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.shipped import shipped
+from trackbench.scenario.truth import truth_of, truths_of
 
 KMPH, MPH, G = 1 / 3.6, 0.44704, 9.80665
 #: Values are written with four decimals.
@@ -161,3 +164,54 @@ def test_the_lead_is_out_of_the_path_before_a_warning_is_due() -> None:
     assert gone == pytest.approx(3.305, abs=2e-3)
     assert at(of, gone, of.ttc) == pytest.approx(2.6, abs=3e-3)
     assert of.across[-1] == pytest.approx(-3.5, abs=1e-3)
+
+
+def onset(name: str, label: str) -> float:
+    """The first time at which a function is active on the truth."""
+    loaded = load_scenario(f"functions/{name}")
+    truth = truth_of(loaded).truth
+    mean = np.stack([field[..., 0].T for field in (truth.px, truth.py, truth.vx, truth.vy)])
+    size = (np.broadcast_to(values[:, None], mean.shape[1:]) for values in (truth.length, truth.width))
+    objects = Objects(mean, np.zeros((4, *mean.shape)), truth.alive.T, *size)
+    active = loaded.config.functions[label].decide(Ego.of(truth.observer, slice(None)), objects).active
+    return float(truth.time[np.argmax(active)]) if active.any() else np.inf
+
+
+def required(closing: float) -> float:
+    """Time to collision at which 6 m/s^2 are required: v^2 / (2 d) = 6."""
+    return closing / 12
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "expected"),
+    [
+        ("euro_ncap_stationary", "fcw", START_S - (1.2 + 50 * KMPH / 8)),
+        ("euro_ncap_stationary", "aeb", START_S - required(50 * KMPH)),
+        ("euro_ncap_moving", "fcw", START_S - (1.2 + 30 * KMPH / 8)),
+        ("euro_ncap_moving", "aeb", START_S - required(30 * KMPH)),
+        # After s seconds of braking the gap is 12 - 3 s^2, and closes by 6 s.
+        ("euro_ncap_braking", "fcw", 2 - 2.4 + np.sqrt(2.4**2 + 4)),
+        ("euro_ncap_braking", "aeb", 2 + np.sqrt(2)),
+        ("euro_ncap_braking", "lead", 2 + np.sqrt((12 - 0.8 * 50 * KMPH) / 3)),
+        ("nhtsa_stopped", "fcw", START_S - 2.1),
+        ("nhtsa_slower", "fcw", START_S - 2.0),
+        ("nhtsa_braking", "fcw", 2 - 2.4 + np.sqrt(2.4**2 + 2 * 30 / (0.3 * G))),
+        # The car is expected to overlap the path of the ego a second later: 3.5 - a s^2 / 2 - a s = 1.9.
+        ("cut_in", "cut_in", 2 - 1 + np.sqrt(1 + 2 * 1.6 / 1.558)),
+        ("curve_standing_car", "fcw", np.inf),
+        ("curve_standing_car", "lead", np.inf),
+        ("lead_leaves", "fcw", np.inf),
+    ],
+)
+def test_when_a_function_is_active_on_the_truth(name: str, label: str, expected: float) -> None:
+    """At the first step after the time that a closed form gives; thresholds are written with two decimals."""
+    result = onset(name, label)
+    assert result == expected or -5e-3 < result - expected < 0.05 + 5e-3
+
+
+@pytest.mark.parametrize("name", [name for name in shipped() if name.startswith("functions/")])
+def test_expectations_hold(name: str) -> None:
+    loaded = load_scenario(name)
+    summary = run(loaded, truths_of(loaded)).summary
+    assert [item.text for item in summary.expectations if not item.passed] == []
+    assert summary.passed
