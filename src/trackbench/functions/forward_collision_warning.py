@@ -16,7 +16,7 @@ class ForwardCollisionWarning(Function):
     width. Its probability is Phi((v t - d) / sigma) times that of the overlap: along and across the path errors are
     taken to be independent. It is exact on a straight path, since the margin is linear.
 
-    Source: ISO 15623 (forward vehicle collision warning systems); NHTSA (2010), "Forward Collision Warning System
+    Source: ISO 15623 (forward vehicle collision warning systems); NHTSA (2013), "Forward Collision Warning System
     Confirmation Test", which states when a warning has to come as a time to collision.
     """
 

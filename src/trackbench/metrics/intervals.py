@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.types import Array, Mask
+from trackbench.metrics.count_intervals import Counted, count_limits
 from trackbench.results import MetricValue
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
@@ -97,6 +98,10 @@ class Interval(NamedTuple):
     """Runs from which on the interval is calibrated."""
     in_time: bool = False
     """Whether the parts are stretches of time that follow each other, so that neighbours may be alike."""
+    counted: Counted | None = None
+    """What it is, where its limits are those of counts."""
+    repeats: float = 1.0
+    """Mean number of runs of each part."""
     details: tuple[tuple[str, float], ...] = ()
     """Fields of the value in a result, by name."""
 
@@ -156,6 +161,9 @@ class Interval(NamedTuple):
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
         error, stretch = self.error, self.stretch
+        if self.counted and error is not None and self.weight is not None:
+            amount, parts = float(self.weight.sum()) / self.repeats, self.parts
+            return count_limits(self.counted, self.value, amount, error, parts.number, parts.stretch.away)
         if error is None or self.parts.uncalibrated or self.constant:
             return None
         reach = t_quantile(0.975, len(self.influence) - 1) * error
@@ -250,7 +258,11 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
     weight = np.ones(len(index)) if interval.weight is None else interval.weight
     influence = np.bincount(index, interval.influence) * len(scenes) / len(index)
     return interval._replace(
-        influence=influence, weight=np.bincount(index, weight).astype(float), scenes=True, in_time=in_time
+        influence=influence,
+        weight=np.bincount(index, weight).astype(float),
+        scenes=True,
+        in_time=in_time,
+        repeats=len(index) / len(scenes),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from trackbench.functions import Function
+from trackbench.metrics.count_intervals import Counted
 from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
@@ -33,6 +34,8 @@ class FunctionMetric(Metric):
     """Why there is no value where there is no term."""
     squared: ClassVar[bool] = False
     """Whether the total is of squares."""
+    counted: ClassVar[Counted | None] = None
+    """Of what is counted, whether it is a share or a rate."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Its class has no name in this module.
@@ -47,7 +50,7 @@ class FunctionMetric(Metric):
         if not count.sum() > 0:
             return self.no_value(self.missing)
         value = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
-        return root(value) if self.squared else value
+        return root(value) if self.squared else value._replace(counted=self.counted)
 
 
 class WarnDelay(FunctionMetric):
@@ -84,6 +87,7 @@ class WarnError(FunctionMetric):
 
 class MissedWarnings(FunctionMetric):
     stem, total, count, unit, at_most = "missed_warnings", "missing", "events", "1", 1.0
+    counted = "share"
     meaning = "share of the events of {} on the truth without one on the tracks"
 
 
@@ -91,6 +95,7 @@ class FalseWarnings(FunctionMetric):
     stem, total, count, unit = "false_warnings", "false", "hours", "1/h"
     meaning = "times {} is active on the tracks without an event on the truth, per hour of the drive"
     missing = "the drive has no length"
+    counted = "rate"
 
 
 class QuantityError(FunctionMetric):

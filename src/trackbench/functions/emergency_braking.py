@@ -1,0 +1,49 @@
+"""Emergency braking by the deceleration that avoids a collision."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import Positive
+from trackbench.base.types import Array
+from trackbench.functions.path import on_path, probability_positive
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+
+#: What is required is never stated to be more than this, m/s^2: no tyre gives more than about the gravity.
+LARGEST = 9.81
+
+
+class EmergencyBraking(Function):
+    """Brakes for an object in the path of the ego that takes more than a certain deceleration to avoid.
+
+    The required deceleration of the relative motion is v^2 / (2 d) with the gap d and the closing speed v, as if the
+    object kept its velocity. The condition is v |v| - 2 a d > 0, of an object ahead that overlaps the path in width;
+    its probability is that of the margin, to first order, times that of the overlap. While active it commands the
+    required deceleration.
+
+    Source: Jansson (2005), "Collision Avoidance Theory", section 5.2; Stellet et al. (2016), "Analytical derivation of
+    performance bounds of autonomous emergency brake systems": a threshold of 6 m/s^2.
+    """
+
+    quantity = Quantity("deceleration", "m/s^2", "required deceleration")
+    brakes = True
+
+    deceleration_mps2: Positive = Field(6.0, description="It brakes where more is required, m/s^2.")
+
+    def decide(self, ego: Ego, objects: Objects) -> Decision:
+        place = on_path(ego, objects)
+        closing, gap, within = ego.speed - place.speed, place.gap, place.probability_within()
+        margin = closing * np.abs(closing) - 2.0 * self.deceleration_mps2 * gap
+        variance = place.variance((-2.0 * self.deceleration_mps2, 0.0, -2.0 * np.abs(closing), 0.0))
+        ahead = objects.there & (place.along > 0)
+        required = required_deceleration(closing, gap)
+        probability = ahead * within * probability_positive(margin, variance)
+        return decision(ahead & (within > 0.5) & (closing > 0), probability, self.probability, -required, required)
+
+
+def required_deceleration(closing: Array, distance: Array) -> Array:
+    """``(...)`` m/s^2 that takes a closing speed away over a distance: ``LARGEST`` at most, and where none is left."""
+    square, room = np.maximum(closing, 0.0) ** 2, np.maximum(2.0 * distance, 0.0)
+    enough = square < LARGEST * room
+    return np.where(enough, square / np.where(enough, room, 1.0), np.where(square > 0, LARGEST, 0.0))

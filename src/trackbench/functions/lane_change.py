@@ -1,0 +1,46 @@
+"""Lane change: whether a car behind in the next lane is too near."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from trackbench.base.config import NonNegative, Positive
+from trackbench.functions.emergency_braking import required_deceleration
+from trackbench.functions.path import on_path, probability_positive
+from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quantity, decision
+
+
+class LaneChange(Function):
+    """Holds a lane change back while a car behind or beside in the next lane would have to brake too hard for it.
+
+    A lane change is critical where the gap d to a car behind is below v t_g + c t_b + c^2 / (2 a): the ego's speed v
+    times the time gap that is left, what the closing speed c (0 if negative) covers before the car brakes, and what it
+    covers while it brakes at a. A car that is not yet past the ego counts too. The car has to overlap the path of the
+    ego, moved by one lane, in width. The probability is that of the margin, to first order, times that of the overlap.
+
+    Source: UN Regulation No. 79, paragraph 5.6.4.7: a = 3 m/s^2, t_b = 0.4 s, t_g = 1 s.
+    """
+
+    quantity = Quantity("deceleration", "m/s^2", "deceleration that is required of the car behind")
+
+    side: Literal["left", "right"] = Field("left", description="Of the next lane.")
+    lane_width_m: Positive = Field(3.5, description="From the middle of the ego's lane to that of the next one, m.")
+    deceleration_mps2: Positive = Field(3.0, description="With which the car behind may have to brake, m/s^2.")
+    reaction_s: NonNegative = Field(0.4, description="After which it brakes, s.")
+    headway_s: NonNegative = Field(1.0, description="Time gap that is to be left between the two, s.")
+
+    def decide(self, ego: Ego, objects: Objects) -> Decision:
+        place = on_path(ego, objects)
+        within = place.probability_within(self.lane_width_m if self.side == "left" else -self.lane_width_m)
+        closing, gap = np.maximum(place.speed - ego.speed, 0.0), -place.along - place.lengths
+        left = gap - ego.speed * self.headway_s - closing * self.reaction_s
+        margin = closing**2 / (2.0 * self.deceleration_mps2) - left
+        approaches = closing > 0
+        by_speed = approaches * (self.reaction_s + closing / self.deceleration_mps2)
+        critical = probability_positive(margin, place.variance((1.0, 0.0, by_speed, 0.0)))
+        behind = objects.there & (place.along < place.lengths)
+        required = required_deceleration(closing, left)
+        return decision(behind & (within > 0.5), behind * within * critical, self.probability, -margin, required)

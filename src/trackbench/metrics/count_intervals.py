@@ -1,0 +1,45 @@
+"""Limits of shares and rates that are counted: they hold with few counts, and without any."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from trackbench.base.distributions import beta_quantile, chi_square_quantile, normal_quantile, t_quantile
+
+Counted = Literal["share", "rate"]
+
+
+def count_limits(
+    kind: Counted, value: float, amount: float, error: float, parts: int, stretch: float
+) -> tuple[float, float]:
+    """The 95 % limits of a share of so many events, or of a rate over so much time.
+
+    They are those of Clopper and Pearson (1934) and of Garwood (1936) for fewer events, or less time, by the factor by
+    which the parts, runs or scenes, differ more than independent counts do: Korn and Graubard (1998), "Confidence
+    intervals for proportions with small expected number of positive counts estimated from survey data", with their
+    correction for few parts. Without any count, or with nothing else, there is one limit, and all 5 % are spent on it.
+
+    Args:
+        kind: what it is.
+        value: from 0 to 1 of a share; at least 0 of a rate.
+        amount: number of events, or time. Of several runs of one scene the mean: another run is no new scene.
+        error: standard error of the value from how the parts differ.
+        parts: their number.
+        stretch: of the reach of an interval over so many scenes, which the excess is stretched by; 1 of runs.
+    """
+    count = value * amount
+    independent = value * (1.0 - value) / amount if kind == "share" else value / amount
+    factor = 1.0
+    if independent > 0:
+        # The variance of single counts is estimated with one less.
+        excess = error**2 / independent * (parts - 1) / parts - 1.0
+        few = t_quantile(0.975, parts - 1) / normal_quantile(0.975)
+        factor += max(0.0, excess) * (few * stretch) ** 2
+    count, amount = count / factor, amount / factor
+    rest = amount - count if kind == "share" else 1.0
+    outside = 0.025 if count > 0 and rest > 0 else 0.05
+    if kind == "rate":
+        low = float(chi_square_quantile(outside, 2.0 * count)) / 2.0 / amount if count > 0 else 0.0
+        return low, float(chi_square_quantile(1.0 - outside, 2.0 * (count + 1.0))) / 2.0 / amount
+    low = beta_quantile(outside, count, rest + 1.0) if count > 0 else 0.0
+    return low, beta_quantile(1.0 - outside, count + 1.0, rest) if rest > 0 else 1.0
