@@ -57,6 +57,6 @@ def chi_square_beyond(x: float, freedom: float) -> float:
     return float(_special("gammaincc")(freedom / 2, x / 2))
 
 
-def beta_quantile(probability: float, a: float, b: float) -> float:
-    """Of the beta distribution."""
-    return float(_special("betaincinv")(a, b, probability))
+def beta_quantile(probability: float, a: Array | float, b: Array | float) -> Array:
+    """``(...)`` of the beta distribution."""
+    return np.asarray(_special("betaincinv")(a, b, probability))

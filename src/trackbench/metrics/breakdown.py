@@ -234,8 +234,8 @@ def share_interval(share: float, number: float) -> tuple[float, float]:
     (1934), "The use of confidence or fiducial limits illustrated in the case of the binomial"."""
     hits = share * number
     misses = number - hits
-    low = beta_quantile(0.025, hits, misses + 1) if hits > 0 else 0.0
-    return low, beta_quantile(0.975, hits + 1, misses) if misses > 0 else 1.0
+    low = float(beta_quantile(0.025, hits, misses + 1)) if hits > 0 else 0.0
+    return low, float(beta_quantile(0.975, hits + 1, misses)) if misses > 0 else 1.0
 
 
 def _with_reach(value: float, reach: float, parts: Parts, **more: Any) -> MetricValue:

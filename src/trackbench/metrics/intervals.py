@@ -104,6 +104,8 @@ class Interval(NamedTuple):
     """Mean number of runs of each part."""
     details: tuple[tuple[str, float], ...] = ()
     """Fields of the value in a result, by name."""
+    power: float = 1.0
+    """What power the value is of a mean: one half for a root mean square."""
 
     @property
     def corrected(self) -> Array:
@@ -210,7 +212,11 @@ def root(mean_square: Interval) -> Interval:
     value = float(np.sqrt(mean_square.value))
     slope = 0.5 / value if value > 0 else 0.0
     return mean_square._replace(
-        value=value, influence=mean_square.influence * slope, at_least=0.0, at_most=float(np.sqrt(mean_square.at_most))
+        value=value,
+        influence=mean_square.influence * slope,
+        at_least=0.0,
+        at_most=float(np.sqrt(mean_square.at_most)),
+        power=0.5 * mean_square.power,
     )
 
 
