@@ -87,8 +87,8 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
     if unbounded(interval):
         return None
     sample, low, high = Sample.of(interval), interval.at_least, interval.at_most
-    if interval.exposure is not None:
-        return float(rate_bound(sample, interval.exposure, level, side))
+    if interval.counted == "rate" and interval.weight is not None:
+        return float(rate_bound(sample, float(interval.weight.sum()) / interval.repeats, level, side))
     if _is_share(interval):
         return low + (high - low) * float(share_bound(sample.scaled(low, 1 / (high - low)), level, side))
     if low < interval.value and np.isfinite(low):
@@ -107,7 +107,7 @@ def unbounded(interval: Interval) -> str:
     if parts.number < fewest:
         what = "scenes" if parts.scenes else "runs"
         return parts.uncalibrated or f"no bound holds with fewer than {fewest:g} {what}"
-    counted = interval.exposure is not None or _is_share(interval)
+    counted = interval.counted == "rate" or _is_share(interval)
     return ALL_THE_SAME if interval.constant and not counted else ""
 
 

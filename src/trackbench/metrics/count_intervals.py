@@ -41,5 +41,5 @@ def count_limits(
     if kind == "rate":
         low = float(chi_square_quantile(outside, 2.0 * count)) / 2.0 / amount if count > 0 else 0.0
         return low, float(chi_square_quantile(1.0 - outside, 2.0 * (count + 1.0))) / 2.0 / amount
-    low = beta_quantile(outside, count, rest + 1.0) if count > 0 else 0.0
-    return low, beta_quantile(1.0 - outside, count + 1.0, rest) if rest > 0 else 1.0
+    low = float(beta_quantile(outside, count, rest + 1.0)) if count > 0 else 0.0
+    return low, float(beta_quantile(1.0 - outside, count + 1.0, rest)) if rest > 0 else 1.0

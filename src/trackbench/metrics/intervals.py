@@ -210,24 +210,16 @@ def ratio(
 def root(mean_square: Interval) -> Interval:
     """The root of a mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
-    slope = 0.5 / value if value > 0 else 0.0
-    return mean_square._replace(
-        value=value,
-        influence=mean_square.influence * slope,
-        at_least=0.0,
-        at_most=float(np.sqrt(mean_square.at_most)),
-        power=0.5 * mean_square.power,
-    )
+    slope, at_most = 0.5 / value if value > 0 else 0.0, float(np.sqrt(mean_square.at_most))
+    influence, power = mean_square.influence * slope, 0.5 * mean_square.power
+    return mean_square._replace(value=value, influence=influence, at_least=0.0, at_most=at_most, power=power)
 
 
 def scaled(interval: Interval, factor: float) -> Interval:
     """A positive ``factor`` times the value."""
-    return interval._replace(
-        value=interval.value * factor,
-        influence=interval.influence * factor,
-        at_least=interval.at_least * factor,
-        at_most=interval.at_most * factor,
-    )
+    value, influence = interval.value * factor, interval.influence * factor
+    at_least, at_most = interval.at_least * factor, interval.at_most * factor
+    return interval._replace(value=value, influence=influence, at_least=at_least, at_most=at_most)
 
 
 def positive_ends(value: float, reach: float, stretch: Stretch) -> tuple[float, float]:

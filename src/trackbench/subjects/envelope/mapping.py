@@ -13,6 +13,7 @@ from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Metric
+from trackbench.metrics.bounds import difference
 from trackbench.metrics.intervals import Interval
 from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
@@ -29,7 +30,7 @@ from trackbench.subjects.envelope.cells import (
     make_runs,
     work_of_cell,
 )
-from trackbench.subjects.envelope.decide import Decision, Spending, State, decide
+from trackbench.subjects.envelope.decide import Decision, Spending, State, decide, together
 from trackbench.subjects.envelope.refine import refined
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
@@ -122,9 +123,8 @@ class EnvelopeMap:
         self._executor, self._isolation, self._engine = executor, isolation, engine
         self._store = store or Store(None, "")
         self._retune = retune
-        self._spending = Spending(
-            1.0 - task.config.confidence, task.config.cells * len(task.trackers), len(task.extents)
-        )
+        numbers = tuple(extent.scenes * extent.runs for extent in task.extents)
+        self._spending = Spending(1.0 - task.config.confidence, task.config.cells * len(task.trackers), numbers)
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
     def make(self, progress: NotedProgress = no_progress) -> None:
@@ -233,14 +233,11 @@ class EnvelopeMap:
         tracker.judged = tuple(
             self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
         )
-        states = {item.state if item else "undecided" for item in tracker.judged}
         coverage = coverage_of(tracker.runs)
         if coverage is not None and coverage < min_coverage:
             tracker.state, tracker.cause = "fails", f"{100 * (1 - coverage):.0f} % of the estimates are missing"
-        elif "fails" in states:
-            tracker.state = "fails"
-        elif states == {"holds"}:
-            tracker.state = "holds"
+        else:
+            tracker.state = together(item.state if item else "undecided" for item in tracker.judged)
 
     def _judged(
         self,
@@ -256,15 +253,11 @@ class EnvelopeMap:
             other = cell.trackers.get(item.other) or cell.others[item.other]
             if other.cause:
                 return None
-            interval = difference_of(interval, other.runs.intervals(metrics, self.task.config.claim)[item.metric])
+            held_against = other.runs.intervals(metrics, self.task.config.claim)[item.metric]
+            interval = difference(interval, held_against, same_runs=True)
         if interval is None:
             return None
-        return decide(interval, item.limit, item.direction, self._spending.at(looks - 1, requirements))
-
-
-def difference_of(a: Interval, b: Interval) -> Interval:
-    """``a - b`` from the same runs, as a value of its own."""
-    return Interval(a.value - b.value, a.corrected - b.corrected, scenes=a.scenes)
+        return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)
 
 
 def _fail(tracker: TrackerCell, failure: Failure) -> None:
