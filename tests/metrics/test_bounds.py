@@ -97,7 +97,7 @@ def drawn(values: np.ndarray) -> Sample:
     offset = values - mean[:, None]
     variance = (offset**2).mean(axis=1)
     number = values.shape[1]
-    skewness = (offset**3).mean(axis=1) / np.maximum(variance, 1e-300) ** 1.5
+    skewness = (offset**3).mean(axis=1) / np.where(variance > 0, variance, 1.0) ** 1.5
     return Sample(mean, np.sqrt(variance / (number - 1)), skewness, number)
 
 

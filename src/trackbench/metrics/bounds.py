@@ -17,7 +17,7 @@ from trackbench.metrics.intervals import ALL_THE_SAME, Interval
 
 Side = Literal["lower", "upper"]
 
-#: Runs, and scenes, from which on there is a bound.
+#: Runs, and scenes, from which on there is a bound; of a rate twice as many, since few do not show how events gather.
 FEWEST_RUNS, FEWEST_SCENES = 25, 30
 #: By what the skewness of a sample is multiplied: that of a small sample is too small.
 SKEWNESS = 1.3
@@ -102,13 +102,12 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
 
 def unbounded(interval: Interval) -> str:
     """Why there is no bound; empty where there is one."""
-    parts = interval.parts
-    fewest = FEWEST_SCENES if parts.scenes else max(FEWEST_RUNS, parts.fewest)
+    parts, rate = interval.parts, interval.counted == "rate"
+    fewest = (2 if rate else 1) * (FEWEST_SCENES if parts.scenes else max(FEWEST_RUNS, parts.fewest))
     if parts.number < fewest:
         what = "scenes" if parts.scenes else "runs"
         return parts.uncalibrated or f"no bound holds with fewer than {fewest:g} {what}"
-    counted = interval.counted == "rate" or _is_share(interval)
-    return ALL_THE_SAME if interval.constant and not counted else ""
+    return ALL_THE_SAME if interval.constant and not (rate or _is_share(interval)) else ""
 
 
 def _is_share(interval: Interval) -> bool:
