@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics.consistency import mean_bounds, normalised_square, point95
-from trackbench.metrics.intervals import holm, paired, ratio, root, scaled, unpaired
+from trackbench.metrics.differences import holm
+from trackbench.metrics.intervals import paired, ratio, root, scaled, unpaired
 
 
 def test_normalised_square_by_hand():

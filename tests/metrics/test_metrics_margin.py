@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import Family, differences, margin_between, verdict
-from trackbench.metrics.intervals import Interval, all_paired, holm, paired, ratio, root, unpaired
+from trackbench.metrics.differences import Family, differences, holm, margin_between, verdict
+from trackbench.metrics.intervals import Interval, all_paired, paired, ratio, root, unpaired
 from trackbench.results.score_summary import MarginSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)

@@ -17,8 +17,7 @@ from trackbench.base.distributions import t_quantile
 from trackbench.base.types import Array, Indices
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankDifference, RankedTracker
 from trackbench.compare.entries import Entry
-from trackbench.metrics.differences import LEVEL
-from trackbench.metrics.intervals import holm
+from trackbench.metrics.differences import LEVEL, holm
 
 #: The metrics that a score keeps, by the one that trackers are ranked by.
 SHOWN = {

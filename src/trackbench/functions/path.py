@@ -30,8 +30,12 @@ class OnPath(NamedTuple):
     """Of the object in the direction of the path beside it, m/s."""
     lateral_speed: Array
     """m/s, to the left."""
-    jacobian: Array
-    """``(4, 4, K, ...)`` derivatives of the above by the state."""
+    direction: tuple[Array, Array]
+    """Cosine and sine of the direction of the path beside it, in the fixed frame."""
+    stretch: Array
+    """How many times longer the way beside the object is than the path: below 1 on the inner side of a curve."""
+    turn: Array
+    """By how much the direction of the path changes per metre of the object's way, rad/m."""
     covariance: Array
     """``(4, 4, K, ...)`` of the state."""
     lengths: Array
@@ -44,10 +48,18 @@ class OnPath(NamedTuple):
         """From the front of the ego to the rear of an object ahead, m."""
         return self.along - self.lengths
 
+    def gradient(self, partials: Sequence[Array | float]) -> Array:
+        """``(4, K, ...)`` derivatives by the state, of a margin with these by along, across, speed and lateral
+        speed."""
+        along, across, speed, lateral = partials
+        c, s = self.direction
+        ahead = along / self.stretch + self.turn * (speed * self.lateral_speed - lateral * self.speed)
+        rows = ahead * c - across * s, ahead * s + across * c, speed * c - lateral * s, speed * s + lateral * c
+        return np.stack(rows)
+
     def variance(self, partials: Sequence[Array | float]) -> Array:
-        """``(K, ...)`` of a margin with these partial derivatives by along, across, speed and lateral speed."""
-        rows = zip(partials, self.jacobian, strict=True)
-        gradient = sum(factor * row for factor, row in rows if np.ndim(factor) or factor)
+        """``(K, ...)`` of a margin with these partial derivatives, to first order."""
+        gradient = self.gradient(partials)
         return np.asarray(np.einsum("a...,ab...,b...->...", gradient, self.covariance, gradient))
 
     def probability_within(self, offset: Array | float = 0.0, after: float = 0.0) -> Array:
@@ -77,24 +89,14 @@ def on_path(ego: Ego, objects: Objects) -> OnPath:
     rho = np.maximum(np.hypot(curvature * x, 1.0 - curvature * y), STRAIGHT)
     c, s = np.cos(direction + turned), np.sin(direction + turned)
     vx, vy = objects.mean[2:]
-    along_speed, lateral_speed = c * vx + s * vy, c * vy - s * vx
-    # The direction of the path turns by so much per metre of the object's displacement along it.
-    turn = curvature / rho
-    zero = np.zeros_like(c)
-    jacobian = np.array(
-        [
-            [c / rho, s / rho, zero, zero],
-            [-s, c, zero, zero],
-            [turn * lateral_speed * c, turn * lateral_speed * s, c, s],
-            [-turn * along_speed * c, -turn * along_speed * s, -s, c],
-        ]
-    )
     return OnPath(
         along=turned / curvature,
         across=(2.0 * y - curvature * (x * x + y * y)) / (1.0 + rho),
-        speed=along_speed,
-        lateral_speed=lateral_speed,
-        jacobian=jacobian,
+        speed=c * vx + s * vy,
+        lateral_speed=c * vy - s * vx,
+        direction=(c, s),
+        stretch=rho,
+        turn=curvature / rho,
         covariance=objects.covariance,
         lengths=(ego.length + objects.length) / 2,
         widths=(ego.width + objects.width) / 2,

@@ -9,8 +9,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, compress
 
+import numpy as np
+
 from trackbench.base.distributions import t_quantile
-from trackbench.metrics.intervals import Contrast, Interval, all_paired, holm
+from trackbench.metrics.intervals import Contrast, Interval, all_paired
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, MetricValue
 from trackbench.results.score_summary import MarginSummary
@@ -67,6 +69,15 @@ def corrected(p_values: Sequence[float], choices: Sequence[float]) -> list[float
     selected = [min(1.0, number * p) if number else p for p, number in zip(p_values, choices, strict=True)]
     # Of the best too it might have been rejected that it is as good as the best.
     return holm([*selected, *([1.0] if any(choices) else [])])[: len(p_values)]
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
+    values = np.asarray(p_values, dtype=float)
+    order, remaining = np.argsort(values, kind="stable"), np.arange(len(values), 0, -1)
+    corrected = np.empty(len(values))
+    corrected[order] = np.maximum.accumulate(np.minimum(1.0, remaining * values[order]))
+    return corrected.tolist()
 
 
 def times_as_large(trackers: int, freedom: int) -> float:

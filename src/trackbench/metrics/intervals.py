@@ -102,6 +102,8 @@ class Interval(NamedTuple):
     """What it is, where its limits are those of counts."""
     repeats: float = 1.0
     """Mean number of runs of each part."""
+    sparse: bool = False
+    """Whether parts of weight 0 tell nothing of the value, so that its interval rests on the others alone."""
     details: tuple[tuple[str, float], ...] = ()
     """Fields of the value in a result, by name."""
     power: float = 1.0
@@ -185,6 +187,10 @@ class Interval(NamedTuple):
 
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
+        if self.sparse and self.weight is not None:
+            there = self.weight > 0
+            influence, weight = self.influence[there] * there.mean(), self.weight[there]
+            return self._replace(influence=influence, weight=weight, sparse=False).as_value(unit)
         ci95 = self.ci95
         reason = self.parts.uncalibrated or ALL_THE_SAME
         stated = {"unit": unit, "ci95": ci95, "reason": reason if ci95 is None else None}
@@ -369,15 +375,6 @@ def _tested(
     ends = zip((values - reach).tolist(), (values + reach).tolist(), varies.tolist(), strict=True)
     ci95 = [(low, high) if own else None for low, high, own in ends]
     return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
-    values = np.asarray(p_values, dtype=float)
-    order, remaining = np.argsort(values, kind="stable"), np.arange(len(values), 0, -1)
-    corrected = np.empty(len(values))
-    corrected[order] = np.maximum.accumulate(np.minimum(1.0, remaining * values[order]))
-    return corrected.tolist()
 
 
 def _standard_errors(influences: Array, in_time: bool) -> Array:

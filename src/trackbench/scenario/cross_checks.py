@@ -17,7 +17,7 @@ from trackbench.scenario import recorded_checks
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import HighwayOptions, ScriptedOptions
+from trackbench.truth.config import FixedObserver, HighwayOptions, ScriptedOptions
 from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.sources import RecordingTruth
 
@@ -41,6 +41,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
     yield from _identities(scenario)
     yield from _made_elsewhere(scenario)
+    yield from _functions(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -112,6 +113,27 @@ def _made_elsewhere(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("trackers", name, "use"), message)
         elif isinstance(scenario.truth, RecordingTruth) and scenario.truth.without_truth:
             yield Problem(("trackers", name, "use"), "there is no truth to score its tracks against")
+
+
+#: How the observer becomes the ego, by the source of the truth; others have none.
+EGO = {
+    "highway-env": "write truth.observer: ego",
+    "recorded-traffic": "name its vehicle: truth.observer: {vehicle: ...}",
+    "recording": "name the columns of its motion in truth.columns.observer",
+}
+
+
+def _functions(scenario: ScenarioConfig) -> Iterator[Problem]:
+    """That there is an ego for the functions, and a truth."""
+    truth = scenario.truth
+    if isinstance(truth, RecordingTruth) and truth.carrier is not None and not truth.without_truth:
+        return
+    for name in scenario.functions:
+        if isinstance(truth, RecordingTruth) and truth.without_truth:
+            yield Problem(("functions", name), "there is no truth on which it could decide")
+        elif type(getattr(truth, "observer", None)) is FixedObserver:
+            remedy = EGO.get(truth.source, f"{truth.source} has none; use {' or '.join(EGO)}")
+            yield Problem(("functions", name), f"the observer is a fixed point, and a function needs an ego: {remedy}")
 
 
 def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:

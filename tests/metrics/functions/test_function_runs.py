@@ -77,3 +77,26 @@ def test_blocks_of_runs_merge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n
     result = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2")
     for path in ("warn_delay.fcw", "ttc_error.fcw", "false_warnings.fcw"):
         assert result["slow"].metrics[path] == noisy["slow"].metrics[path]
+
+
+ALL = """
+  aeb: {use: emergency_braking}
+  lead: {use: following_distance, headway_s: 2}
+  cut: {use: cut_in}
+"""
+
+
+def test_hidden_identities_without_clutter_give_what_known_ones_give(tmp_path: Path):
+    text = BRAKING.split("trackers:")[0] + "trackers: {ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 8}}\n"
+    text += "monte_carlo: {runs: 5}\nfunctions:\n  fcw: {use: forward_collision_warning}" + ALL
+    associate = ", associate: {method: gnn, confirm: [1, 1]}}}\nsensing: {identities: hidden}\n"
+    known, hidden = (
+        result_of(tmp_path, text.replace("}}\n", end), SIGMA="0.3", AZIMUTH="0.2")["ekf"].metrics
+        for end in ("}}\n", associate)
+    )
+    paths = [path for path in known if path.partition(".")[2] in ("fcw", "aeb", "lead", "cut")]
+    assert {"brake_error.aeb", "deceleration_error.aeb", "lead_errors.lead", "headway_error.lead"} < {*paths}
+    assert hidden["brake_error.aeb"].value > 0
+    for path in paths:
+        known_value, value = known[path].value, hidden[path].value
+        assert value == (known_value and pytest.approx(known_value, rel=1e-6)), path

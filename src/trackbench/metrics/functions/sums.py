@@ -170,6 +170,7 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
     begins = _first_moments(events.run, events.start, events.stop, time, runs)
     error = np.where(begins, tracks.quantity - truth.quantity, np.nan)
     has_lead = chose | (truth.object != NO_OBJECT)
+    right_lead = (truth.object != NO_OBJECT) & (tracks.object == truth.object)
     acts = tracks.active | truth.active
     commanded, required = (np.where(item.active, item.quantity, 0.0) for item in (tracks, truth))
     nothing = np.zeros(runs)
@@ -182,7 +183,7 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
         "hours": np.full(runs, (time[-1] - time[0]) / 3600),
         "squared_error": np.nansum(error**2, axis=0),
         "errors": np.isfinite(error).sum(axis=0),
-        "wrong_lead": (has_lead & (tracks.object != truth.object)).sum(axis=0) if function.chooses_lead else nothing,
+        "wrong_lead": (has_lead & ~right_lead).sum(axis=0) if function.chooses_lead else nothing,
         "leads": has_lead.sum(axis=0) if function.chooses_lead else nothing,
         "squared_braking": ((commanded - required) ** 2).sum(axis=0, where=acts) if function.brakes else nothing,
         "braking": acts.sum(axis=0) if function.brakes else nothing,

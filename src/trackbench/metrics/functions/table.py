@@ -50,7 +50,8 @@ class FunctionMetric(Metric):
         if not count.sum() > 0:
             return self.no_value(self.missing)
         value = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
-        return root(value) if self.squared else value._replace(counted=self.counted)
+        value = root(value) if self.squared else value
+        return value._replace(counted=self.counted, sparse=self.counted is None)
 
 
 class WarnDelay(FunctionMetric):

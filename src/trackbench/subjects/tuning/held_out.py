@@ -11,8 +11,8 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
-from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, holm, paired
+from trackbench.metrics.differences import UNDECIDED, holm, margin_between, verdict
+from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, paired
 from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
