@@ -16,7 +16,7 @@ LARGEST_SHARE = 0.18
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
 MOST_LINES = 94_500
-MOST_FILES = 560
+MOST_FILES = 580
 
 
 def lines_of(file: Path) -> int:
