@@ -88,6 +88,7 @@ def test_traffic_like_these_repeats_scenes(made_map: Callable[..., EnvelopeMap])
     assert [cell.states["kf"] for cell in made.cells.values()] == ["holds", "fails"]
 
 
+@pytest.mark.slow
 def test_a_world_has_its_own_number_of_scenes(made_map: Callable[..., EnvelopeMap]) -> None:
     made = made_map(
         truth=ROAD | {"env": "highway-v0", "seeds": 12, "duration_s": 2, "targets": {"nearest": 2}},

@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Indices
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics import Metric, evaluate, merge_sums
+from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval
@@ -84,12 +84,13 @@ class Runs:
         whole = merge_sums([self.sums, sums], metrics) if self.sums else sums
         return Runs(whole, np.concatenate([self.scene, scene]), np.concatenate([self.run, run]))
 
-    def intervals(self, metrics: Sequence[Metric], claim: Claim) -> dict[str, Interval]:
-        """By path, each metric with what each independent part adds: a scene, or a run over all scenes."""
+    def evaluated(self, metrics: Sequence[Metric], claim: Claim) -> Evaluation:
+        """Each metric, with what each independent part adds: a scene, or the run of one number in all scenes."""
         if claim == "traffic like these":
-            return evaluate(self.sums, self.scene, metrics).intervals
-        intervals = evaluate(self.sums, np.zeros_like(self.scene), metrics).intervals
-        return {path: _by_repetition(interval, self.run) for path, interval in intervals.items()}
+            return evaluate(self.sums, self.scene, metrics)
+        evaluation = evaluate(self.sums, np.zeros_like(self.scene), metrics)
+        intervals = {path: _by_repetition(interval, self.run) for path, interval in evaluation.intervals.items()}
+        return replace(evaluation, intervals=intervals)
 
 
 def _by_repetition(interval: Interval, run: Indices) -> Interval:
@@ -122,7 +123,7 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
         message = "an envelope needs a requirement, such as {tracker: ekf, metric: position_rmse, below: 0.5}"
         raise loaded.locate(InputError(message, key="expect"))
     hidden = config.sensing.identities == "hidden"
-    fields = by_path(config.sensors, config.score.metrics, hidden)
+    fields = by_path(config.sensors, config.own_metrics, hidden)
     return [_requirement(loaded, fields, number, item) for number, item in enumerate(config.expect)]
 
 

@@ -64,7 +64,7 @@ class TrackerState(ResultModel):
 
     state: State
     cause: str
-    """Why it fails, where that is not a limit."""
+    """Why it fails, or cannot be decided, where that is not a limit."""
     scenes: int
     runs: int
     """Of each scene."""

@@ -12,7 +12,7 @@ from trackbench.base.execution import Task
 from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.metrics import Metric
+from trackbench.metrics import Evaluation, Metric
 from trackbench.metrics.bounds import difference
 from trackbench.metrics.intervals import Interval
 from trackbench.results import Failure
@@ -54,7 +54,7 @@ class TrackerCell:
     """By requirement, in the order of the scenario; None where there is no value."""
     state: State = "undecided"
     cause: str = ""
-    """Why it fails where that is not a limit."""
+    """Why it fails, or cannot be decided, where that is not a limit."""
 
 
 @dataclass
@@ -229,10 +229,12 @@ class EnvelopeMap:
     def _decide(self, cell: Cell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
         tracker = cell.trackers[name]
         requirements = self.task.of(name)
-        own = tracker.runs.intervals(metrics, self.task.config.claim)
+        own = tracker.runs.evaluated(metrics, self.task.config.claim)
         tracker.judged = tuple(
             self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
         )
+        reasons = [own.values[item.metric].reason for item in requirements if item.metric not in own.intervals]
+        tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
         coverage = coverage_of(tracker.runs)
         if coverage is not None and coverage < min_coverage:
             tracker.state, tracker.cause = "fails", f"{100 * (1 - coverage):.0f} % of the estimates are missing"
@@ -243,18 +245,20 @@ class EnvelopeMap:
         self,
         cell: Cell,
         item: Requirement,
-        own: dict[str, Interval],
+        own: Evaluation,
         metrics: Sequence[Metric],
         looks: int,
         requirements: int,
     ) -> Decision | None:
-        interval = own.get(item.metric)
+        interval = own.intervals.get(item.metric)
         if item.other is not None and interval is not None:
             other = cell.trackers.get(item.other) or cell.others[item.other]
             if other.cause:
                 return None
-            held_against = other.runs.intervals(metrics, self.task.config.claim)[item.metric]
-            interval = difference(interval, held_against, same_runs=True)
+            against = other.runs.evaluated(metrics, self.task.config.claim).intervals.get(item.metric)
+            if against is None:
+                return None
+            interval = difference(interval, against, same_runs=True)
         if interval is None:
             return None
         return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)
