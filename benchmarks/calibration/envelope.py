@@ -34,7 +34,7 @@ class Border(NamedTuple):
     @property
     def decades(self) -> float:
         """How wide it is."""
-        return math.log10(self.high / self.low) if 0 < self.low and self.high < math.inf else math.inf
+        return math.log10(self.high / self.low) if self.low > 0 and self.high < math.inf else math.inf
 
 
 def made(scenario: dict[str, Any], seed: int) -> EnvelopeMap:
@@ -131,7 +131,8 @@ def _blair() -> Iterator[Claim]:
             # As many cells, spread evenly, with equal shares of the same runs.
             fixed = border(made(blair(25, 25, max(10, runs_of(adaptive) // 25)), seed), "kf")
             wider.append(found.decades / fixed.decades)
-    yield rate(f"border of a constant-velocity filter over the manoeuvre index (Blair), limit {LIMIT} sigma", inside, 0.92, 1)
+    what = f"border of a constant-velocity filter over the manoeuvre index (Blair), limit {LIMIT} sigma"
+    yield rate(what, inside, 0.92, 1)
     ratio = float(np.mean(wider))
     what = "width of its band over that of a fixed design with the same runs"
     yield Claim(what, f"{ratio:.2f}, at most {max(wider):.2f}", "at most 1.5", ratio <= 1.5)
@@ -208,6 +209,7 @@ def _wrong(states: dict[Point, str], holds: Any) -> Iterator[bool]:
 # M of N: an object that stands, without false alarms.
 
 NEEDED, AMONG, SCANS = 3, 5, 6
+DETECTION = "sensors.lidar.detection_probability"
 
 
 def confirmed(detection: float) -> float:
@@ -265,7 +267,9 @@ def m_of_n() -> dict[str, Any]:
             "cells": 20,
             "runs": {"first": 50, "most": 800},
             "resolution": 0.01,
-            "axes": {"detection": {"key": "sensors.lidar.detection_probability", "from": 0.05, "to": 0.95, "levels": 7}},
+            "axes": {
+                "detection": {"key": "sensors.lidar.detection_probability", "from": 0.05, "to": 0.95, "levels": 7}
+            },
         },
     }
 

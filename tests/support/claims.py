@@ -91,7 +91,7 @@ def _cell(
 ) -> ClaimCell:
     shares = [axis.share(value) for axis, value in zip(axes, point, strict=True)]
     trackers = {name: _tracker(function(*shares), limit, reach) for name, function in values.items()}
-    return ClaimCell(point=list(point), changes=[], added=added, measurements="", trackers=trackers)
+    return ClaimCell(point=list(point), changes=[], added=added, measurements=[], trackers=trackers)
 
 
 def _tracker(value: float | None, limit: float, reach: float) -> TrackerState:
