@@ -233,7 +233,10 @@ class EnvelopeMap:
         tracker.judged = tuple(
             self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
         )
-        reasons = [own.values[item.metric].reason for item in requirements if item.metric not in own.intervals]
+        reasons = [
+            decision.reason if decision else own.values[item.metric].reason
+            for item, decision in zip(requirements, tracker.judged, strict=True)
+        ]
         tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
         coverage = coverage_of(tracker.runs)
         if coverage is not None and coverage < min_coverage:
