@@ -14,7 +14,6 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric
 from trackbench.metrics.bounds import difference
-from trackbench.metrics.intervals import Interval
 from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
