@@ -115,7 +115,7 @@ DRAWS = {
 @pytest.mark.parametrize("number", [25, 100])
 def test_the_bounds_miss_no_more_often_than_their_level(name: str, number: int) -> None:
     bound_of, draw, truth = DRAWS[name]
-    trials = 20_000
+    trials = 10_000
     sample = drawn(draw(np.random.default_rng(number), (trials, number)))
     for level in (0.05, 0.01, 0.001):
         for side, sign in (("lower", 1.0), ("upper", -1.0)):

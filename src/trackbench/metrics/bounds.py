@@ -135,7 +135,9 @@ def mean_bound(sample: Sample, level: float, side: Side) -> Array:
     """Of a mean of values of either sign."""
     if side == "lower":
         return -mean_bound(sample.mirrored, level, "upper")
-    return sample.mean + sample.above(level, SKEWNESS * sample.skewness, UNSEEN_SCENES if sample.scenes else UNSEEN)
+    # What was not seen matters as far as the sample is skewed at all: it does not of normal values.
+    unseen = UNSEEN_SCENES if sample.scenes else UNSEEN * np.minimum(0.3 + 0.7 * abs(sample.skewness), 1.0)
+    return sample.mean + sample.above(level, SKEWNESS * sample.skewness, unseen)
 
 
 def positive_bound(sample: Sample, level: float, side: Side, power: float = 1.0) -> Array:
