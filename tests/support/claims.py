@@ -31,7 +31,7 @@ def claim_of(
     limit: float = 1.0,
     reach: float = 0.05,
     base: Sequence[float | str | None] | None = None,
-    more: Sequence[Sequence[float]] = (),
+    more: Sequence[Sequence[float | str]] = (),
     **block: Any,
 ) -> Claim:
     """A claim.
@@ -42,13 +42,16 @@ def claim_of(
         limit: below which the value has to be.
         reach: from each value to its bounds, a share of it.
         base: the scenario's own values; the middle of each axis unless given.
-        more: further points near the border, in shares.
+        more: further points near the border, in shares; choices as they are.
         block: other keys of the envelope.
     """
     config = EnvelopeConfig.model_validate({"axes": axes, "cells": 10_000, **block})
     ways = axes_of(config)
     points = [*product(*(axis.values for axis in ways))]
-    added = [tuple(axis.at(share) for axis, share in zip(ways, row, strict=True)) for row in more]
+    added = [
+        tuple(share if isinstance(share, str) else axis.at(share) for axis, share in zip(ways, row, strict=True))
+        for row in more
+    ]
     cells = [_cell(ways, point, values, limit, reach, point in added) for point in dict.fromkeys([*points, *added])]
     return Claim(
         scenario="made",

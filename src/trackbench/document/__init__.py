@@ -90,7 +90,9 @@ class LegendEntry:
     label: str
     colour: str
     """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
-    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle"] = "line"
+    mark: Literal["line", "dash", "band", "dot", "box", "upright", "cross", "ring", "triangle", "hatched", "lined"] = (
+        "line"
+    )
     key: str = ""
     """That of the tracker, where the entry is one."""
 

@@ -39,6 +39,8 @@ WIDTH = 430.0
 DASHED = (0, (4, 2))
 #: Of a legend's marks: matplotlib's marker and its size in points.
 MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^", 7), "upright": ("|", 10)}
+#: Of a legend's areas: matplotlib's hatch.
+HATCHES = {"hatched": "////", "lined": "---"}
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
 
@@ -64,6 +66,7 @@ _STYLE: dict[Any, Any] = {
     "savefig.facecolor": "none",
     "grid.color": GRID,
     "grid.linewidth": 1.0,
+    "hatch.linewidth": 0.8,
     "legend.fontsize": 10,
     "legend.frameon": False,
     "lines.linewidth": 1.6,
@@ -80,6 +83,7 @@ _STYLE: dict[Any, Any] = {
 
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _REFERENCE = re.compile(r"#([\w.]+)")
+_REFERENCE_IN_STYLE = re.compile(r"url\(#([\w.]+)\)")
 _FONT_FAMILY = re.compile(r"font-family: [^;]*;? ?")
 _GEOMETRY = ("d", "x", "y", "width", "height", "transform", "points", "style")
 
@@ -213,6 +217,8 @@ def _handle(entry: LegendEntry, width: float) -> Artist:
         return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "box":
         return Patch(color=entry.colour, label=label)
+    if entry.mark in HATCHES:
+        return Patch(facecolor="none", edgecolor=entry.colour, hatch=HATCHES[entry.mark], label=label)
     if entry.mark in MARKERS:
         marker, size = MARKERS[entry.mark]
         hollow = "none" if entry.mark == "ring" else entry.colour
@@ -251,7 +257,7 @@ def _attribute(key: str, value: str, prefix: str) -> str:
     if key == "href" or value.startswith("url("):
         return _REFERENCE.sub(rf"#{prefix}-\1", value)
     if key == "style":
-        value = _FONT_FAMILY.sub("", value)
+        value = _REFERENCE_IN_STYLE.sub(rf"url(#{prefix}-\1)", _FONT_FAMILY.sub("", value))
     return _NUMBER.sub(_rounded, value) if key in _GEOMETRY else value
 
 

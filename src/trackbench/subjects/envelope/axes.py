@@ -72,13 +72,20 @@ class MapAxis:
         """Whether it may have a value."""
         if not self.continuous:
             return value in self.values
+        return self.reaches(value)
+
+    def reaches(self, value: Value | None) -> bool:
+        """Whether a number lies between the ends."""
+        return isinstance(value, float | int) and self.ends[0] <= value <= self.ends[1]
+
+    def exactly_at(self, share: Any) -> Any:
+        """The values at shares of an axis of numbers."""
         low, high = self.ends
-        return not isinstance(value, str) and low <= value <= high
+        return low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
 
     def at(self, share: float) -> float:
         """The value at a share of an axis of numbers, rounded to what a person would write."""
-        low, high = self.ends
-        value = low * (high / low) ** share if self.config.scale == "log" else low + share * (high - low)
+        value, (low, high) = float(self.exactly_at(share)), self.ends
         digits = 5 - math.floor(math.log10(high - low if self.config.scale == "linear" else value))
         return round(value, digits)
 

@@ -157,6 +157,11 @@ class Claim(ResultModel):
         """Those of which something is required."""
         return list(dict.fromkeys(limit.tracker for limit in self.limits))
 
+    @property
+    def own_values(self) -> dict[str, float | str | None]:
+        """The scenario's own, by the name of the axis."""
+        return {axis.name: value for axis, value in zip(self.axes, self.base, strict=True)}
+
     def limits_of(self, tracker: str) -> list[Limit]:
         """The requirements on a tracker."""
         return [limit for limit in self.limits if limit.tracker == tracker]

@@ -19,6 +19,7 @@ def margin_sentence(margin: Margin, limits: Sequence[Limit]) -> str:
     required = " and ".join(limit.text.removeprefix(f"{margin.tracker} ") for limit in limits)
     parts = [f"{margin.tracker} holds {required} {holding(margin)} of {margin.axis.name}", undecided(margin)]
     parts += [f"at {along(margin)}"] if margin.at else []
+    parts += [] if margin.through_base else ["the cells nearest to the scenario's own values"]
     return ", ".join(part for part in parts if part)
 
 
@@ -73,9 +74,8 @@ def undecided(margin: Margin) -> str:
 
 
 def along(margin: Margin) -> str:
-    """The values of the other axes, and whether they are the scenario's own."""
-    values = ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
-    return values if margin.through_base else f"{values} (nearest to the scenario's own)"
+    """The values of the other axes; empty where there is none."""
+    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
 
 
 def _number(value: float) -> str:

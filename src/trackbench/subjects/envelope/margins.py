@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -39,7 +39,7 @@ class Margin:
     at: tuple[tuple[MapAxis, Value], ...]
     """The other axes with their values on the line."""
     through_base: bool
-    """Whether they are the scenario's own; the line is the nearest to it otherwise."""
+    """Whether the numbers among them are the scenario's own; the line is the nearest to it otherwise."""
     cells: tuple[tuple[float, ClaimCell], ...]
     """Those of the line by their value of the axis."""
     crossings: tuple[Crossing, ...]
@@ -76,7 +76,7 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
     axes = claim.axes
     axis, first = axes[number], line[0].point
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
-    own = all(base == first[i] for i, base in enumerate(claim.base) if i != number)
+    own = all(claim.base[i] == first[i] for i, other in enumerate(axes) if i != number and other.ordered)
     cells = tuple((float(cell.point[number]), cell) for cell in line)
     return Margin(tracker, axis, at, own, cells, tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells)))
 
@@ -84,35 +84,43 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
     """The cells in the order of an axis, along the line that is nearest to the scenario's own values of the others.
 
-    There is one for each combination of the categories. A line has at least as many cells as the axis had levels at
-    the start: the few cells that were put near a border are no line of their own.
+    There is one for each combination of the categories. A line has cells at all levels at which the axis started; of a
+    Sobol design, as many: the few cells that were put near a border are no line of their own.
     """
     axes = claim.axes
     lines: dict[Point, list[ClaimCell]] = {}
     for cell in claim.cells:
         lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(cell)
-    others = [(axis, base) for i, (axis, base) in enumerate(zip(axes, claim.base, strict=True)) if i != number]
+    others = [*axes[:number], *axes[number + 1 :]]
+    levels, grid = set(axes[number].values), claim.config.design == "grid"
+
+    def whole(at: Point) -> bool:
+        values = {cell.point[number] for cell in lines[at]}
+        return levels <= values if grid else len(values) >= len(levels)
+
     found = []
-    for category in product(*(axis.values for axis, _ in others if not axis.ordered)):
-        whole = [
-            at
-            for at, line in lines.items()
-            if len(line) >= len(axes[number].values) and tuple(v for v in at if isinstance(v, str)) == category
-        ]
-        if whole:
-            nearest = min(whole, key=lambda at: (_distance(others, at), -len(lines[at])))
+    for category in product(*(axis.values for axis in others if not axis.ordered)):
+        alike = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category and whole(at)]
+        if alike:
+            nearest = min(
+                alike,
+                key=lambda at: (distance_from(claim.own_values, [*zip(others, at, strict=True)]), -len(lines[at])),
+            )
             found.append(sorted(lines[nearest], key=lambda cell: float(cell.point[number])))
     return found
 
 
-def _distance(others: Sequence[tuple[MapAxis, Value | None]], at: Point) -> float:
-    """From the scenario's own values, as far as it has some; half way along the axis where it has none."""
+def distance_from(own: Mapping[str, Value | None], at: Sequence[tuple[MapAxis, Value]]) -> float:
+    """From the scenario's own values, by axis, to others; half way along an axis of numbers where it has none."""
     gaps = []
-    for (axis, base), value in zip(others, at, strict=True):
-        if axis.ordered:
-            low, high = axis.ends
-            own = 0.5 if base is None else axis.share(min(max(float(base), low), high))
-            gaps.append(axis.share(value) - own)
+    for axis, value in at:
+        base = own[axis.name]
+        if not axis.ordered:
+            gaps.append(float(base != value))
+            continue
+        low, high = axis.ends
+        share = 0.5 if base is None else axis.share(min(max(float(base), low), high))
+        gaps.append(axis.share(value) - share)
     return math.hypot(*gaps)
 
 

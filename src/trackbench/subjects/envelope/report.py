@@ -1,15 +1,19 @@
-"""The page of an envelope: its headlines and its document."""
+"""The page of an envelope, and what the terminal shows of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from trackbench.base.errors import counted
-from trackbench.document import Block, Cell, Code, Column, Document, Item, Items, Section, Table
-from trackbench.subjects.envelope.claim import Claim, Envelope
-from trackbench.subjects.envelope.margin_text import along, holding, undecided
-from trackbench.subjects.envelope.margins import Margin, margins
+from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
+from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
 from trackbench.subjects.envelope.suites import suite_sentences
+from trackbench.subjects.envelope.tables import cells_table, margins_table
+
+#: Figures of further pairs of axes; a page with more is too long to be read.
+_MOST_PAIRS = 6
 
 
 def headlines(claim: Claim) -> Iterator[str]:
@@ -24,51 +28,100 @@ def headlines(claim: Claim) -> Iterator[str]:
         )
 
 
+def claim_sentence(claim: Claim) -> str:
+    """What is claimed, of which population and how surely."""
+    scenes, runs = claim.extents[-1]
+    trackers = "" if len(claim.trackers) == 1 else " for any tracker"
+    these = claim.claim == "these scenes"
+    many = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
+    if not these:
+        many = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
+    return (
+        f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many})."
+    )
+
+
 def envelope_document(made: Envelope) -> Document:
     """The whole page."""
-    return Document(
-        "envelope",
-        f"Operating envelope of {made.claim.scenario}",
-        (*_summary(made), Section("Repeat it", (Code(made.claim.command),))),
-    )
+    claim = made.claim
+    styles = tuple(tracker_styles(tracker_colours(claim.trackers)).values())
+    maps, lines = [*_maps(claim)], tuple(_lines(claim))
+    # Of one tracker all maps; of several those of the first pair of axes.
+    shown = len(maps) if len(styles) == 1 else 1
+    first = tuple(figure for figures in maps[:shown] for figure in figures) or lines
+    blocks: list[Block] = [*_headline(claim)]
+    blocks += [Row(first)] if first else []
+    blocks += [Section("Margins", (*_margins(claim), *([Row(lines)] if maps and lines else [])))]
+    blocks += _suites(claim)
+    blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
+    blocks += [
+        Section("Cells", (cells_table(claim),), folded=True),
+        Section("How it was decided", (Items(tuple(_decided(claim))),)),
+        Section("Repeat it", (Code(claim.command),)),
+    ]
+    return Document("envelope", _title(claim), tuple(blocks), trackers=styles)
 
 
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
-    return Document("envelope", f"Operating envelope of {made.claim.scenario}", tuple(_summary(made)))
+    claim = made.claim
+    return Document("envelope", _title(claim), (*_headline(claim), *_margins(claim), *_suites(claim)))
 
 
-def _summary(made: Envelope) -> Iterator[Block]:
-    yield Items(tuple(Item(text) for text in headlines(made.claim)))
-    yield from _margins(made.claim)
-    if sentences := [*suite_sentences(made.claim)]:
-        yield Section("Cheapest suites", (Items(tuple(map(Item, sentences))),))
-    yield _cells(made.claim)
+def saved_document(file: Path) -> Document:
+    """The page of an envelope, from its ``claim.json``.
+
+    Raises:
+        InputError: it is damaged, or the values of its runs are not beside it.
+    """
+    return envelope_document(read_envelope(file))
+
+
+def _title(claim: Claim) -> str:
+    return f"Operating envelope of {claim.scenario}"
+
+
+def _headline(claim: Claim) -> Iterator[Block]:
+    heads = (text.split(": ", 1) for text in headlines(claim))
+    yield Items(tuple(Item(text, label, tracker=label) for label, text in heads))
+    yield Paragraph(claim_sentence(claim))
+
+
+def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:
+    """The figures of each pair of axes: all borders where there are several trackers, and the cells of each."""
+    from trackbench.subjects.envelope.map_figures import borders_figure, map_figure, pairs_of
+
+    styles = tracker_styles(tracker_colours(claim.trackers))
+    for pair in pairs_of(claim)[:_MOST_PAIRS]:
+        joint = (borders_figure(claim, pair, [*styles.values()]),) if len(styles) > 1 else ()
+        yield (*joint, *(map_figure(claim, pair, style) for style in styles.values()))
+
+
+def _lines(claim: Claim) -> Iterator[Figure]:
+    from trackbench.subjects.envelope.line_figures import line_figures
+
+    yield from line_figures(claim, [*tracker_styles(tracker_colours(claim.trackers)).values()])
 
 
 def _margins(claim: Claim) -> Iterator[Block]:
-    found = [margin for tracker in claim.trackers for margin in margins(claim, tracker)]
-    if found:
-        columns = [
-            (Column("tracker", left=True), [Cell(margin.tracker, tracker=margin.tracker) for margin in found]),
-            (Column("axis", left=True), [Cell(margin.axis.name) for margin in found]),
-            (Column("holds", left=True), [Cell(holding(margin), details=_further(margin)) for margin in found]),
-        ]
-        yield Section("Margins", (Table.of_columns("margins", columns),))
+    table = margins_table(claim)
+    if table.rows:
+        yield table
+    elif any(axis.ordered for axis in claim.axes):
+        yield Paragraph("No line of cells runs along an axis: `design: grid` makes such lines.")
 
 
-def _further(margin: Margin) -> tuple[str, ...]:
-    """What is undecided, and where the line goes."""
-    return tuple(text for text in (undecided(margin), f"at {along(margin)}" if margin.at else "") if text)
+def _suites(claim: Claim) -> Iterator[Block]:
+    if sentences := [*suite_sentences(claim)]:
+        yield Section("Cheapest suites", (Items(tuple(map(Item, sentences))),))
 
 
-def _cells(claim: Claim) -> Table:
-    columns = [Column(axis.name, left=True) for axis in claim.axes] + [Column(name) for name in claim.trackers]
-    rows = tuple(
-        (
-            *(Cell(axis.shown(value)) for axis, value in zip(claim.axes, cell.at, strict=True)),
-            *(Cell(cell.trackers[name].state) for name in claim.trackers),
-        )
-        for cell in claim.cells
-    )
-    return Table("cells", tuple(columns), rows)
+def _decided(claim: Claim) -> Iterator[Item]:
+    looks = ", ".join(f"{scenes} x {runs}" for scenes, runs in claim.extents)
+    yield Item(f"{looks} (scenes x runs); a cell that is decided is not looked at again", "looks")
+    yield Item(f"{claim.spent:.2g} for one tracker in one cell, over all looks, to one side", "error spent")
+    added = sum(cell.added for cell in claim.cells)
+    yield Item(f"{len(claim.cells) - added} at the start, {added} added near a border", "cells")
+    yield Item(f"{claim.seed}; engine {claim.engine}", "seed")
+    yield Item(", ".join(f"{name} {version}" for name, version in claim.versions.items()), "versions")

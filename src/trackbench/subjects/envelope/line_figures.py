@@ -1,0 +1,118 @@
+"""The required value over one axis, with its bounds, the limit and the band of the border."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.drawing import DASHED, INK, WIDTH, fit_value_axis, logarithmic, panel_title
+from trackbench.document.margins import shortened
+from trackbench.document.palette import tracker_figure
+from trackbench.subjects.envelope.axes import MapAxis
+from trackbench.subjects.envelope.claim import Claim, Limit
+from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label
+from trackbench.subjects.envelope.margin_text import along
+from trackbench.subjects.envelope.margins import Margin, margins
+
+#: Of one panel, points.
+_HEIGHT = 200.0
+#: A state is seen without its colour: filled, hollow or a cross.
+_MARKERS = {"holds": ("o", 4.5), "undecided": ("o", 4.5), "fails": ("x", 5.5)}
+
+
+def line_figures(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figure]:
+    """One for each axis of numbers and each metric of which something is required."""
+    found = [margin for style in styles for margin in margins(claim, style.name)]
+    for axis in claim.axes:
+        lines = [margin for margin in found if margin.axis.name == axis.name]
+        if lines:
+            for metric in dict.fromkeys(_quantity(limit) for limit in claim.limits):
+                yield _figure(claim, axis, metric, lines, styles)
+
+
+def _quantity(limit: Limit) -> str:
+    """What is on the axis of the value."""
+    name = limit.metric if limit.other is None else f"{limit.metric} less that of {limit.other}"
+    return name if limit.unit == "1" else f"{name}, {limit.unit}"
+
+
+def _figure(
+    claim: Claim, axis: MapAxis, metric: str, lines: Sequence[Margin], styles: Sequence[TrackerStyle]
+) -> Figure:
+    places = list(dict.fromkeys(along(margin) for margin in lines))[:MOST_PANELS]
+
+    base = claim.own_values[axis.name]
+
+    def paint(canvas: Canvas) -> None:
+        panels = canvas.subplots(len(places), 1, squeeze=False, sharex=True)[:, 0]
+        for panel, place in zip(panels, places, strict=True):
+            drawn = []
+            for style in styles:
+                for margin in lines:
+                    if margin.tracker == style.name and along(margin) == place:
+                        drawn += _paint_line(panel, margin, claim, metric, style)
+            if not fit_value_axis(panel, drawn) and any((values < 0).any() for values in drawn):
+                panel.autoscale(axis="y")
+            if len(places) > 1:
+                panel_title(panel, place, WIDTH)
+            panel.set_ylabel(shortened(metric, _HEIGHT - 40))
+            if axis.reaches(base):
+                panel.plot(
+                    [base], [0], marker="^", markersize=9, color=INK, clip_on=False, zorder=5,
+                    transform=panel.get_xaxis_transform(),
+                )  # fmt: skip
+        if axis.config.scale == "log":
+            logarithmic(panels[0], "x")
+        panels[-1].set_xlim(*axis.ends)
+        panels[-1].set_xlabel(shortened(axis_label(axis), WIDTH - 60))
+
+    at = f" Along {places[0]}." if len(places) == 1 and places[0] else ""
+    others = [LegendEntry("limit", INK, "dash"), LegendEntry("holds", INK, "dot"), LegendEntry("fails", INK, "cross")]
+    others += [LegendEntry("the scenario", INK, "triangle")] if axis.reaches(base) else []
+    return tracker_figure(
+        f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
+        f"{metric.partition(',')[0]} over {axis.name}",
+        "Each bar reaches between the bounds by which the cell is decided; undecided cells have a hollow dot. Shaded: "
+        f"the band of the border.{at}",
+        f"{metric} over {axis.name}, with the limit",
+        paint,
+        _HEIGHT * len(places) + 30,
+        styles,
+        *others,
+    )
+
+
+def _paint_line(panel: Axes, margin: Margin, claim: Claim, metric: str, style: TrackerStyle) -> list[np.ndarray]:
+    """One tracker; returns what the axis of the value has to show."""
+    drawn = []
+    for place, limit in enumerate(claim.limits_of(style.name)):
+        if _quantity(limit) != metric:
+            continue
+        known = [(x, cell.trackers[style.name].values) for x, cell in margin.cells]
+        cells = [(x, values[place]) for x, values in known if values and values[place].value is not None]
+        if not cells:
+            continue
+        x = np.array([value for value, _ in cells])
+        y, low, high = (
+            np.array([np.nan if v is None else v for v in column], dtype=float)
+            for column in zip(*((cell.value, cell.low, cell.high) for _, cell in cells), strict=True)
+        )
+        panel.plot(x, y, color=style.colour, linestyle=style.line, linewidth=1.2, gid=style.key)
+        panel.vlines(x, low, high, color=style.colour, linewidth=1.2, gid=style.key)
+        for state, (marker, size) in _MARKERS.items():
+            own = np.array([cell.state == state for _, cell in cells])
+            face = "white" if state == "undecided" else style.colour
+            panel.plot(
+                x[own], y[own], linestyle="none", marker=marker, markersize=size, color=style.colour,
+                markerfacecolor=face, gid=style.key,
+            )  # fmt: skip
+        panel.axhline(limit.limit, color=INK, linestyle=DASHED, linewidth=1.0)
+        drawn += [y, low, high, np.array([limit.limit])]
+    for crossing in margin.crossings:
+        panel.axvspan(crossing.low, crossing.high, color=style.colour, alpha=0.18, linewidth=0, gid=style.key)
+        panel.axvline(crossing.point, color=style.colour, linewidth=1.2, linestyle=style.line, gid=style.key)
+    return drawn

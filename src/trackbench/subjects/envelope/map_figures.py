@@ -1,0 +1,242 @@
+"""Maps over two axes: the state of each cell, the border with its band, and the borders of several trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+
+from trackbench.base.errors import counted
+from trackbench.base.types import Array
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.drawing import HATCHES, INK, MUTED, WIDTH, logarithmic, panel_title
+from trackbench.document.margins import shortened
+from trackbench.subjects.envelope.axes import MapAxis
+from trackbench.subjects.envelope.border import Border, Slice, border_of, slices
+from trackbench.subjects.envelope.claim import Claim, State
+from trackbench.subjects.envelope.margins import distance_from
+
+#: Distinct to a colour-blind reader, and by their hatch.
+STATE_COLOURS: dict[State, str] = {"holds": "#009E73", "fails": "#D55E00", "undecided": MUTED}
+#: Marker of a cell, its size in points and its fill.
+_MARKS = {"holds": ("o", 3.0, INK), "fails": ("x", 4.0, INK), "undecided": ("o", 3.5, "none")}
+#: Panels of one figure, at most, and beside each other.
+MOST_PANELS, _BESIDE = 9, 2
+#: Of a single panel, and of one of several; points.
+_TALL, _LOW = 310.0, 190.0
+
+
+def pairs_of(claim: Claim) -> list[tuple[int, int]]:
+    """The numbers of each two axes that are numbers."""
+    return [*combinations([i for i, axis in enumerate(claim.axes) if axis.ordered], 2)]
+
+
+def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figure:
+    """The cells of one tracker over two axes, with its border."""
+    parts, base, left_out = _shown(claim, pair)
+
+    def paint(canvas: Canvas) -> None:
+        for panel, part in zip(_panels(canvas, parts), parts, strict=False):
+            border = border_of(part, claim, style.name)
+            _paint_areas(panel, part, border)
+            _paint_line(panel, part, border, INK)
+            _paint_cells(panel, part, style.name)
+            _finish(panel, part, claim, part is base)
+        _label(canvas, parts)
+
+    legend = [
+        LegendEntry("holds", STATE_COLOURS["holds"], "band"),
+        LegendEntry("fails", STATE_COLOURS["fails"], "hatched"),
+        LegendEntry("not decided", STATE_COLOURS["undecided"], "lined"),
+        LegendEntry("border", INK),
+        *_base_legend(base),
+    ]
+    counts = claim.counts(style.name)
+    required = " and ".join(limit.text for limit in claim.limits_of(style.name))
+    caption = (
+        f"{required}. Cells that hold are dots, those that fail crosses, undecided ones rings; the small ones were "
+        "added near the border. The border is interpolated; its band, what is not decided, reaches from the last cells "
+        "that hold to the first that fail."
+    )
+    return Figure(
+        f"map-{_file(style.name)}-{_names(parts)}",
+        f"{style.name}: {parts[0].across.name} and {parts[0].up.name}",
+        caption + left_out,
+        f"Map of {style.name} over {parts[0].across.name} and {parts[0].up.name}: it "
+        + ", ".join(f"{state} in {counted(counts[state], 'cell')}" for state in ("holds", "fails"))
+        + f", {counts['undecided']} undecided",
+        paint,
+        _height(parts),
+        legend=tuple(legend),
+    )
+
+
+def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[TrackerStyle]) -> Figure:
+    """The borders of several trackers over two axes."""
+    parts, base, left_out = _shown(claim, pair)
+
+    def paint(canvas: Canvas) -> None:
+        for panel, part in zip(_panels(canvas, parts), parts, strict=False):
+            for style in styles:
+                _paint_line(panel, part, border_of(part, claim, style.name), style.colour, style)
+            _finish(panel, part, claim, part is base)
+        _label(canvas, parts)
+
+    lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
+    return Figure(
+        f"borders-{_names(parts)}",
+        f"Borders over {parts[0].across.name} and {parts[0].up.name}",
+        "Where each tracker stops to meet its requirement, with its band." + left_out,
+        f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
+        paint,
+        _height(parts),
+        legend=(*lines, *_base_legend(base)),
+        tooltips={style.key: style.name for style in styles},
+    )
+
+
+class _Shown(NamedTuple):
+    """The slices of a figure."""
+
+    parts: list[Slice]
+    base: Slice | None
+    """The one of the scenario itself, or the nearest to it; None where the map does not reach so far."""
+    left_out: str
+    """A sentence on what is not shown."""
+
+
+def _shown(claim: Claim, pair: tuple[int, int]) -> _Shown:
+    """The slice of the scenario itself, and those of which most cells fail for some tracker."""
+    every = slices(claim, *pair)
+    base = _base_slice(claim, every)
+
+    def rank(part: Slice) -> tuple[bool, float]:
+        failing = [part.states(name).count("fails") for name in claim.trackers]
+        return part is not base, -max(failing) / len(part.cells)
+
+    kept = sorted(every, key=rank)[:MOST_PANELS]
+    left, text = len(every) - len(kept), ""
+    if left:
+        text += f" Of {len(every)} slices those {len(kept)} are shown of which most cells fail"
+        text += "." if base is None else ", with that of the scenario."
+    missing = len(claim.cells) - sum(len(part.cells) for part in every)
+    if missing:
+        text += f" {counted(missing, 'cell')} between the slices are in the table alone."
+    if not every[0].exact:
+        text += " Each panel has all cells of a third of the other axis: its border is rough."
+    return _Shown([part for part in every if part in kept], base, text)
+
+
+def _base_slice(claim: Claim, parts: Sequence[Slice]) -> Slice | None:
+    own = claim.own_values
+    if not all(axis.reaches(own[axis.name]) for axis in (parts[0].across, parts[0].up)):
+        return None
+    return min(parts, key=lambda part: distance_from(own, part.at))
+
+
+def _paint_areas(panel: Axes, part: Slice, border: Border) -> None:
+    """What lies between cells of one state."""
+    for state, colour in STATE_COLOURS.items():
+        whole = _path(_scaled(part, border.area(state)))
+        if state != "undecided":
+            panel.add_patch(PathPatch(whole, facecolor=colour, alpha=0.35, linewidth=0))
+        if state != "holds":
+            hatch = HATCHES["hatched" if state == "fails" else "lined"]
+            panel.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, hatch=hatch, linewidth=0))
+
+
+def _path(corners: Array) -> Path:
+    """``(triangles, 3, 2)`` as one path: fine lines are left between several."""
+    closed = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
+    return Path(closed, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(corners)))
+
+
+def _paint_line(panel: Axes, part: Slice, border: Border, colour: str, style: TrackerStyle | None = None) -> None:
+    """The border; of one tracker of several its band too."""
+    look: dict[str, Any] = {"linestyle": style.line, "gid": style.key} if style else {}
+    if style:
+        band = _path(_scaled(part, border.area("undecided")))
+        panel.add_patch(PathPatch(band, facecolor=colour, alpha=0.25, linewidth=0, gid=style.key))
+    ends = _scaled(part, border.segments)
+    apart = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
+    panel.plot(*apart.T, color=colour, linewidth=2.0, **look)
+
+
+def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
+    """Each by its state, those that were added smaller."""
+    added, states = np.array([cell.added for cell in part.cells]), np.array(part.states(tracker))
+    for state, (marker, size, face) in _MARKS.items():
+        for later, smaller in ((False, 1.0), (True, 0.7)):
+            x, y = _scaled(part, part.places[(states == state) & (added == later)]).T
+            panel.plot(
+                x, y, linestyle="none", marker=marker, markersize=size * smaller, color=INK, markerfacecolor=face,
+                markeredgewidth=0.7,
+            )  # fmt: skip
+
+
+def _finish(panel: Axes, part: Slice, claim: Claim, with_base: bool) -> None:
+    """The scenario itself, and the axes."""
+    if with_base:
+        x, y = (np.array([claim.own_values[axis.name]], dtype=float) for axis in (part.across, part.up))
+        panel.plot(x, y, linestyle="none", marker="^", markersize=9, color=INK)
+    panel.set_xlim(*part.across.ends)
+    panel.set_ylim(*part.up.ends)
+    if part.across.config.scale == "log":
+        logarithmic(panel, "x")
+    if part.up.config.scale == "log":
+        logarithmic(panel, "y")
+    panel.grid(visible=False)
+
+
+def _base_legend(base: Slice | None) -> Iterator[LegendEntry]:
+    if base is not None:
+        yield LegendEntry("the scenario", INK, "triangle")
+
+
+def _panels(canvas: Canvas, parts: Sequence[Slice]) -> list[Axes]:
+    across = min(_BESIDE, len(parts))
+    down = -(-len(parts) // across)
+    panels = list(canvas.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel())
+    for panel in panels[len(parts) :]:
+        panel.set_visible(False)
+    for panel, part in zip(panels, parts, strict=False):
+        if part.at:
+            panel_title(panel, ", ".join(f"{axis.name} {axis.shown(v)}" for axis, v in part.at), WIDTH / across)
+    return panels
+
+
+def _label(canvas: Canvas, parts: Sequence[Slice]) -> None:
+    panels, across = canvas.axes, min(_BESIDE, len(parts))
+    for place, panel in enumerate(panels[: len(parts)]):
+        if place % across == 0:
+            panel.set_ylabel(shortened(axis_label(parts[0].up), _height(parts) / -(-len(parts) // across) - 40))
+        if place // across == (len(parts) - 1) // across:
+            panel.set_xlabel(shortened(axis_label(parts[0].across), WIDTH / across - 60))
+
+
+def axis_label(axis: MapAxis) -> str:
+    """With its unit."""
+    return f"{axis.name}, {axis.unit}" if axis.unit else axis.name
+
+
+def _height(parts: Sequence[Slice]) -> float:
+    return _TALL if len(parts) == 1 else _LOW * -(-len(parts) // _BESIDE)
+
+
+def _scaled(part: Slice, places: Array) -> Array:
+    """``(..., 2)`` from shares to values of the two axes."""
+    return np.stack([part.across.exactly_at(places[..., 0]), part.up.exactly_at(places[..., 1])], axis=-1)
+
+
+def _names(parts: Sequence[Slice]) -> str:
+    return f"{_file(parts[0].across.name)}-{_file(parts[0].up.name)}"
+
+
+def _file(name: str) -> str:
+    return name.replace(".", "-").replace("_", "-")

@@ -1,0 +1,78 @@
+"""The tables of an envelope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.document import Cell, Column, Table, Tone
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, State
+from trackbench.subjects.envelope.margin_text import along, holding, undecided
+from trackbench.subjects.envelope.margins import Margin, excess, margins
+
+#: Cells of the table; the others are in the claim.
+MOST_CELLS = 100
+TONES: dict[State, Tone] = {"holds": "good", "fails": "bad", "undecided": "warn"}
+
+
+def margins_table(claim: Claim) -> Table:
+    """For each axis and tracker, where the requirement holds along the line through the scenario."""
+    found = {tracker: margins(claim, tracker) for tracker in claim.trackers}
+    lines = found[claim.trackers[0]]
+    columns = [(Column("along", left=True), [Cell(line.axis.name, details=_at(line)) for line in lines])]
+    for tracker, held in found.items():
+        cells = [Cell(holding(margin), details=tuple(filter(None, [undecided(margin)]))) for margin in held]
+        columns.append((Column(f"{tracker} holds", left=True), cells))
+    through = all(line.through_base for line in lines)
+    own = ", ".join(
+        f"{axis.name} {'not stated' if base is None else axis.shown(base)}"
+        for axis, base in zip(claim.axes, claim.base, strict=True)
+    )
+    caption = f"Along lines of cells {'through' if through else 'near'} the scenario itself ({own})"
+    return Table.of_columns("margins", columns, caption)
+
+
+def _at(margin: Margin) -> tuple[str, ...]:
+    """Where the line goes."""
+    return (f"at {along(margin)}",) if margin.at else ()
+
+
+def cells_table(claim: Claim) -> Table:
+    """The cells with their states and values, those nearest to a limit first."""
+    order = np.argsort(_nearness(claim), kind="stable")[:MOST_CELLS]
+    cells = [claim.cells[number] for number in order]
+    columns = [
+        (Column(axis.name, left=True), [Cell(axis.shown(cell.point[number])) for cell in cells])
+        for number, axis in enumerate(claim.axes)
+    ]
+    columns += [(Column(name, left=True), [_state(claim, cell, name) for cell in cells]) for name in claim.trackers]
+    left = len(claim.cells) - len(cells)
+    caption = f"The {len(cells)} cells nearest to a limit; {left} more are in claim.json" if left else ""
+    return Table.of_columns("cells", columns, caption)
+
+
+def _nearness(claim: Claim) -> Array:
+    """``(cells,)`` how far the value nearest to its limit is from it, in units of its spread over the map."""
+    found = np.full(len(claim.cells), np.inf)
+    for tracker in claim.trackers:
+        beyond = excess(claim.cells, tracker, claim.limits_of(tracker))
+        spread = np.nanstd(beyond, axis=0)
+        apart = np.abs(beyond) / np.where(spread > 0, spread, 1.0)
+        found = np.fmin(found, np.fmin.reduce(apart, axis=1))
+    return found
+
+
+def _state(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
+    """The state with what it rests on."""
+    known = cell.trackers[tracker]
+    details = [
+        f"{limit.metric} {_number(value.value)} ({_number(value.low)} to {_number(value.high)})"
+        for limit, value in zip(claim.limits_of(tracker), known.values, strict=False)
+        if value.value is not None
+    ]
+    details += [known.cause] if known.cause else []
+    return Cell(known.state, details=(*details, f"{known.scenes} x {known.runs} runs"), tone=TONES[known.state])
+
+
+def _number(value: float | None) -> str:
+    return "open" if value is None else f"{value:.3g}"

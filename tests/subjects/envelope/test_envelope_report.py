@@ -1,0 +1,113 @@
+"""The page of an envelope, its figures and its text."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.patches import PathPatch
+from rich.console import Console
+from tests.support.claims import claim_of, envelope_of
+
+from trackbench.document.drawing import matplotlib_figure
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
+from trackbench.document.palette import tracker_styles
+from trackbench.document.terminal import print_document
+from trackbench.subjects.envelope.files import save_envelope
+from trackbench.subjects.envelope.map_figures import map_figure
+from trackbench.subjects.envelope.report import envelope_document, envelope_summary, headlines
+from trackbench.subjects.envelope.tables import MOST_CELLS, cells_table
+
+AXES = {
+    "q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 5},
+    "r": {"key": "sensors.radar.azimuth_sigma_deg", "from": 0.1, "to": 10.0, "levels": 3, "scale": "log"},
+    "n": {"key": "sensors.radar.rate_hz", "values": [5, 10, 20]},
+    "m": {"key": "sensors.radar.latency_ms", "from": 0, "to": 300, "levels": 4},
+    "world": {"key": "truth.world", "choices": ["ideal", "human"]},
+}
+TRACKERS = {name: lambda *x, own=own: float(np.exp(sum(x) - own)) for own, name in [(0.4, "ekf"), (0.7, "imm")]}
+
+
+def made(*axes, trackers=("ekf",), **more):
+    ways = {name: AXES[name] for name in axes}
+    return envelope_of(claim_of(ways, {name: TRACKERS[name] for name in trackers}, **more))
+
+
+@pytest.mark.parametrize(
+    ("axes", "trackers", "figures"),
+    [
+        ("q", ["ekf"], ["line-q-position-rmse"]),
+        (["q", "world"], ["ekf", "imm"], ["line-q-position-rmse"]),
+        (["world"], ["ekf"], []),
+        ("qr", ["ekf"], ["map-ekf-q-r", "line-q-position-rmse", "line-r-position-rmse"]),
+        (
+            ["q", "r", "world"],
+            ["ekf", "imm"],
+            ["borders-q-r", "map-ekf-q-r", "map-imm-q-r", "line-q-position-rmse", "line-r-position-rmse"],
+        ),
+        (
+            "qrn",
+            ["ekf"],
+            [*(f"map-ekf-{pair}" for pair in ("q-r", "q-n", "r-n")), *(f"line-{a}-position-rmse" for a in "qrn")],
+        ),
+    ],
+)
+def test_each_map_has_its_figures_and_can_be_read_in_every_format(axes, trackers, figures):
+    envelope = made(*axes, trackers=trackers)
+    document = envelope_document(envelope)
+    assert [figure.name for figure in document.figures] == figures
+    html, text = to_html(document), to_markdown(document)
+    assert html.count('class="plot"') == len(figures)
+    assert all(line in text.replace("**", "") for line in headlines(envelope.claim))
+    console = Console(file=io.StringIO(), width=80)
+    print_document(envelope_summary(envelope), console)
+    assert max(map(len, console.file.getvalue().splitlines())) <= 80
+
+
+def test_the_area_that_holds_is_that_of_the_triangles_between_cells_that_hold():
+    """Cells that hold up to q = 2, and fail from 2.5: half of the map holds, a quarter is in the band."""
+    claim = claim_of({"q": AXES["q"], "r": AXES["r"]}, {"ekf": lambda x, y: 0.5 + x})
+    figure = map_figure(claim, (0, 1), *tracker_styles({"ekf": "#000000"}).values())
+    axes = matplotlib_figure(figure).axes[0]
+    patches = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
+    spans = [(round(p.get_path().get_extents().x0, 6), round(p.get_path().get_extents().x1, 6)) for p in patches]
+    assert spans == [(1.0, 1.5), (2.5, 3.0), (2.5, 3.0), (1.5, 2.5)]
+
+
+def test_at_most_nine_slices_are_shown_with_that_of_the_scenario():
+    document = envelope_document(made("q", "r", "n", "m", base=[1.5, 1.0, 5.0, 100.0]))
+    figure = next(figure for figure in document.figures if figure.name == "map-ekf-q-r")
+    titles = [axes.get_title(loc="left") for axes in matplotlib_figure(figure).axes if axes.get_visible()]
+    assert len(titles) == 9
+    assert titles[0] == "n 5 Hz, m 100 ms"
+    assert "Of 12 slices those 9 are shown" in figure.caption
+
+
+def test_the_table_of_cells_begins_at_the_limit_and_says_what_it_leaves_out():
+    claim = made("q", "r", "n", "m").claim
+    table = cells_table(claim)
+    assert len(table.rows) == MOST_CELLS
+    assert f"{len(claim.cells) - MOST_CELLS} more" in table.caption
+    values = [abs(np.log(claim.by_point()[_point(claim, row)].trackers["ekf"].values[0].value)) for row in table.rows]
+    assert values == sorted(values)
+
+
+def _point(claim, row):
+    texts = tuple(cell.text for cell in row[: len(claim.axes)])
+    return next(
+        cell.at for cell in claim.cells if texts == tuple(a.shown(v) for a, v in zip(claim.axes, cell.at, strict=True))
+    )
+
+
+def test_a_sobol_design_says_why_it_has_no_margins():
+    claim = claim_of({"q": AXES["q"], "r": AXES["r"]}, {"ekf": lambda x, y: x + y}, design="sobol")
+    few = envelope_of(claim.model_copy(update={"cells": claim.cells[::4]}))
+    assert "design: grid" in to_markdown(envelope_document(few))
+
+
+def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):
+    folder = save_envelope(made("q", "r"), tmp_path)
+    done = cli("report", folder, "--format", "html", "--out", "again.html")
+    assert done.status == 0, done.err
+    assert (tmp_path / "again.html").read_text() == (folder / "envelope.html").read_text()
