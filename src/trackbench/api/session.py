@@ -152,14 +152,30 @@ def _save(
     Raises:
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
+    result, artifacts = with_artifacts(result, pages, colours, left_out)
+    result.save(folder, _counted(artifacts, progress))
+    return result
+
+
+def with_artifacts(
+    result: Result, pages: Mapping[str, str], colours: Mapping[str, str], left_out: Collection[str] = ()
+) -> tuple[Result, dict[str, Callable[[Path], None]]]:
+    """The result, which names all files of its folder, and what writes those beside its numbers.
+
+    Args:
+        result: of the run.
+        pages: the report, by the name of the file.
+        colours: of its trackers.
+        left_out: the files of subjects that are not written.
+    """
     artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
     for file, offer in offered("artifacts"):
         if file not in left_out:
             artifacts[file] = partial(resolve(offer.target), result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
-    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
-    result.save(folder, _counted(artifacts, progress))
-    return result
+    return result.updated(
+        artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files}
+    ), artifacts
 
 
 def _counted(artifacts: Mapping[str, _Writer], progress: Progress) -> dict[str, _Writer]:

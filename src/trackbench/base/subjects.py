@@ -55,6 +55,9 @@ class Subject:
     """By the key of a scenario at its top level: the class of what stands there, with an ``EXAMPLE``."""
     tuners: Mapping[str, str] = field(default_factory=dict)
     """By any name: a function of a scenario and an executor that gives the scenario with tuned trackers."""
+    examiners: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a function of a scenario and the name of a tracker in it that gives a sentence on what is wrong with
+    it; None where nothing is found."""
     run_options: Mapping[str, str] = field(default_factory=dict)
     """By any name: a :class:`trackbench.cli.options.RunOptions`, for ``trackbench run``."""
 

@@ -44,7 +44,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     """Write a folder: under a temporary name beside it, and renamed when it is complete.
 
     Args:
-        files: by name, a function that writes the file.
+        files: by name, a function that writes the file; a name may be that of a file in a folder inside.
         folder: the final name; an earlier one with the file ``mark`` is replaced.
         mark: name of the file by which such a folder is known.
 
@@ -61,8 +61,9 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     try:
         temporary.chmod(0o755)
         for name, write in files.items():
+            (temporary / name).parent.mkdir(parents=True, exist_ok=True)
             write(temporary / name)
-        written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
+        written = [f"{name} {(temporary / name).stat().st_size / 1000:.0f} kB" for name in sorted(files)]
         tell_written(folder, {name: temporary / name for name in files})
         with locked(folder.parent):
             _put(temporary, folder, mark)

@@ -161,13 +161,16 @@ class Result:
         Raises:
             TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
         """
+        save_files({**self.files(), **(artifacts or {})}, Path(folder), SUMMARY)
+
+    def files(self) -> dict[str, Callable[[Path], object]]:
+        """By the name of each file of the numbers in the run's folder, what writes it."""
         import pyarrow.parquet as pq
 
-        summary = {SUMMARY: partial(write_file, to_json(self.json()))}
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        save_files({**summary, **tables, **(artifacts or {})}, Path(folder), SUMMARY)
+        return {SUMMARY: partial(write_file, to_json(self.json())), **tables}
 
     def updated(self, **fields: Any) -> Result:
         """The same result with other fields of its summary."""

@@ -161,13 +161,17 @@ def _bounds(name: str, dof: int, count: Array) -> Record:
 
 def _run_record(name: str, evaluation: Evaluation, scores: BlockScores, work: Work, own_paths: Sequence[str]) -> Record:
     """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
-    runs = len(work.scene_of_run)
+    return {**run_keys(name, work), **run_sums_record(evaluation, scores, own_paths)}
+
+
+def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_paths: Sequence[str]) -> Record:
+    """What each run leaves."""
+    runs = len(scores.due)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
         for row in ("nis", "count")
     )
     return {
-        **run_keys(name, work),
         **dict(zip(ERROR, evaluation.scores.per_run, strict=True)),
         "nis": nis,
         "nis_count": nis_count,

@@ -81,14 +81,36 @@ def subject(
         own = loaded.config.sensing.identities
         if identities not in (None, own):
             raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
-        own_subject = _of_scenario(loaded, name, options, None if other is None else sensors, isolation)
-        return own_subject if own_subject.multi_object else _observed(own_subject, other or loaded)
+        return subject_in(loaded, name, options, other, isolation)
     folder = None if scenario is None else scenario.resolve().parent
     tracker = PluginConfig.model_validate({"use": use_of(target), "options": dict(options)})
     if identities == "hidden":
         return ExaminedTracker(target, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
     alone = _startable(ExaminedTracker(target, fresh(tracker, folder, isolation), sensors))
     return alone if other is None else _observed(alone, other)
+
+
+def subject_in(
+    loaded: Scenario,
+    name: str,
+    options: Mapping[str, Any] = {},
+    other: Scenario | None = None,
+    isolation: Isolation = ISOLATED,
+) -> ExaminedTracker:
+    """A tracker of a scenario; as :func:`subject`.
+
+    Args:
+        loaded: the scenario.
+        name: of the tracker.
+        options: none, which a scenario has.
+        other: the scenario whose sensors and observer are used instead.
+        isolation: whether a tracker that is not built in gets a process of its own.
+
+    Raises:
+        InputError: there is no such tracker, or it cannot be examined.
+    """
+    examined = _of_scenario(loaded, name, options, None if other is None else other.config.sensors, isolation)
+    return examined if examined.multi_object else _observed(examined, other or loaded)
 
 
 def lives_elsewhere(target: str, isolation: Isolation) -> bool:

@@ -8,7 +8,7 @@ import platform
 import shlex
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ from trackbench.subjects.envelope.claim import (
     hash_of,
     parts_of,
 )
+from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.decide import Decision
 from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
 from trackbench.subjects.envelope.named_files import hashes_of
@@ -55,6 +56,8 @@ class EnvelopePlan:
     engine: EngineName = "auto"
     store: Path | None = None
     """A folder that keeps the runs until the map is written."""
+    counter_examples: int | None = None
+    """Most of a tracker; None: twice the number of axes."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
@@ -70,7 +73,17 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     made = map_of(loaded, plan, executor, listener)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
-    return envelope_of(made, command_of_envelope(loaded, plan))
+    return with_counter_examples(made, envelope_of(made, command_of_envelope(loaded, plan)), plan, executor, listener)
+
+
+def with_counter_examples(
+    made: EnvelopeMap, envelope: Envelope, plan: EnvelopePlan, executor: Executor, listener: Listener
+) -> Envelope:
+    """What is claimed of a map, with its nearest counter-examples."""
+    maker = CounterMaker(made, envelope.claim, executor, plan.isolation, plan.engine)
+    found = maker.make(plan.counter_examples, listener)
+    claim = envelope.claim.model_copy(update={"counter_examples": found})
+    return replace(envelope, claim=claim, shown=maker.shown)
 
 
 def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: Listener) -> EnvelopeMap:
@@ -190,6 +203,7 @@ def envelope(
     *,
     workers: int | None = 1,
     engine: EngineName = "auto",
+    counter_examples: int | None = None,
     progress: Progress = no_progress,
 ) -> FinishedEnvelope:
     """Map where trackers meet what the scenario expects of them.
@@ -198,6 +212,7 @@ def envelope(
         scenario: what :func:`load` gave or takes, with an ``envelope:`` block.
         workers: number of processes; None: one for each core where it pays. The claim is the same.
         engine: ``auto``, ``numpy`` or ``fused``.
+        counter_examples: most of a tracker; twice the number of axes unless given.
         progress: called with the number of cells that are decided and of those that there are.
 
     Raises:
@@ -206,7 +221,8 @@ def envelope(
     """
     loaded = loaded_scenario(scenario)
     with executor(workers) as chosen:
-        return FinishedEnvelope(make_envelope(loaded, EnvelopePlan(engine=engine), chosen, Counter(progress, "cells")))
+        plan = EnvelopePlan(engine=engine, counter_examples=counter_examples)
+        return FinishedEnvelope(make_envelope(loaded, plan, chosen, Counter(progress, "cells")))
 
 
 class FinishedEnvelope:
@@ -236,18 +252,19 @@ class FinishedEnvelope:
 
         return Report(envelope_document(self.envelope))
 
-    def save(self, out: Path | str) -> Path:
+    def save(self, out: Path | str, recording: bool = True) -> Path:
         """Write the folder of the envelope; returns its place.
 
         Args:
             out: in which it is made.
+            recording: whether each counter-example has one.
 
         Raises:
             TrackbenchError: it cannot be written.
         """
         from trackbench.subjects.envelope.files import save_envelope
 
-        return save_envelope(self.envelope, Path(out))
+        return save_envelope(self.envelope, Path(out), recording)
 
     def __repr__(self) -> str:
         claim = self.claim

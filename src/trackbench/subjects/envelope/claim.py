@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ from trackbench.base.types import Array
 from trackbench.results.metric_value import ResultModel, read_model
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
+from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample
 
 CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
 
@@ -122,6 +123,8 @@ class Claim(ResultModel):
     cells: list[ClaimCell]
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""
+    counter_examples: CounterExamples | None = None
+    """None where none were looked for."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:
@@ -184,6 +187,8 @@ class Envelope:
     parts: pa.Table
     """``cell`` and ``limit`` (their numbers in the claim), ``part`` (the run, or the scene), ``value``: their mean over
     the parts is the value of the cell, to first order."""
+    shown: Mapping[str, ShownExample] = field(default_factory=dict)
+    """By folder, the counter-examples; none of a claim that was read."""
 
     def values(self, cell: int, limit: int) -> Array:
         """``(parts,)`` of a requirement in a cell."""

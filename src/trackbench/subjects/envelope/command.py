@@ -34,6 +34,8 @@ from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options
+@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
+@click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
 @quiet_option("The headline alone.")
 @verbose_option
@@ -46,6 +48,8 @@ def envelope_command(
     cluster: str | None,
     engine: EngineName,
     isolation: Isolation,
+    counter_examples: int | None,
+    no_recording: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -74,11 +78,12 @@ def envelope_command(
     output = RunOutput(as_json, quiet)
     try:
         with executor(workers, cluster) as chosen:
-            made = make_envelope(loaded, EnvelopePlan(isolation, engine, store), chosen, output)
+            plan = EnvelopePlan(isolation, engine, store, counter_examples)
+            made = make_envelope(loaded, plan, chosen, output)
     except KeyboardInterrupt:
         click.echo(f"interrupted: the runs so far are kept; the same command goes on from {store}", err=True)
         raise click.exceptions.Exit(INTERRUPTED) from None
-    folder = save_envelope(made, out)
+    folder = save_envelope(made, out, not no_recording)
     if as_json:
         click.echo(claim_text(made.claim), nl=False)
     elif quiet:

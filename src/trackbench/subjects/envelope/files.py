@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from trackbench import results
+from trackbench.api import session
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
+from trackbench.document.palette import tracker_colours
+from trackbench.scenario.written import written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
+from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
 from trackbench.subjects.envelope.report import envelope_document
+
+#: The file of the subject that records a run.
+RECORDING = "recording.rrd"
 
 
 def folder_of(scenario: str, out: Path) -> Path:
@@ -34,8 +41,13 @@ def require_out(scenario: str, out: Path) -> None:
     results.require_replaceable(folder_of(scenario, out), CLAIM)
 
 
-def save_envelope(made: Envelope, out: Path) -> Path:
+def save_envelope(made: Envelope, out: Path, recording: bool = True) -> Path:
     """Write the folder whole, or not at all; returns its place.
+
+    Args:
+        made: what is claimed.
+        out: in which the folder is made.
+        recording: whether each counter-example has one.
 
     Raises:
         OutputError: it cannot be written.
@@ -47,9 +59,26 @@ def save_envelope(made: Envelope, out: Path) -> Path:
         "envelope.html": partial(results.write_file, to_html(document)),
         "envelope.md": partial(results.write_file, to_markdown(document)),
     }
+    colours = tracker_colours(made.claim.trackers)
+    for name, shown in made.shown.items():
+        place = f"{COUNTER_EXAMPLES}/{name}"
+        own = _files_of(shown, folder / place, colours, recording)
+        files |= {f"{place}/{file}": write for file, write in own.items()}
     results.save_files(files, folder, CLAIM)
     shutil.rmtree(looks_of(made.claim.scenario, out), ignore_errors=True)
     return folder
+
+
+def _files_of(
+    shown: ShownExample, folder: Path, colours: Mapping[str, str], recording: bool
+) -> dict[str, Callable[[Path], object]]:
+    """The scenario of a counter-example, and the folder of its run."""
+    text = written_with_changes(shown.loaded, folder)
+    colours = tracker_colours([*colours, *shown.loaded.config.trackers])
+    pages = session.pages(shown.result, colours)
+    left_out = () if recording else (RECORDING,)
+    result, artifacts = session.with_artifacts(shown.result, pages, colours, left_out)
+    return {"scenario.yaml": partial(results.write_file, text), **result.files(), **artifacts}
 
 
 def claim_text(claim: Claim) -> str:

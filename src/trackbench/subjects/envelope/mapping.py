@@ -72,6 +72,9 @@ class Cell:
     measurements: list[bytes] = field(default_factory=list)
     """Of each look, the hash of the measurements of its runs."""
 
+    metrics: tuple[Metric, ...] = ()
+    """That its runs are scored by."""
+
     @property
     def states(self) -> dict[str, State]:
         """By tracker."""
@@ -146,15 +149,24 @@ class EnvelopeMap:
 
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
         """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""
-        new = [self._cell(point, added) for point in points]
-        self.cells |= {cell.point: cell for cell in new}
-        for look, extent in enumerate(self.task.extents):
-            self._look(new, look, extent, progress)
+        scenarios = (self.task.scenario_at(point) for point in points)
+        tuned = scenarios if self._retune is None else map(self._retune, scenarios)
+        self.finish([self.empty(*pair, added) for pair in zip(points, tuned, strict=True)], progress)
 
-    def _cell(self, point: Point, added: bool) -> Cell:
-        loaded = self.task.scenario_at(point)
-        if self._retune is not None:
-            loaded = self._retune(loaded)
+    def finish(self, cells: Sequence[Cell], progress: NotedProgress = no_progress) -> None:
+        """Make the runs of some cells, until each is decided or its budget is spent; see :meth:`make`."""
+        self.cells |= {cell.point: cell for cell in cells}
+        for look, extent in enumerate(self.task.extents):
+            self._look(cells, look, extent, progress)
+
+    def empty(self, point: Point, loaded: Scenario, added: bool = False) -> Cell:
+        """A cell without runs.
+
+        Args:
+            point: its values of the axes.
+            loaded: the scenario there.
+            added: whether it was put near a border.
+        """
         trackers = {name: TrackerCell() for name in self.task.trackers}
         others = {
             item.other: TrackerCell() for item in self.task.requirements if item.other and item.other not in trackers
@@ -178,6 +190,7 @@ class EnvelopeMap:
         # All of them were at every look before.
         done = self.task.extents[look - 1] if look else NOTHING
         work = self._work(cell.loaded, extent)
+        cell.metrics = work.metrics
         # A world may have another number of scenes.
         extent = extent._replace(scenes=len(work.scenes))
         objects = max(1, *(len(scene.truth.ids) for scene in work.scenes))

@@ -9,6 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
 from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
+from trackbench.subjects.envelope.counter_page import counter_sections
 from trackbench.subjects.envelope.suites import suite_sentences
 from trackbench.subjects.envelope.tables import cells_table, margins_table
 
@@ -53,7 +54,7 @@ def envelope_document(made: Envelope) -> Document:
     blocks: list[Block] = [*_headline(claim)]
     blocks += [Row(first)] if first else []
     blocks += [Section("Margins", (*_margins(claim), *([Row(lines)] if maps and lines else [])))]
-    blocks += _suites(claim)
+    blocks += [*counter_sections(claim), *_suites(claim)]
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
     blocks += [
         Section("Cells", (cells_table(claim),), folded=True),
@@ -66,7 +67,8 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
     claim = made.claim
-    return Document("envelope", _title(claim), (*_headline(claim), *_margins(claim), *_suites(claim)))
+    blocks = (*_headline(claim), *_margins(claim), *counter_sections(claim, listed=False), *_suites(claim))
+    return Document("envelope", _title(claim), blocks)
 
 
 def saved_document(file: Path) -> Document:

@@ -1,0 +1,78 @@
+"""Why a tracker misses its requirement: under which condition, at which moment, and what an examination finds."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+from trackbench.base.execution import Task
+from trackbench.base.subjects import offered, resolve
+from trackbench.metrics.track_events import events_of
+from trackbench.report.moments import moment_text, worst_moments
+from trackbench.results import Breakdown, Result
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import own_folder
+from trackbench.trackers.config import FilterConfig
+
+#: A condition stands out if it has at least this many times the squared error of its share of the estimates.
+STANDS_OUT = 1.2
+
+
+def condition_of(result: Result, tracker: str) -> str:
+    """What carries the error: a manoeuvre or a range band; of tracks, the kind of event. Empty where none stands out.
+
+    Args:
+        result: of all runs.
+        tracker: its name.
+    """
+    if result.summary.identities == "hidden":
+        return _dearest_kind(result, tracker)
+    scores = result[tracker].breakdown
+    return "" if scores is None else _carrier(scores)
+
+
+def _carrier(scores: Breakdown) -> str:
+    shares = []
+    for name, item in {**scores.manoeuvre, **scores.range}.items():
+        if item.position_rmse is not None and item.position_rmse.value is not None:
+            total = scores.all.position_rmse
+            assert total is not None
+            assert total.value is not None
+            count = item.count / scores.all.count
+            shares.append((count * (item.position_rmse.value / total.value) ** 2, count, name))
+    if not shares:
+        return ""
+    carried, count, name = max(shares, key=lambda share: share[0] - share[1])
+    if carried < STANDS_OUT * count:
+        return ""
+    return f"{name}: {100 * carried:.0f} % of the squared position error in {100 * count:.0f} % of the estimates"
+
+
+def _dearest_kind(result: Result, tracker: str) -> str:
+    costs: dict[tuple[str, str], float] = {}
+    for event in events_of(result, tracker):
+        costs[event.kind, event.cause] = costs.get((event.kind, event.cause), 0.0) + event.cost_m2
+    total = sum(costs.values())
+    if not total:
+        return ""
+    (kind, why), cost = max(costs.items(), key=lambda item: item[1])
+    return f"{kind}, {why}: {100 * cost / total:.0f} % of the cost of all events"
+
+
+def event_of(result: Result, tracker: str) -> str:
+    """What went wrong most in the recorded run; empty where nothing did, or nothing is known of it."""
+    if result.summary.identities == "hidden":
+        first = next(iter(events_of(result, tracker, result.summary.recorded_run)), None)
+        return "" if first is None else f"{first.kind} at {first.time_s:.2f} s, {first.reason}"
+    moment = worst_moments(result).get(tracker)
+    return "" if moment is None else f"position error {moment_text(moment)}"
+
+
+def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
+    """What the subjects that examine trackers say of a built-in one; empty of any other."""
+    if not isinstance(loaded.config.trackers[tracker], FilterConfig):
+        return ""
+    said = []
+    for name, target in offered("examiners"):
+        remark = executor.submit(Task(resolve(target), loaded, own_folder(loaded)), tracker).result()
+        said.append(f"the {name} finds no fault in it" if remark is None else f"the {name}: {remark}")
+    return "; ".join(said)

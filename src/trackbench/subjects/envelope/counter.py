@@ -1,0 +1,222 @@
+"""Shows each counter-example: by its median failing run, once more on other seeds, and with its cause."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from trackbench.api import session
+from trackbench.api.plan import Listener, RunPlan
+from trackbench.base.types import Array
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName
+from trackbench.results import Result
+from trackbench.runner.run_values import run_values
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import scenario_of, select_trackers
+from trackbench.subjects.envelope.causes import condition_of, event_of, finding_on
+from trackbench.subjects.envelope.cells import Requirement, Runs
+from trackbench.subjects.envelope.claim import Claim, ClaimCell
+from trackbench.subjects.envelope.counter_models import (
+    BeyondRun,
+    CounterExample,
+    CounterExamples,
+    Repetition,
+    ShownExample,
+    ShownRun,
+)
+from trackbench.subjects.envelope.faces import Facing, base_of, nearest_failing
+from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
+
+#: Runs beyond the limit in cells that hold that are listed.
+MOST_BEYOND = 20
+#: What the name of a folder does not have.
+UNFIT = re.compile(r"[^A-Za-z0-9_.-]+")
+
+
+class CounterMaker:
+    """Makes the counter-examples of a map.
+
+    Args:
+        made: the map.
+        claim: what is claimed of it.
+        executor: what makes the runs.
+        isolation: how plug-ins are kept apart.
+        engine: what computes.
+    """
+
+    def __init__(
+        self,
+        made: EnvelopeMap,
+        claim: Claim,
+        executor: Executor,
+        isolation: Isolation = ISOLATED,
+        engine: EngineName = "auto",
+    ) -> None:
+        self._made, self._claim, self._task = made, claim, made.task
+        self._executor, self._isolation, self._engine = executor, isolation, engine
+        self._cells = [*made.cells.values()]
+        self.shown: dict[str, ShownExample] = {}
+        """By the name of the folder of each counter-example."""
+
+    def make(self, most: int | None, listener: Listener) -> CounterExamples:
+        """All of them.
+
+        Args:
+            most: of a tracker; unless given, twice the number of axes.
+            listener: is told of the work.
+        """
+        bases = [base_of(self._claim, tracker) for tracker in self._claim.trackers]
+        facings = [facing for base in bases for facing in nearest_failing(self._claim, base, most)]
+        again = EnvelopeMap(self._task, self._executor, self._isolation, self._engine)
+        numbers = dict.fromkeys(facing.cell for facing in facings)
+        name = self._claim.scenario
+        with listener.progress(f"counter-examples of {name} on other seeds", "cells") as advance:
+            again.finish([self._reseeded(again, self._cells[number]) for number in numbers], advance)
+        findings: dict[str, str] = {}
+        examples = []
+        with listener.progress(f"counter-examples of {name}", "examples") as advance:
+            for number, facing in enumerate(facings, 1):
+                advance(number - 1, len(facings))
+                example = self._example(number, facing, again)
+                if facing.tracker not in findings:
+                    loaded = self.shown[example.folder].loaded
+                    findings[facing.tracker] = finding_on(loaded, facing.tracker, self._executor)
+                examples.append(example.model_copy(update={"finding": findings[facing.tracker]}))
+        beyond = sorted(self._beyond(), key=lambda pair: -pair[0])
+        rows = [row for _, row in beyond[:MOST_BEYOND]]
+        return CounterExamples(bases=bases, examples=examples, beyond=rows, beyond_total=len(beyond))
+
+    def _reseeded(self, again: EnvelopeMap, cell: Cell) -> Cell:
+        """The cell with other noise and, where traffic repeats, other scenes."""
+        config = cell.loaded.config
+        changes = [f"monte_carlo.seed={config.monte_carlo.seed + 1}"]
+        if self._task.config.claim == "traffic like these":
+            first = next(iter(config.truth.scenes())).seed  # type: ignore[attr-defined]
+            changes.append(f"truth.seed={first + self._task.extents[-1].scenes}")
+        return again.empty(cell.point, _changed(cell.loaded, changes, [*cell.loaded.config.trackers]))
+
+    def _example(self, number: int, facing: Facing, again: EnvelopeMap) -> CounterExample:
+        cell, claimed = self._cells[facing.cell], self._claim.cells[facing.cell]
+        limit = _failed_limit(self._claim, claimed, facing.tracker)
+        requirement = None if limit is None else self._task.requirements[limit]
+        shown = self._shown(cell, facing.tracker, requirement)
+        folder = UNFIT.sub("-", f"{number}-{facing.tracker}-{facing.axis}-{facing.side}")
+        result = self._run(folder, cell, facing.tracker, requirement, shown)
+        own = self._task.of(facing.tracker)
+        value = None if requirement is None else claimed.trackers[facing.tracker].values[own.index(requirement)]
+        return CounterExample(
+            folder=folder,
+            **facing._asdict(),
+            limit=limit,
+            value=value and value.value,
+            low=value and value.low,
+            high=value and value.high,
+            cause=claimed.trackers[facing.tracker].cause,
+            shown=shown,
+            again=self._repetition(again.cells[cell.point], facing.tracker, requirement),
+            condition=condition_of(result, facing.tracker),
+            event=event_of(result, facing.tracker),
+            finding="",
+        )
+
+    def _shown(self, cell: Cell, tracker: str, requirement: Requirement | None) -> ShownRun:
+        own = cell.trackers[tracker]
+        values = None if requirement is None else _values(cell, requirement)
+        if requirement is None or values is None:
+            return ShownRun(scene=0, run=0, value=None, beyond=None, runs=len(own.runs.run))
+        order = np.argsort(values)
+        beyond = [run for run in order if np.isfinite(values[run]) and _excess(requirement, values[run]) >= 0]
+        # Where the mean is beyond the limit and no run is, that nearest to it.
+        nearest = order[np.nanargmax([_excess(requirement, values[run]) for run in order])]
+        middle = beyond[(len(beyond) - 1) // 2] if beyond else nearest
+        return ShownRun(
+            scene=int(own.runs.scene[middle]),
+            run=int(own.runs.run[middle]),
+            value=float(values[middle]),
+            beyond=len(beyond),
+            runs=len(values),
+        )
+
+    def _run(self, folder: str, cell: Cell, tracker: str, requirement: Requirement | None, shown: ShownRun) -> Result:
+        """The cell's scenario with as many runs as it had, of which that to be shown is recorded."""
+        extent = cell.trackers[tracker].extent
+        changes = [f"recording.scene={shown.scene}", f"recording.run={shown.run}"]
+        changes.append(f"monte_carlo.runs={max(1, extent.runs)}")
+        if self._task.config.claim == "traffic like these":
+            changes.append(f"truth.seeds={max(1, extent.scenes)}")
+        names = [tracker, *([requirement.other] if requirement is not None and requirement.other else [])]
+        loaded = _changed(cell.loaded, changes, names)
+        plan = RunPlan(isolation=self._isolation, engine=self._engine)
+        prepared = session.prepare([loaded], plan, self._executor, Listener())
+        (result,) = session.run(prepared, plan, self._executor, Listener())
+        self.shown[folder] = ShownExample(loaded, result)
+        return result
+
+    def _repetition(self, cell: Cell, tracker: str, requirement: Requirement | None) -> Repetition:
+        again = cell.trackers[tracker]
+        judged = None
+        if requirement is not None and again.judged:
+            judged = again.judged[self._task.of(tracker).index(requirement)]
+        return Repetition(
+            seed=cell.loaded.config.monte_carlo.seed,
+            state=again.state,
+            value=judged and judged.interval.value,
+            low=judged and judged.low,
+            high=judged and judged.high,
+        )
+
+    def _beyond(self) -> Iterator[tuple[float, BeyondRun]]:
+        """Runs beyond a limit in cells that hold, each with its excess as a share of the limit."""
+        for number, cell in enumerate(self._cells):
+            for place, item in enumerate(self._task.requirements):
+                own = cell.trackers[item.tracker]
+                values = _values(cell, item) if own.state == "holds" else None
+                if values is None:
+                    continue
+                excess = _excess(item, values)
+                for run in np.flatnonzero(excess > 0):
+                    row = BeyondRun(
+                        tracker=item.tracker,
+                        limit=place,
+                        cell=number,
+                        scene=int(own.runs.scene[run]),
+                        run=int(own.runs.run[run]),
+                        value=float(values[run]),
+                    )
+                    yield float(excess[run]) / (abs(item.limit) or 1.0), row
+
+
+def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
+    """The number of the requirement that a tracker does not meet in a cell."""
+    own = [number for number, limit in enumerate(claim.limits) if limit.tracker == tracker]
+    values = cell.trackers[tracker].values
+    return next((number for number, value in zip(own, values, strict=False) if value.state == "fails"), None)
+
+
+def _values(cell: Cell, item: Requirement) -> Array | None:
+    """``(runs,)`` what is required, in each run; None where runs do not tell it."""
+    metric = next((metric for metric in cell.metrics if metric.path == item.metric), None)
+    sides: Sequence[TrackerCell | None] = [cell.trackers[item.tracker]]
+    if item.other is not None:
+        sides = [*sides, cell.trackers.get(item.other) or cell.others[item.other]]
+    runs: list[Runs] = [side.runs for side in sides if side is not None]
+    if metric is None or any(not each.sums for each in runs):
+        return None
+    values = [run_values(metric, each.sums, len(each.run)) for each in runs]
+    if any(value is None for value in values):
+        return None
+    first, *rest = values
+    return first if not rest else np.asarray(first) - np.asarray(rest[0])
+
+
+def _excess(item: Requirement, values: Array) -> Array:
+    """How far values are beyond the limit; negative where they meet it."""
+    return np.asarray(values - item.limit if item.direction == "below" else item.limit - values)
+
+
+def _changed(loaded: Scenario, changes: Sequence[str], trackers: Sequence[str]) -> Scenario:
+    return select_trackers(scenario_of(loaded.text, loaded.path, [*loaded.overrides, *changes]), trackers)

@@ -1,0 +1,111 @@
+"""What a claim says of counter-examples."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from trackbench.results import Result
+from trackbench.results.metric_value import ResultModel
+from trackbench.scenario import Scenario
+from trackbench.subjects.envelope.axes import Point
+
+#: The folder of their folders.
+COUNTER_EXAMPLES = "counter_examples"
+
+
+class ShownRun(ResultModel):
+    """The run by which a counter-example is shown: the median of those that miss the limit."""
+
+    scene: int
+    run: int
+    """Of its scene, from 0."""
+    value: float | None
+    """None where runs do not tell the metric."""
+    beyond: int | None
+    """How many of the runs of the cell are beyond the limit."""
+    runs: int
+
+
+class Repetition(ResultModel):
+    """The cell once more, with other seeds, looks and bounds as in the map."""
+
+    seed: int
+    state: str
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+class CounterExample(ResultModel):
+    """The nearest cell that fails with confidence, towards a face of the map."""
+
+    folder: str
+    """Of its scenario, report and recording, in ``counter_examples``."""
+    tracker: str
+    axis: str
+    """Along which it is furthest from the base."""
+    side: str
+    """low, high, or the name of a choice."""
+    cell: int
+    """Its number in the claim."""
+    distance: float
+    """From the base, in shares of each range or in units of ``scale``."""
+    limit: int | None
+    """The number of the requirement that it does not meet; None where the cell says another cause."""
+    value: float | None
+    low: float | None
+    high: float | None
+    cause: str
+    """Why it fails, where that is not a limit."""
+    shown: ShownRun
+    again: Repetition
+    condition: str
+    """Which manoeuvre or range carries the error; empty where none stands out."""
+    event: str
+    """What went wrong most in the run that is shown."""
+    finding: str
+    """What an examination of the tracker says; empty where none was made."""
+
+
+class BasePoint(ResultModel):
+    """From where distances are counted for a tracker."""
+
+    tracker: str
+    point: list[float | str]
+    note: str
+    """Where it is not the scenario itself."""
+
+    @property
+    def at(self) -> Point:
+        """Its values of the axes."""
+        return tuple(self.point)
+
+
+class BeyondRun(ResultModel):
+    """A run beyond the limit in a cell that holds."""
+
+    tracker: str
+    limit: int
+    cell: int
+    scene: int
+    run: int
+    value: float
+
+
+class CounterExamples(ResultModel):
+    """Those of a map."""
+
+    bases: list[BasePoint]
+    examples: list[CounterExample]
+    """By tracker, the nearest first."""
+    beyond: list[BeyondRun]
+    """Runs beyond the limit in cells that hold, the furthest first."""
+    beyond_total: int
+    """How many of these there are."""
+
+
+class ShownExample(NamedTuple):
+    """What the folder of a counter-example holds."""
+
+    loaded: Scenario
+    result: Result

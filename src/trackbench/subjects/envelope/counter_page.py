@@ -1,0 +1,114 @@
+"""What a page says of counter-examples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from trackbench.base.errors import counted
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
+from trackbench.subjects.envelope.claim import Claim
+from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, CounterExample, CounterExamples
+
+#: How the state of a cell on other seeds is read.
+AGAIN = {
+    "fails": "fails again",
+    "holds": "holds: the map was wrong, or the seeds differ",
+    "undecided": "undecided: not shown to fail again",
+}
+
+
+def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
+    """The nearest counter-examples with their causes, and the runs beyond the limit in cells that hold.
+
+    Args:
+        claim: of the map.
+        listed: whether these runs are listed.
+    """
+    found = claim.counter_examples
+    if found is None:
+        return
+    notes = [Item(f"{base.tracker}: {base.note}") for base in found.bases if base.note]
+    blocks: list[Block] = [Items(tuple(notes))] if notes else []
+    if found.examples:
+        about = (
+            "Towards each face of the map, the nearest cell that fails with confidence. Each folder in "
+            f"{COUNTER_EXAMPLES}/ has the scenario, the report and the recording of its median failing run. The other "
+            f"seed is {found.examples[0].again.seed}, with the looks and bounds of the map."
+        )
+        causes = Items(tuple(_cause(example) for example in found.examples))
+        blocks += [_examples(claim, found), Paragraph(about), causes]
+    else:
+        blocks.append(Paragraph("No cell fails with confidence."))
+    yield Section("Nearest counter-examples", tuple(blocks))
+    if listed and found.beyond:
+        yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, found),), folded=True)
+
+
+def at_point(claim: Claim, cell: int) -> str:
+    """The values of a cell, as they are read."""
+    point = claim.cells[cell].at
+    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(claim.axes, point, strict=True))
+
+
+def _examples(claim: Claim, found: CounterExamples) -> Table:
+    every = found.examples
+    columns: Mapping[Column, list[Cell]] = {
+        Column("tracker", left=True): [Cell(item.tracker, tracker=item.tracker) for item in every],
+        Column("towards", left=True): [
+            Cell(f"{item.axis} {item.side}", link=f"{COUNTER_EXAMPLES}/{item.folder}/report.html") for item in every
+        ],
+        Column("fails at", left=True): [Cell(at_point(claim, item.cell)) for item in every],
+        Column("distance", "in shares of each range, or in units of scale"): [
+            Cell(f"{item.distance:.2f}") for item in every
+        ],
+        Column("value", left=True): [Cell(_value(claim, item)) for item in every],
+        Column("on other seeds", left=True): [Cell(_again(item)) for item in every],
+    }
+    return Table.of_columns("counter-examples", [*columns.items()])
+
+
+def _value(claim: Claim, item: CounterExample) -> str:
+    if item.limit is None:
+        return item.cause
+    limit = claim.limits[item.limit]
+    return f"{limit.metric} {bounds(item.value, item.low, item.high)}"
+
+
+def bounds(value: float | None, low: float | None, high: float | None) -> str:
+    """A value with its one-sided bounds."""
+    if value is None:
+        return "none"
+    return f"{value:.3g}" if low is None or high is None else f"{value:.3g} ({low:.3g} to {high:.3g})"
+
+
+def _shown(item: CounterExample) -> str:
+    shown = item.shown
+    place = f"shown by run {shown.run} of scene {shown.scene}"
+    if shown.value is None or shown.beyond is None:
+        return f"{place}, since runs do not tell the metric"
+    return f"{place}, {shown.value:.3g}, the median of the {shown.beyond} of {counted(shown.runs, 'run')} that fail"
+
+
+def _again(item: CounterExample) -> str:
+    again = item.again
+    return f"{AGAIN[again.state]}, {bounds(again.value, again.low, again.high)}"
+
+
+def _cause(item: CounterExample) -> Item:
+    parts = [part for part in (_shown(item), item.event, item.condition, item.finding) if part]
+    return Item(f"{item.axis} {item.side}: {'; '.join(parts)}", item.tracker)
+
+
+def _beyond(claim: Claim, found: CounterExamples) -> Table:
+    rows = found.beyond
+    columns = [
+        (Column("tracker", left=True), [Cell(row.tracker, tracker=row.tracker) for row in rows]),
+        (Column("cell", left=True), [Cell(at_point(claim, row.cell)) for row in rows]),
+        (Column("seed"), [Cell(str(claim.seed)) for _ in rows]),
+        (Column("scene"), [Cell(str(row.scene)) for row in rows]),
+        (Column("run"), [Cell(str(row.run)) for row in rows]),
+        (Column("value"), [Cell(f"{row.value:.3g}") for row in rows]),
+        (Column("limit"), [Cell(f"{claim.limits[row.limit].limit:g}") for row in rows]),
+    ]
+    caption = f"The furthest {len(rows)} of {found.beyond_total}" if found.beyond_total > len(rows) else ""
+    return Table.of_columns("runs-beyond", columns, caption) if caption else Table.of_columns("runs-beyond", columns)

@@ -1,0 +1,54 @@
+"""Metrics of single runs from the sums of a tracker."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trackbench as tb
+from trackbench.metrics.built_in import BUILT_IN
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.runner.run_values import run_values
+from trackbench.runner.work import BlockRuns, work_of
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.envelope.cells import make_runs
+
+RUNS = 6
+
+
+def by_run(loaded: tb.Scenario, name: str, metrics: Any) -> tuple[Any, tb.Result]:
+    """The sums of one tracker over all runs, and the result of the product."""
+    work = work_of(loaded, truths_of(loaded))
+    return make_runs(work, [name], [BlockRuns(0, range(RUNS))]).sums[name], tb.run(loaded, workers=1)
+
+
+@pytest.mark.parametrize("name", ["position_rmse", "course_rmse", "nees"])
+def test_errors_of_each_run_are_those_of_the_run_alone(name: str) -> None:
+    loaded = tb.load("lidar_only", runs=RUNS)
+    tracker = next(iter(loaded.config.trackers))
+    sums, result = by_run(loaded, tracker, BUILT_IN)
+    metric = next(metric for metric in BUILT_IN if metric.name == name)
+    values = run_values(metric, sums, RUNS)
+    rows = result.to_pandas("runs").query("tracker == @tracker")
+    assert values is not None
+    np.testing.assert_allclose(values, rows[metric.columns[0]], rtol=1e-12)
+
+
+def test_scores_of_tracks_of_each_run_are_those_of_the_run_alone() -> None:
+    loaded = tb.load("traffic/side_by_side", {"truth.duration_s": 4}, runs=RUNS)
+    tracker = next(iter(loaded.config.trackers))
+    sums, result = by_run(loaded, tracker, TRACK_METRICS)
+    values = run_values(TRACK_METRICS["tgospa"], sums, RUNS)
+    rows = result.to_pandas("runs").query("tracker == @tracker")
+    total, count = (rows[column] for column in TRACK_METRICS["tgospa"].columns)
+    assert values is not None
+    np.testing.assert_allclose(values, np.sqrt(total / count), rtol=1e-12)
+
+
+def test_a_metric_of_no_runs_has_no_values() -> None:
+    loaded = tb.load("lidar_only", runs=RUNS)
+    tracker = next(iter(loaded.config.trackers))
+    sums, _ = by_run(loaded, tracker, BUILT_IN)
+    assert run_values(next(metric for metric in BUILT_IN if metric.per_sensor), sums, RUNS) is None
