@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.metrics.functions.events import TOLERANCE, answers, first_impact, spans
+from trackbench.metrics.functions.events import TOLERANCE, answers, spans
 
 Interval = tuple[int, int, int]
 
@@ -23,17 +23,14 @@ def intervals(active: np.ndarray, time: np.ndarray) -> list[Interval]:
     return found
 
 
-def brute(truth: list[Interval], own: list[Interval], overlap: np.ndarray, time: np.ndarray) -> tuple[list, list, list]:
+def brute(truth: list[Interval], own: list[Interval], time: np.ndarray) -> tuple[list, list, list]:
     ends = [*time, time[-1]]
     delays, missing = [], []
     for place, (run, start, stop) in enumerate(truth):
-        hits = [i for i in range(start, stop) if overlap[i, run]]
         same = [item for item in own if item[0] == run and ends[item[2]] >= ends[start] - TOLERANCE - 1e-9]
         same = [item for item in same if ends[item[1]] <= ends[stop] + TOLERANCE + 1e-9]
-        if hits:
-            same = [item for item in same if item[1] < hits[0]]
         if not same:
-            delays.append(ends[hits[0] if hits else stop] - ends[start])
+            delays.append(ends[stop] - ends[start])
         else:
             begin = ends[same[0][1]]
             if place and truth[place - 1][0] == run:
@@ -57,11 +54,10 @@ def test_random_activity_is_matched_as_by_hand(seed: int):
     time = np.cumsum(random.choice([0.05, 0.1, 0.2], size=steps))
     switching = random.choice([0.05, 0.2, 0.5])
     truth, own = (np.cumsum(random.random((steps, runs)) < switching, axis=0) % 2 == 1 for _ in range(2))
-    overlap = random.random((steps, runs)) < random.choice([0.0, 0.02])
     events, mine = spans(truth, time), spans(own, time)
     assert list(zip(*(each.tolist() for each in events), strict=True)) == intervals(truth, time)
-    result = answers(events, mine, first_impact(events, overlap), time)
-    delays, missing, false = brute(intervals(truth, time), intervals(own, time), overlap, time)
+    result = answers(events, mine, time)
+    delays, missing, false = brute(intervals(truth, time), intervals(own, time), time)
     np.testing.assert_allclose(result.delay, delays, atol=1e-9)
     assert result.missing.tolist() == missing
     assert result.false.tolist() == false

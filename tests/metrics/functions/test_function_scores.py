@@ -48,8 +48,9 @@ def test_delays_are_signed_and_a_missing_warning_lasts_to_the_impact():
     assert details["late"] == pytest.approx(6.5 / 3)
     assert details["missing"] == 0.5
     assert metric("missed_warnings", sums).value == 0.5
-    # What comes after the impact is too late, but not false.
+    # What comes after the impact is too late, but not false, and no more driving.
     assert metric("false_warnings", sums).value == 0.0
+    np.testing.assert_allclose(sums.of("hours"), 5.0 / 3600)
 
 
 def test_without_an_impact_a_missing_warning_lasts_to_the_end_of_the_event():

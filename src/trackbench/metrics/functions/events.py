@@ -43,50 +43,37 @@ class Answers(NamedTuple):
 
     delay: Array
     """From the start of an event to that of the interval that answers it, s; below 0 where it is early. Of a missing
-    answer the time to the impact, or to the end of the event."""
+    answer the time to the end of the event."""
     missing: Mask
     false: Mask
     """``(N,)`` the intervals that answer no event."""
 
 
-def answers(events: Spans, own: Spans, impact: Indices, time: Array) -> Answers:
+def answers(events: Spans, own: Spans, time: Array) -> Answers:
     """Match the intervals of a tracker with the events.
 
-    An interval answers an event where they overlap or are up to ``TOLERANCE`` apart; of several the first counts. It
-    has to begin before the impact. One that has gone on since the event before begins, for the next one, at that
-    event's end.
+    An interval answers an event where they overlap or are up to ``TOLERANCE`` apart; of several the first counts. One
+    that has gone on since the event before begins, for the next one, at that event's end.
 
     Args:
         events: of the truth.
         own: intervals of the tracker.
-        impact: ``(events,)`` the instant of the first impact in each event; the number of instants where there is none.
         time: ``(instants,)`` s.
     """
     reach = TOLERANCE + SAME_TIME
     ends = np.append(time, time[-1])
-    hit = impact < len(time)
     # The runs follow each other, so far apart that nothing of two of them is near.
     apart = time[-1] - time[0] + 4 * reach
     begin, end = (ends[at] + events.run * apart for at in (events.start, events.stop))
     own_begin, own_end = (ends[at] + own.run * apart for at in (own.start, own.stop))
     candidate = np.searchsorted(own_end, begin - reach)
     begins = np.append(own_begin, np.inf)[candidate]
-    missing = ~(begins < np.where(hit, ends[impact] + events.run * apart - SAME_TIME, end + reach))
-    # Of times of one run, that rounding is no delay.
+    missing = begins > end + reach
+    # Of times of one run, so that rounding is no delay.
     answered = np.append(ends[own.start], 0.0)[candidate]
     going_on = np.append(False, (events.run[1:] == events.run[:-1]) & (begins[1:] < end[:-1]))
     answered = np.where(going_on, np.append(0.0, ends[events.stop[:-1]]), answered)
-    delay = np.where(missing, ends[np.where(hit, impact, events.stop)], answered) - ends[events.start]
+    delay = np.where(missing, ends[events.stop], answered) - ends[events.start]
     following = np.searchsorted(end, own_begin - reach)
     false = np.append(begin, np.inf)[following] > own_end + reach
     return Answers(delay, missing, false)
-
-
-def first_impact(events: Spans, overlap: Mask) -> Indices:
-    """``(events,)`` the first instant of each event at which the truth overlaps the ego ``(instants, runs)``; the
-    number of instants where there is none."""
-    steps = len(overlap)
-    instant = np.where(overlap, np.arange(steps)[:, None], steps)
-    coming = np.minimum.accumulate(instant[::-1], axis=0)[::-1]
-    following = coming[events.start, events.run]
-    return np.where(following < events.stop, following, steps)

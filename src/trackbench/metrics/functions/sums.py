@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.functions import Decision, Function, Objects, SceneBodies
 from trackbench.functions.path import on_path
 from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
-from trackbench.metrics.functions.events import TOLERANCE, answers, first_impact, spans
+from trackbench.metrics.functions.events import TOLERANCE, answers, spans
 from trackbench.metrics.protocol import Chunk, Scope
 
 if TYPE_CHECKING:
@@ -158,11 +158,18 @@ def _joined(chunks: Sequence[Decisions], runs: int) -> Decisions:
 
 
 def scores_of(decisions: Decisions, time: Array, function: Function) -> FunctionScores:
-    """The sums of each run from all its decisions, at times ``(instants,)`` s."""
-    truth, tracks, chose, overlap = decisions
-    runs = truth.active.shape[1]
+    """The sums of each run from all its decisions, at times ``(instants,)`` s.
+
+    A drive ends at the first impact, where an object of the truth overlaps the ego: nothing counts from there on. So a
+    warning that is still missing then is late by the time to the impact.
+    """
+    driving = ~np.logical_or.accumulate(decisions.overlap, axis=0)
+    truth, tracks = (_while_driving(item, driving) for item in (decisions.truth, decisions.tracks))
+    chose = decisions.chose & driving
+    runs = driving.shape[1]
+    last = np.minimum(driving.sum(axis=0), len(time) - 1)
     events, own = spans(truth.active, time), spans(tracks.active, time)
-    result = answers(events, own, first_impact(events, overlap), time)
+    result = answers(events, own, time)
 
     def by_run(run: Indices, values: Array | None = None) -> Array:
         return np.bincount(run, values, runs).astype(float)
@@ -180,7 +187,7 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
         "squared_delay": by_run(events.run, result.delay**2),
         "missing": by_run(events.run, result.missing.astype(float)),
         "false": by_run(own.run[result.false]),
-        "hours": np.full(runs, (time[-1] - time[0]) / 3600),
+        "hours": (time[last] - time[0]) / 3600,
         "squared_error": np.nansum(error**2, axis=0),
         "errors": np.isfinite(error).sum(axis=0),
         "wrong_lead": (has_lead & ~right_lead).sum(axis=0) if function.chooses_lead else nothing,
@@ -189,6 +196,11 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
         "braking": acts.sum(axis=0) if function.brakes else nothing,
     }
     return FunctionScores(np.stack([sums[name] for name in ROWS]).astype(float), result.delay, result.missing)
+
+
+def _while_driving(decision: Decision, driving: Mask) -> Decision:
+    active, chosen, quantity = decision
+    return Decision(active & driving, np.where(driving, chosen, NO_OBJECT), np.where(driving, quantity, np.nan))
 
 
 def _first_moments(run: Indices, start: Indices, stop: Indices, time: Array, runs: int) -> Mask:
