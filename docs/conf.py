@@ -46,6 +46,7 @@ MENU = {
     "Results": [
         "metrics",
         "traffic-metrics",
+        "functions",
         "reading-a-report",
         "reading-a-recording",
         "compare",
