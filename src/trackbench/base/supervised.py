@@ -189,6 +189,23 @@ def tell_unsaid(text: str) -> None:
     _tell(f"unsaid {json.dumps(text)}")
 
 
+#: What becomes of a run that is interrupted.
+UNFINISHED = "the unfinished run was not kept"
+_unfinished = UNFINISHED
+
+
+def tell_resumable(text: str) -> None:
+    """Say so of what is kept, if the command is interrupted from now on."""
+    global _unfinished
+    _unfinished = text
+    _tell(f"resumable {json.dumps(text)}")
+
+
+def if_interrupted() -> str:
+    """What becomes of the work of this process if it is interrupted."""
+    return _unfinished
+
+
 def tell_written(place: Path, files: Mapping[str, Path]) -> None:
     """Let the supervisor look, after the end, whether files are as they were written, where plug-ins were loaded.
 

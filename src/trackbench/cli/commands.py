@@ -22,7 +22,15 @@ from trackbench.base.errors import InputError, OutputError, TrackbenchError, pri
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
-from trackbench.base.supervised import end, is_supervised, loaded_plugins, tell_signal, tell_unsaid, with_plugins
+from trackbench.base.supervised import (
+    end,
+    if_interrupted,
+    is_supervised,
+    loaded_plugins,
+    tell_signal,
+    tell_unsaid,
+    with_plugins,
+)
 from trackbench.base.user_code import place_of
 
 log = logging.getLogger(__name__)
@@ -306,4 +314,4 @@ def _interrupted(error: BaseException) -> int:
         return INTERRUPTED
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    return _failed(f"{start}interrupted: the unfinished run was not kept", INTERRUPTED)
+    return _failed(f"{start}interrupted: {if_interrupted()}", INTERRUPTED)

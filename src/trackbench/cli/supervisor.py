@@ -217,7 +217,8 @@ class _Supervisor:
             # One that does not listen to signals has told of none.
             at_work = at_work or self._note[:].rstrip(b"\0").decode(errors="replace")
             meanwhile = f" while {at_work} was at work" if at_work else ""
-            _say(f"interrupted{meanwhile}: the unfinished run was not kept")
+            kept = [json.loads(text) for text in self._values("resumable")] or [supervised.UNFINISHED]
+            _say(f"interrupted{meanwhile}: {kept[-1]}")
             return INTERRUPTED
         assert self._ended is not None
         note, plugins = at_work.encode() or self._note[:], self._values("plugin")

@@ -213,6 +213,11 @@ def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:
             yield (int(cell[start]), int(limit[start])), value[start:stop]
 
 
+def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
+    """A cell as it is read: "azimuth 0.5 deg, range 0.1 m"."""
+    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
+
+
 def read_claim(place: Path) -> Claim:
     """The claim of a folder or of its file.
 

@@ -8,7 +8,7 @@ import click
 
 from trackbench import results
 from trackbench.base.execution import executor
-from trackbench.cli.options import FAILED_EXPECTATION, isolation_options
+from trackbench.cli.options import FAILED_EXPECTATION, github_option, isolation_options, write_suites
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option
 from trackbench.driving.isolation import Isolation
@@ -71,3 +71,58 @@ def verify_command(
             click.echo(f"DIFFERS  {item}")
         click.echo(found.outcome)
     raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+
+
+@click.command("diff")
+@click.argument("before", type=click.Path(path_type=Path), metavar="A")
+@click.argument("after", type=click.Path(path_type=Path), metavar="B")
+@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
+@github_option
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON, and nothing else.")
+def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as_json: bool) -> None:
+    """Show in which cells a tracker does not hold any more.
+
+    A and B are folders of envelopes with the same axes and requirements. A cell is lost if it holds in A and fails in
+    B, and B is shown to be worse there: run by run where both have the same measurements. The probability that any
+    cell is lost by chance is at most one minus the confidence. Nothing is run again.
+
+    \b
+    Example:
+      trackbench envelope diff before/highway-envelope after/highway-envelope
+
+    \b
+    Exit status: 0 no cell is lost, 1 one is, 2 bad input or not comparable, 4 cannot write
+    """
+    from trackbench.subjects.envelope.claim import read_envelope
+    from trackbench.subjects.envelope.diff import diff
+
+    if junit is not None:
+        results.require_file(junit, "--junit")
+    found = diff(read_envelope(before), read_envelope(after))
+    write_suites([found.suite()], junit, github, as_json)
+    if as_json:
+        click.echo(results.to_json(found.json()), nl=False)
+    else:
+        for line in found.lines():
+            click.echo(line)
+    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+
+
+@click.command("badge")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="FOLDER")
+@click.option("--svg", type=click.Path(path_type=Path), metavar="FILE", help="Draw it too.")
+def badge_command(folder: Path, svg: Path | None) -> None:
+    """Print a claim in one line a tracker, as Markdown.
+
+    \b
+    Example:
+      trackbench envelope badge results/highway-envelope --svg docs/envelope.svg
+    """
+    from trackbench.subjects.envelope.badge import badge_lines, badge_svg
+    from trackbench.subjects.envelope.claim import read_claim
+
+    claim = read_claim(folder)
+    if svg is not None:
+        results.write_text(svg, badge_svg(claim))
+    for line in badge_lines(claim):
+        click.echo(line)

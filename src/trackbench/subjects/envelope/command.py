@@ -9,12 +9,13 @@ from rich.console import Console
 
 from trackbench.api.scenario import load
 from trackbench.base.execution import executor
-from trackbench.base.process import INTERRUPTED
-from trackbench.cli.options import engine_option, isolation_options, names_in, out_option
+from trackbench.base.supervised import tell_resumable
+from trackbench.cli.options import engine_option, github_option, isolation_options, names_in, out_option, write_suites
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
+from trackbench.results import require_file
 from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 
 
@@ -22,7 +23,7 @@ from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
     "envelope",
     cls=EnvelopeGroup,
     invoke_without_command=True,
-    subcommand_metavar="| --verify CLAIM",
+    subcommand_metavar="| --verify CLAIM | diff A B | badge FOLDER",
 )
 @click.argument(
     "scenario", type=click.Path(path_type=Path), metavar="SCENARIO", required=True, shell_complete=first_words
@@ -36,6 +37,8 @@ from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 @isolation_options
 @click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
+@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
+@github_option
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
 @quiet_option("The headline alone.")
 @verbose_option
@@ -50,6 +53,8 @@ def envelope_command(
     isolation: Isolation,
     counter_examples: int | None,
     no_recording: bool,
+    junit: Path | None,
+    github: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -69,21 +74,22 @@ def envelope_command(
     from trackbench.document.terminal import print_document
     from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
     from trackbench.subjects.envelope.files import claim_text, looks_of, require_out, save_envelope
+    from trackbench.subjects.envelope.junit import suite_of_claim
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
     loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
     name = loaded.config.name
     require_out(name, out)
+    if junit is not None:
+        require_file(junit, "--junit")
     store = looks_of(name, out)
     output = RunOutput(as_json, quiet)
-    try:
-        with executor(workers, cluster) as chosen:
-            plan = EnvelopePlan(isolation, engine, store, counter_examples)
-            made = make_envelope(loaded, plan, chosen, output)
-    except KeyboardInterrupt:
-        click.echo(f"interrupted: the runs so far are kept; the same command goes on from {store}", err=True)
-        raise click.exceptions.Exit(INTERRUPTED) from None
+    tell_resumable(f"the runs so far are kept; the same command goes on from {store}")
+    with executor(workers, cluster) as chosen:
+        plan = EnvelopePlan(isolation, engine, store, counter_examples)
+        made = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(made, out, not no_recording)
+    write_suites([suite_of_claim(made.claim, loaded)], junit, github, as_json)
     if as_json:
         click.echo(claim_text(made.claim), nl=False)
     elif quiet:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.subjects.envelope.axes import MapAxis, Point, overrides, start_points
+from trackbench.subjects.envelope.axes import Point, overrides, start_points
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -17,7 +17,9 @@ from trackbench.subjects.envelope.claim import (
     State,
     TrackerState,
     hash_of,
+    place_of_cell,
 )
+from trackbench.subjects.envelope.decide import together
 from trackbench.subjects.envelope.refine import refined
 
 #: What follows from the scenario in the claim.
@@ -35,11 +37,6 @@ class Discrepancy(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.where}: {self.what}"
-
-
-def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
-    """A cell as it is read: "azimuth 0.5 deg, range 0.1 m"."""
-    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
 
 
 def contradictions(made: Envelope, expected: Claim) -> Iterator[Discrepancy]:
@@ -94,7 +91,7 @@ def _design(claim: Claim) -> Iterator[Discrepancy]:
 def _of_tracker(claim: Claim, tracker: TrackerState, cell: ClaimCell) -> Iterator[str]:
     """Its state follows from those of its requirements, and its runs from the looks."""
     states = [value.state for value in tracker.values]
-    expected = overall(states)
+    expected = together(states)
     if tracker.cause and tracker.state == "holds":
         yield f"holds, and yet {tracker.cause}"
     elif tracker.state != expected and not (tracker.cause and tracker.state == "fails"):
@@ -137,10 +134,3 @@ def state_of(value: CellValue, limit: Limit) -> State:
     if under or over:
         return "holds" if under == (limit.direction == "below") else "fails"
     return "undecided"
-
-
-def overall(states: Sequence[State]) -> State:
-    """That of a tracker from those of its requirements."""
-    if "fails" in states:
-        return "fails"
-    return "holds" if set(states) == {"holds"} else "undecided"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
@@ -34,6 +35,8 @@ from trackbench.subjects.envelope.refine import refined
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth
+
+log = logging.getLogger(__name__)
 
 #: So many cells are asked for at once: enough for the processes of a machine, and few enough for its memory.
 AHEAD = 16
@@ -146,6 +149,7 @@ class EnvelopeMap:
             states = {point: cell.states for point, cell in self.cells.items()}
             left = config.cells - len(self.cells)
             points, added = refined(self.task.axes, states, left, config.resolution, config.design), True
+        log.info("%d looks were there already", self._store.taken)
 
     def make_cells(self, points: Sequence[Point], added: bool, progress: NotedProgress = no_progress) -> None:
         """Make those of some points, until each is decided or its budget is spent; see :meth:`make`."""

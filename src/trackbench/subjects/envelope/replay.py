@@ -20,8 +20,8 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.shipped import find_scenario
 from trackbench.subjects.envelope.api import EnvelopePlan, envelope_of, map_of
-from trackbench.subjects.envelope.claim import CLAIM, CellValue, Claim, Envelope, read_envelope
-from trackbench.subjects.envelope.consistency import Discrepancy, contradictions, place_of_cell
+from trackbench.subjects.envelope.claim import CLAIM, CellValue, Claim, Envelope, place_of_cell, read_envelope
+from trackbench.subjects.envelope.consistency import Discrepancy, contradictions
 from trackbench.subjects.envelope.named_files import require_same
 
 #: Share of the cells that are replayed.

@@ -15,6 +15,8 @@ _PACKAGE = "trackbench.subjects.envelope"
 #: Commands on claims: the first word of the line, and of ``--verify`` any.
 WORDS = {
     "--verify": f"{_PACKAGE}.claim_commands:verify_command",
+    "diff": f"{_PACKAGE}.claim_commands:diff_command",
+    "badge": f"{_PACKAGE}.claim_commands:badge_command",
 }
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.base.execution import executor
-from trackbench.base.process import INTERRUPTED
+from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import engine_option, isolation_options, names_in, scenarios_argument, trackers_of_scenarios
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
@@ -101,14 +101,10 @@ def tune_command(
     for note in notes:
         output.note(note)
     command = command_of_tuning(loaded, names, plan, out)
-    try:
-        with executor(workers, None) as chosen:
-            tunings = tune_trackers(loaded, names, plan, chosen, output)
-    except KeyboardInterrupt:
-        if storage is None:
-            raise
-        click.echo(f"interrupted: the trials so far are kept; the same command goes on from {storage}", err=True)
-        raise click.exceptions.Exit(INTERRUPTED) from None
+    if storage is not None:
+        tell_resumable(f"the trials so far are kept; the same command goes on from {storage}")
+    with executor(workers, None) as chosen:
+        tunings = tune_trackers(loaded, names, plan, chosen, output)
     files = save_tuning(tunings, loaded, out, command)
     if as_json:
         click.echo(results.to_json(to_json(tunings, command)), nl=False)

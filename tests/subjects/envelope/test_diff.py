@@ -1,0 +1,141 @@
+"""A cell that does not hold any more is found; the same map with other noise is not taken for a worse one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from trackbench.base.errors import InputError
+from trackbench.subjects.envelope.api import envelope_of
+from trackbench.subjects.envelope.claim import Envelope
+from trackbench.subjects.envelope.diff import EnvelopeDiff, diff
+from trackbench.subjects.envelope.files import save_envelope
+from trackbench.subjects.envelope.mapping import EnvelopeMap
+
+Cli = Callable[..., Any]
+Made = Callable[..., EnvelopeMap]
+
+RUNS = {"first": 25, "most": 100}
+#: A filter that trusts its measurements more.
+WORSE = {
+    "kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 6},
+    "loose": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 10},
+}
+
+
+@pytest.fixture(scope="module")
+def envelope(made_map: Made) -> Callable[..., Envelope]:
+    """Of the small scenario with other values."""
+    return lambda **changes: envelope_of(made_map(runs=RUNS, **changes), "trackbench envelope small.yaml")
+
+
+@pytest.fixture(scope="module")
+def before(envelope: Callable[..., Envelope]) -> Envelope:
+    return envelope()
+
+
+@pytest.fixture(scope="module")
+def worse(before: Envelope, envelope: Callable[..., Envelope]) -> EnvelopeDiff:
+    return diff(before, envelope(trackers=WORSE))
+
+
+def test_a_map_does_not_differ_from_itself(before: Envelope) -> None:
+    found = diff(before, before)
+
+    assert found.passed
+    assert {item.outcome for item in found.changes} == {"same"}
+    assert all(item.paired for item in found.changes)
+    assert not found.margins
+    assert not found.left_out
+
+
+def test_other_noise_is_no_regression(before: Envelope, envelope: Callable[..., Envelope]) -> None:
+    found = diff(before, envelope(monte_carlo={"runs": 20, "seed": 2}))
+
+    assert found.passed
+    assert not any(item.paired for item in found.changes)
+
+
+def test_a_regression_is_found_and_located_on_its_axis(worse: EnvelopeDiff) -> None:
+    lost = worse.of("lost")
+
+    assert not worse.passed
+    # The border goes from .39 to .29 m.
+    assert lost
+    assert all(0.25 < float(item.point[0]) < 0.45 for item in lost)
+    assert any(line.startswith("  lost along sigma: ") for line in worse.lines())
+    (margin,) = worse.margins
+    assert margin.startswith("kf along sigma: up to 0.3")
+
+
+def test_an_improvement_loses_nothing(before: Envelope, envelope: Callable[..., Envelope]) -> None:
+    found = diff(envelope(trackers=WORSE), before)
+
+    assert found.passed
+    assert found.of("gained")
+
+
+def test_what_cannot_be_compared_is_refused(before: Envelope, envelope: Callable[..., Envelope]) -> None:
+    two = {"key": "sensors.lidar.position_sigma_m", "values": [0.2, 0.9]}
+    others = {
+        "other axes": envelope(axes={"noise": two}),
+        "requirement": envelope(expect=[{"tracker": "kf", "metric": "position_rmse", "below": 0.3}]),
+        "no tracker": envelope(expect=[{"tracker": "loose", "metric": "position_rmse", "below": 0.25}]),
+    }
+    for words, other in others.items():
+        with pytest.raises(InputError, match=words):
+            diff(before, other)
+
+
+def test_the_command(worse: EnvelopeDiff, before: Envelope, tmp_path: Path, cli: Cli, made_map: Made) -> None:
+    after = envelope_of(made_map(runs=RUNS, trackers=WORSE), "trackbench envelope small.yaml")
+    for name, made in (("a", before), ("b", after)):
+        save_envelope(made, tmp_path / name)
+    places = ("a/small-envelope", "b/small-envelope")
+
+    same, lost = cli("envelope", "diff", places[0], places[0]), cli("envelope", "diff", *places, "--junit", "j.xml")
+    printed = json.loads(cli("envelope", "diff", *places, "--json").out)
+    annotations = cli("envelope", "diff", *places, "--github").out
+
+    assert (same.status, lost.status) == (0, 1)
+    assert lost.out.splitlines() == [*worse.lines()]
+    assert printed["passed"] is False
+    assert len(printed["changes"]) == len(worse.changes) - len(worse.of("same"))
+    (suite,) = ET.fromstring((tmp_path / "j.xml").read_text())
+    assert int(suite.attrib["tests"]) == len(worse.changes)
+    assert int(suite.attrib["failures"]) == len(worse.of("lost")) == annotations.count("::error ")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["diff"], "Missing argument 'A'"),
+        (["diff", "a", "b", "c"], "unexpected extra argument"),
+        (["dif", "a", "b"], "Did you mean 'diff'?"),
+        (["verify", "a"], "Did you mean '--verify'?"),
+        (["--verify"], "Missing argument 'CLAIM'"),
+        (["small.yaml", "--verify", "a"], "unexpected extra argument"),
+        (["--verify=a"], "there is no such file"),
+        (["diff", "a", "b"], "there is no such file"),
+        (["badge", "a"], "there is no such file"),
+        ([], "Missing argument 'SCENARIO'"),
+    ],
+)
+def test_mistaken_use(words: list[str], message: str, cli: Cli) -> None:
+    done = cli("envelope", *words)
+
+    assert done.status == 2
+    assert message in done.err
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--verify", "--help"], ["diff", "-h"], ["badge", "-h"]])
+def test_help(words: list[str], cli: Cli) -> None:
+    done = cli("envelope", *words)
+
+    assert done.status == 0
+    assert done.out.startswith(" ".join(["Usage: trackbench envelope", *words[:-1]]))

@@ -1,0 +1,165 @@
+"""The claim is the same wherever the runs are made, and however often the command is interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from tests.subjects.envelope.conftest import SMALL, map_of, small
+
+from trackbench.base.errors import OutputError
+from trackbench.base.execution import executor
+from trackbench.subjects.envelope.api import envelope_of
+from trackbench.subjects.envelope.claim import CLAIM, PARTS, Envelope, read_envelope
+from trackbench.subjects.envelope.files import looks_of
+from trackbench.subjects.envelope.mapping import EnvelopeMap
+from trackbench.subjects.envelope.store import Store
+from trackbench.subjects.envelope.task import task_of
+
+Cli = Callable[..., Any]
+
+
+def claim_of(made: EnvelopeMap) -> Envelope:
+    return envelope_of(made, "trackbench envelope small.yaml")
+
+
+@pytest.mark.parametrize("where", [{"workers": 2}, pytest.param({"cluster": "local:2"}, marks=pytest.mark.slow)])
+def test_the_claim_does_not_depend_on_where_the_runs_are_made(where: dict[str, Any], small_envelope: Envelope) -> None:
+    with executor(**where) as chosen:
+        made = EnvelopeMap(task_of(small()), chosen)
+        made.make()
+
+    assert claim_of(made).claim == small_envelope.claim
+
+
+def test_engines_agree(small_envelope: Envelope) -> None:
+    numpy, fused = (claim_of(map_of(small(), engine=engine)) for engine in ("numpy", "fused"))
+
+    assert (numpy.claim.engine, fused.claim.engine) == ("numpy", "fused")
+    for a, b in zip(numpy.claim.cells, fused.claim.cells, strict=True):
+        assert a.measurements == b.measurements
+        for name, tracker in a.trackers.items():
+            other = b.trackers[name]
+            assert (tracker.state, tracker.runs, tracker.looks) == (other.state, other.runs, other.looks)
+            for value, its in zip(tracker.values, other.values, strict=True):
+                assert [value.value, value.low, value.high] == pytest.approx([its.value, its.low, its.high], rel=1e-9)
+    assert np.allclose(numpy.parts["value"], fused.parts["value"], rtol=1e-9)
+
+
+def test_what_was_made_is_not_made_again(tmp_path: Path, small_envelope: Envelope) -> None:
+    first = Store(tmp_path, "one")
+    assert claim_of(map_of(small(), store=first)).claim == small_envelope.claim
+    assert first.taken == 0
+    looks = len([*tmp_path.iterdir()])
+    again, other = Store(tmp_path, "one"), Store(tmp_path, "another")
+
+    assert claim_of(map_of(small(), store=again)).claim == small_envelope.claim
+    assert claim_of(map_of(small(), store=other)).claim == small_envelope.claim
+
+    assert (again.taken, other.taken) == (looks, 0)
+
+
+@pytest.mark.parametrize("damage", [b"", b"x", b"\x80\x05."])
+def test_a_damaged_file_is_made_anew(damage: bytes, tmp_path: Path, small_envelope: Envelope) -> None:
+    map_of(small(), store=Store(tmp_path, "one"))
+    files = sorted(tmp_path.iterdir())
+    for file in files[::2]:
+        file.write_bytes(file.read_bytes()[: -len(damage) or None][:-3] + damage)
+    store = Store(tmp_path, "one")
+
+    assert claim_of(map_of(small(), store=store)).claim == small_envelope.claim
+    assert store.taken == len(files) - len(files[::2])
+
+
+def test_a_full_disk_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("trackbench.subjects.envelope.store.write_whole", full)
+
+    with pytest.raises(OutputError, match="No space left on device"):
+        map_of(small(), store=Store(tmp_path, "one"))
+
+
+def test_a_file_in_place_of_the_folder(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL))
+    (tmp_path / "taken").write_text("")
+    (tmp_path / "kept" / "small-envelope").mkdir(parents=True)
+    (tmp_path / "kept" / "small-envelope" / "mine").write_text("")
+
+    for out in ("taken", "kept"):
+        done = cli("envelope", "small.yaml", "--out", out)
+        assert done.status == 2
+        assert out in done.err
+    assert [*(tmp_path / "kept").iterdir()] == [tmp_path / "kept" / "small-envelope"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ps") is None, reason="nothing here lists the processes")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_an_interrupted_map_goes_on(number: signal.Signals, tmp_path: Path, trackbench: str) -> None:
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL | {"envelope": long_envelope()}))
+    command = [trackbench, "envelope", "small.yaml", "-q", "--out"]
+    subprocess.run([*command, "whole"], cwd=tmp_path, check=True, capture_output=True)
+    folder, looks = tmp_path / "parts" / "small-envelope", looks_of("small", tmp_path / "parts")
+    for _ in range(2):
+        before = kept(looks)
+        process = subprocess.Popen(
+            [*command, "parts"], cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )  # fmt: skip
+        limit = time.monotonic() + 60
+        while process.poll() is None and time.monotonic() < limit and kept(looks) < before + 8:
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+        assert not folder.exists()
+        if number != signal.SIGKILL:
+            assert process.returncode == 130
+            assert err.count("\n") == 1
+            assert "goes on from" in err
+
+    done = subprocess.run([*command, "parts", "-v"], cwd=tmp_path, check=True, capture_output=True, text=True)
+
+    assert done.returncode == 0
+    assert "looks were there already" in done.stderr
+    for file in (CLAIM, PARTS):
+        assert (folder / file).read_bytes() == (tmp_path / "whole" / "small-envelope" / file).read_bytes()
+    assert os.listdir(tmp_path / "parts") == ["small-envelope"]
+
+
+def kept(looks: Path) -> int:
+    return sum(not file.name.startswith(".") for file in looks.iterdir()) if looks.exists() else 0
+
+
+def long_envelope() -> dict[str, Any]:
+    """One of more cells, which takes some seconds."""
+    axes = SMALL["envelope"]["axes"] | {"rate": {"key": "sensors.lidar.rate_hz", "values": [1, 2, 5, 10]}}
+    return SMALL["envelope"] | {"cells": 60, "axes": axes, "runs": {"first": 20, "most": 320}}
+
+
+@pytest.mark.slow
+def test_two_commands_in_one_folder(tmp_path: Path, trackbench: str) -> None:
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL | {"envelope": long_envelope()}))
+    command = [trackbench, "envelope", "small.yaml", "--json"]
+    both = [
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+
+    claims = [process.communicate(timeout=120)[0] for process in both]
+
+    assert [process.returncode for process in both] == [0, 0]
+    assert claims[0] == claims[1]
+    assert json.loads(claims[0]) == json.loads((tmp_path / "results" / "small-envelope" / CLAIM).read_text())
+    assert read_envelope(tmp_path / "results" / "small-envelope").claim.cells
