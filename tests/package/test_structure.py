@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 94_500
-MOST_FILES = 580
+MOST_LINES = 97_000
+MOST_FILES = 590
 
 
 def lines_of(file: Path) -> int:
