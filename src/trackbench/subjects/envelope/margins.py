@@ -106,7 +106,7 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
                 alike,
                 key=lambda at: (distance_from(claim.own_values, [*zip(others, at, strict=True)]), -len(lines[at])),
             )
-            found.append(sorted(lines[nearest], key=lambda cell: float(cell.point[number])))
+            found.append(sorted(lines[nearest], key=lambda cell: axes[number].share(cell.point[number])))
     return found
 
 

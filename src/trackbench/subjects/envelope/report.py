@@ -11,7 +11,7 @@ from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections
 from trackbench.subjects.envelope.suites import suite_sentences
-from trackbench.subjects.envelope.tables import cells_table, margins_table
+from trackbench.subjects.envelope.tables import cells_table, margins_table, sensitivity_tables
 
 #: Figures of further pairs of axes; a page with more is too long to be read.
 _MOST_PAIRS = 6
@@ -54,7 +54,7 @@ def envelope_document(made: Envelope) -> Document:
     blocks: list[Block] = [*_headline(claim)]
     blocks += [Row(first)] if first else []
     blocks += [Section("Margins", (*_margins(claim), *([Row(lines)] if maps and lines else [])))]
-    blocks += [*counter_sections(claim), *_suites(claim)]
+    blocks += [Section("Sensitivity", tuple(sensitivity_tables(made))), *counter_sections(claim), *_suites(claim)]
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
     blocks += [
         Section("Cells", (cells_table(claim),), folded=True),

@@ -6,9 +6,11 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.document import Cell, Column, Table, Tone
-from trackbench.subjects.envelope.claim import Claim, ClaimCell, State
+from trackbench.subjects.envelope.axes import MapAxis
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State
 from trackbench.subjects.envelope.margin_text import along, holding, undecided
 from trackbench.subjects.envelope.margins import Margin, excess, margins
+from trackbench.subjects.envelope.sensitivity import Sensitivity, Swing, sensitivities
 
 #: Cells of the table; the others are in the claim.
 MOST_CELLS = 100
@@ -35,6 +37,50 @@ def margins_table(claim: Claim) -> Table:
 def _at(margin: Margin) -> tuple[str, ...]:
     """Where the line goes."""
     return (f"at {along(margin)}",) if margin.at else ()
+
+
+def sensitivity_tables(made: Envelope) -> list[Table]:
+    """For each requirement, how much each axis changes its value."""
+    found = sensitivities(made)
+    names = [f"sensitivity-{number}" if len(found) > 1 else "sensitivity" for number in range(1, len(found) + 1)]
+    return [_sensitivity_table(item, name) for item, name in zip(found, names, strict=True)]
+
+
+def _sensitivity_table(item: Sensitivity, name: str) -> Table:
+    unit = "" if item.limit.unit == "1" else f", {item.limit.unit}"
+    columns = [
+        (Column("axis", left=True), [Cell(axis.name) for axis, _ in item.swings]),
+        (
+            Column(
+                f"change{unit}", "From the start of the axis to its end, with the 95 % interval.", details="from, to"
+            ),
+            [_swing(axis, swing) for axis, swing in item.swings],
+        ),
+    ]
+    caption = item.limit.text
+    if item.first:
+        columns += [
+            (Column("alone, %"), [Cell(f"{100 * share:.0f}") for share in item.first]),
+            (Column("with others, %"), [Cell(f"{100 * share:.0f}") for share in item.total]),
+        ]
+        caption += (
+            ". Shares of the variance over the whole map: Sobol indices of an interpolation that is off by "
+            f"{100 * (item.error or 0.0):.1g} % of the spread at a cell left out"
+        )
+    elif item.error is not None:
+        caption += (
+            f". No shares of the variance: an interpolation is off by {100 * item.error:.0f} % of the spread at a cell "
+            "left out"
+        )
+    return Table.of_columns(name, columns, caption)
+
+
+def _swing(axis: MapAxis, swing: Swing | None) -> Cell:
+    if swing is None:
+        return Cell("n/a", reason="no line of cells with values runs along the axis")
+    reach = "" if swing.reach is None else f" ± {swing.reach:.2g}"
+    ends = f"{swing.low:.3g} at {axis.shown(swing.start)}, {swing.high:.3g} at {axis.shown(swing.stop)}"
+    return Cell(f"{swing.change:+.3g}{reach}", details=(ends,))
 
 
 def cells_table(claim: Claim) -> Table:
