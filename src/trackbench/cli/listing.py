@@ -112,6 +112,7 @@ def _options(model: Any, without: Sequence[str] = ()) -> str:
 
 
 def _metrics() -> Iterator[Row]:
+    from trackbench.metrics.functions import published_metrics
     from trackbench.metrics.registry import METRICS, metric_paths
 
     def rows(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
@@ -121,7 +122,8 @@ def _metrics() -> Iterator[Row]:
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
     own = METRICS.loaded().values()
-    yield from rows(metric_paths(metric for metric in own if metric.scores == "estimates"))
+    of_estimates = [metric for metric in own if metric.scores == "estimates"]
+    yield from rows(metric_paths([*published_metrics(), *of_estimates]))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
     yield from rows(metric_paths(of_tracks, hidden=True), "hidden identities: ")
     yield from rows(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")

@@ -365,7 +365,7 @@ class Metric(Config):
         path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
         compared = self.compared and self.better is not None
         value = Field(self.path, self.meaning, unit=self.unit, better=self.better, compared=compared)
-        parts = [Field(f"{path}.{part.name}", *part[1:3], unit="" if part.words else "1") for part in self.fields]
+        parts = [Field(f"{path}.{part.name}", *part[1:3], unit="" if part.words else part.unit) for part in self.fields]
         return [value, *parts]
 
 

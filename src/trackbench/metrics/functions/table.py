@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from trackbench.functions import Function
+from trackbench.functions import FUNCTIONS, Function
 from trackbench.metrics.count_intervals import Counted
 from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
 from trackbench.metrics.intervals import Interval, ratio, root
@@ -58,14 +58,14 @@ class WarnDelay(FunctionMetric):
     """Signed, so that neither direction is better; ``warn_error`` compares."""
 
     stem, total, count, unit = "warn_delay", "delay", "events", "s"
-    meaning = "time from an event of {} on the truth to that on the tracks, mean over events"
+    meaning = "time from an event on the truth to that on the tracks, mean over events"
     better, at_least = None, -np.inf
     fields = (
-        Field("p05", "time that 5 % of the delays are below, s"),
-        Field("p50", "time that half of them are below, s"),
-        Field("p95", "time that 95 % of them are below, s"),
-        Field("early", "mean of the delays below 0, s"),
-        Field("late", "mean of those above 0, s"),
+        Field("p05", "time that 5 % of the delays are below", unit="s"),
+        Field("p50", "time that half of them are below", unit="s"),
+        Field("p95", "time that 95 % of them are below", unit="s"),
+        Field("early", "mean of the delays below 0", unit="s"),
+        Field("late", "mean of those above 0", unit="s"),
         Field("missing", "share of events without an answer, whose delay is the time to the impact or the end"),
     )
 
@@ -83,18 +83,18 @@ class WarnDelay(FunctionMetric):
 
 class WarnError(FunctionMetric):
     stem, total, count, unit, squared = "warn_error", "squared_delay", "events", "s", True
-    meaning = "root mean square delay of {} on the tracks, over events"
+    meaning = "root mean square delay of the events on the tracks"
 
 
 class MissedWarnings(FunctionMetric):
     stem, total, count, unit, at_most = "missed_warnings", "missing", "events", "1", 1.0
     counted = "share"
-    meaning = "share of the events of {} on the truth without one on the tracks"
+    meaning = "share of the events on the truth without one on the tracks"
 
 
 class FalseWarnings(FunctionMetric):
     stem, total, count, unit = "false_warnings", "false", "hours", "1/h"
-    meaning = "times {} is active on the tracks without an event on the truth, per hour of the drive"
+    meaning = "events on the tracks without one on the truth, per hour of the drive"
     missing = "the drive has no length"
     counted = "rate"
 
@@ -104,19 +104,19 @@ class QuantityError(FunctionMetric):
     it has a value on the truth and on the tracks."""
 
     total, count, squared = "squared_error", "errors", True
-    meaning = "root mean square error of the {} that {} computes, in the first 0.5 s of each event"
+    meaning = "root mean square error of the {}, in the first 0.5 s of each event"
     missing = "there is no event in which it has a value on the truth and on the tracks"
 
 
 class LeadErrors(FunctionMetric):
     stem, total, count, unit, at_most = "lead_errors", "wrong_lead", "leads", "1", 1.0
-    meaning = "share of the instants with a lead at which that of {} on the tracks is not that on the truth"
+    meaning = "share of the instants with a lead at which that on the tracks is not that on the truth"
     missing = "there is never a lead"
 
 
 class BrakeError(FunctionMetric):
     stem, total, count, unit, squared = "brake_error", "squared_braking", "braking", "m/s^2", True
-    meaning = "root mean square difference of the deceleration that {} commands on the tracks and on the truth"
+    meaning = "root mean square difference of the deceleration commanded on the tracks and on the truth"
     missing = "it brakes neither on the truth nor on the tracks"
 
 
@@ -133,6 +133,16 @@ def function_metrics(functions: Mapping[str, Function], *, hidden: bool) -> tupl
     )
 
 
+def published_metrics() -> list[FunctionMetric]:
+    """Those that the published functions have, each once, with ``<function>`` for a name in a scenario."""
+    every = [
+        metric
+        for function in FUNCTIONS.loaded().values()
+        for metric in function_metrics({"<function>": function.model_construct()}, hidden=False)
+    ]
+    return list({metric.name: metric for metric in every}.values())
+
+
 def _kinds(function: Function) -> list[type[FunctionMetric]]:
     more = [LeadErrors] if function.chooses_lead else []
     return [*EVENT_METRICS, QuantityError, *more, *([BrakeError] if function.brakes else [])]
@@ -142,10 +152,9 @@ def _of_function(kind: type[FunctionMetric], label: str, function: Function, sco
     quantity = function.quantity
     members: dict[str, Any] = {"stem": f"{quantity.name}_error", "unit": quantity.unit} if kind is QuantityError else {}
     stem = members.get("stem") or kind.stem
-    words = (quantity.meaning, label) if kind is QuantityError else (label,)
     members |= {
         "name": f"{stem}.{label}",
-        "meaning": kind.meaning.format(*words),
+        "meaning": kind.meaning.format(quantity.meaning),
         "label": label,
         "function": function,
         "scores": scores,
