@@ -3,6 +3,6 @@
 Those that a scenario can name are published under the entry points of ``FUNCTIONS``.
 """
 
-from trackbench.functions.protocol import FUNCTIONS, Decision, Ego, Function, Objects, Quantity, SceneBodies, decision
+from trackbench.functions.protocol import FUNCTIONS, Decision, Ego, EgoScene, Function, Objects, Quantity, decision
 
-__all__ = ["FUNCTIONS", "Decision", "Ego", "Function", "Objects", "Quantity", "SceneBodies", "decision"]
+__all__ = ["FUNCTIONS", "Decision", "Ego", "EgoScene", "Function", "Objects", "Quantity", "decision"]

@@ -53,7 +53,7 @@ class Ego(NamedTuple):
         return np.hypot(self.vx, self.vy)
 
 
-class SceneBodies(NamedTuple):
+class EgoScene(NamedTuple):
     """The ego and the sizes of the objects of the truth, at the instants at which trackers are scored."""
 
     ego: Ego
@@ -62,7 +62,7 @@ class SceneBodies(NamedTuple):
     """``(objects,)`` m, as ``width``."""
     width: Array
 
-    def within(self, span: slice) -> SceneBodies:
+    def within(self, span: slice) -> EgoScene:
         """At some of the instants."""
         return self._replace(ego=self.ego.each(span))
 

@@ -14,7 +14,7 @@ from trackbench.base import linalg
 from trackbench.base.config import Config
 from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, by_numpy
-from trackbench.functions.protocol import SceneBodies
+from trackbench.functions.protocol import EgoScene
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval, ratio
@@ -66,7 +66,7 @@ class Scope:
     """Largest number of instants in a chunk."""
     compute: Compute = by_numpy
     """What computes equations."""
-    bodies: SceneBodies | None = None
+    bodies: EgoScene | None = None
     """The ego and the sizes of the objects, which functions need."""
 
     @property

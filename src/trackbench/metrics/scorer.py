@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.engine.choice import kernels_of
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
-from trackbench.functions.protocol import SceneBodies
+from trackbench.functions.protocol import EgoScene
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import whitened_innovation
@@ -62,7 +62,7 @@ class Scorer:
         metrics: Sequence[Metric] = BUILT_IN,
         compute: Compute = by_numpy,
         measured: Callable[[slice], Array] = no_measurements,
-        bodies: SceneBodies | None = None,
+        bodies: EgoScene | None = None,
     ) -> None:
         """A scorer of one block.
 

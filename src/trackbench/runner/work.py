@@ -20,7 +20,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
 from trackbench.engine.equations import EngineUsed
 from trackbench.engine.machine import unavailable
-from trackbench.functions import Ego, SceneBodies
+from trackbench.functions import Ego, EgoScene
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
@@ -81,9 +81,9 @@ class Scene:
         """Where identities are hidden, which objects should be tracked when."""
         return find_due(self.truth, self.sensors)
 
-    def bodies(self, steps: Indices) -> SceneBodies:
+    def bodies(self, steps: Indices) -> EgoScene:
         """The ego and the sizes of the objects at some of the truth's steps."""
-        return SceneBodies(Ego.of(self.truth.observer, steps), self.truth.length, self.truth.width)
+        return EgoScene(Ego.of(self.truth.observer, steps), self.truth.length, self.truth.width)
 
 
 class BlockRuns(NamedTuple):

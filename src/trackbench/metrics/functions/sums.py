@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.functions import Decision, Function, Objects, SceneBodies
+from trackbench.functions import Decision, EgoScene, Function, Objects
 from trackbench.functions.path import on_path
 from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
 from trackbench.metrics.functions.events import TOLERANCE, answers, spans
@@ -136,7 +136,7 @@ def decisions_of_run(function: Function, run: TrackedRun) -> Decisions:
     return Decisions(function.decide(ego, objects), decided, chose, overlap)
 
 
-def _truth(state: Array, there: Mask, bodies: SceneBodies) -> tuple[Objects, Mask]:
+def _truth(state: Array, there: Mask, bodies: EgoScene) -> tuple[Objects, Mask]:
     """The objects of the truth ``(4, objects, instants, runs or 1)`` and where one overlaps the ego ``(instants,
     runs or 1)``."""
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.functions.protocol import SceneBodies
+from trackbench.functions.protocol import EgoScene
 from trackbench.metrics.traffic.assignment import (
     Associations,
     Counted,
@@ -126,7 +126,7 @@ class TrackedRun(NamedTuple):
     """What the built-in metrics are made of; in a stretch latencies and existence are those of the whole run."""
     unscored: Mask | None = None
     """``(T, K)`` tracks where nothing counts: outside a region, out of range, or on a don't-care box."""
-    bodies: SceneBodies | None = None
+    bodies: EgoScene | None = None
     """The ego and the sizes of the objects, which functions need."""
 
 
