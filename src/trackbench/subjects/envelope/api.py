@@ -40,12 +40,14 @@ from trackbench.subjects.envelope.claim import (
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
+from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.decide import Decision
 from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
 from trackbench.subjects.envelope.named_files import hashes_of
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
+from trackbench.subjects.envelope.worst import require_cma, worst_runs
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,14 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
 def with_counter_examples(
     made: EnvelopeMap, envelope: Envelope, plan: EnvelopePlan, executor: Executor, listener: Listener
 ) -> Envelope:
-    """What is claimed of a map, with its nearest counter-examples."""
+    """What is claimed of a map, with its nearest counter-examples and the worst runs that a search finds."""
     maker = CounterMaker(made, envelope.claim, executor, plan.isolation, plan.engine)
     found = maker.make(plan.counter_examples, listener)
-    claim = envelope.claim.model_copy(update={"counter_examples": found})
+    worst: tuple[WorstRun, ...] = ()
+    if (search := made.task.config.search) is not None:
+        with listener.progress(f"search for the worst run of {envelope.claim.scenario}", "runs") as advance:
+            worst = tuple(worst_runs(made.task, search, executor, plan.isolation, plan.engine, advance))
+    claim = envelope.claim.model_copy(update={"counter_examples": found, "worst": worst})
     return replace(envelope, claim=claim, shown=maker.shown)
 
 
@@ -93,6 +99,8 @@ def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: L
         InputError: something is wrong in the scenario.
     """
     task = task_of(loaded)
+    if task.config.search is not None:
+        require_cma()
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
     retune = _retuner(executor) if task.config.retune else None

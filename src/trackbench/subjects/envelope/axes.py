@@ -156,7 +156,7 @@ def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]
     count = max(2, config.cells // 2)
     sobol = scipy_function("scipy.stats", "qmc", "Sobol")(len(axes), rng=0)
     shares = sobol.random_base2(math.ceil(math.log2(count)))[:count]
-    points = [tuple(map(_from_share, axes, row)) for row in shares]
+    points = [tuple(map(from_share, axes, row)) for row in shares]
     return list(dict.fromkeys(points))
 
 
@@ -190,7 +190,7 @@ def named(axes: Sequence[MapAxis], point: Point) -> Mapping[str, Value]:
     return {axis.name: value for axis, value in zip(axes, point, strict=True)}
 
 
-def _from_share(axis: MapAxis, share: float) -> Value:
+def from_share(axis: MapAxis, share: float) -> Value:
     if axis.continuous:
         return axis.at(float(share))
     return axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Executor
 
 from trackbench.base.execution import Task
 from trackbench.base.subjects import offered, resolve
 from trackbench.metrics.track_events import events_of
 from trackbench.report.moments import moment_text, worst_moments
-from trackbench.results import Breakdown, Result
+from trackbench.results import ConditionScores, Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.trackers.config import FilterConfig
 
 #: A condition stands out if it has at least this many times the squared error of its share of the estimates.
 STANDS_OUT = 1.2
+#: And at least this share of all.
+LEAST = 0.1
 
 
 def condition_of(result: Result, tracker: str) -> str:
@@ -27,24 +30,25 @@ def condition_of(result: Result, tracker: str) -> str:
     if result.summary.identities == "hidden":
         return _dearest_kind(result, tracker)
     scores = result[tracker].breakdown
-    return "" if scores is None else _carrier(scores)
-
-
-def _carrier(scores: Breakdown) -> str:
-    shares = []
-    for name, item in {**scores.manoeuvre, **scores.range}.items():
-        if item.position_rmse is not None and item.position_rmse.value is not None:
-            total = scores.all.position_rmse
-            assert total is not None
-            assert total.value is not None
-            count = item.count / scores.all.count
-            shares.append((count * (item.position_rmse.value / total.value) ** 2, count, name))
-    if not shares:
+    if scores is None or not scores.all.count:
         return ""
-    carried, count, name = max(shares, key=lambda share: share[0] - share[1])
-    if carried < STANDS_OUT * count:
+    carriers = (_carrier(group, scores.all) for group in (scores.manoeuvre, scores.range))
+    return ", ".join(text for text in carriers if text)
+
+
+def _carrier(group: Mapping[str, ConditionScores], every: ConditionScores) -> str:
+    """Of manoeuvres, or of range bands, the one that carries most beyond its share of the estimates."""
+    total = _squares(every)
+    shares = [(_squares(item) / total, item.count / every.count, name) for name, item in group.items() if total]
+    carried, count, name = max(shares, key=lambda share: share[0] - share[1], default=(0.0, 1.0, ""))
+    if carried < max(STANDS_OUT * count, LEAST):
         return ""
     return f"{name}: {100 * carried:.0f} % of the squared position error in {100 * count:.0f} % of the estimates"
+
+
+def _squares(scores: ConditionScores) -> float:
+    value = None if scores.position_rmse is None else scores.position_rmse.value
+    return 0.0 if value is None else scores.count * value**2
 
 
 def _dearest_kind(result: Result, tracker: str) -> str:

@@ -18,7 +18,7 @@ from trackbench.base.types import Array
 from trackbench.results.metric_value import ResultModel, read_model
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
-from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample
+from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample, WorstRun
 
 CLAIM, PARTS, SCHEMA_VERSION = "claim.json", "parts.parquet", 1
 
@@ -125,6 +125,8 @@ class Claim(ResultModel):
     """sha256 of the values in ``parts.parquet``."""
     counter_examples: CounterExamples | None = None
     """None where none were looked for."""
+    worst: tuple[WorstRun, ...] = ()
+    """Of each requirement the worst run that a search found; empty where none was asked for."""
 
     @model_validator(mode="after")
     def _whole(self) -> Claim:

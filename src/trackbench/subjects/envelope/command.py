@@ -36,6 +36,7 @@ from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 @engine_option
 @isolation_options
 @click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
+@click.option("--search", type=click.IntRange(20), metavar="N", help="Look for the worst run in N runs.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
 @github_option
@@ -52,6 +53,7 @@ def envelope_command(
     engine: EngineName,
     isolation: Isolation,
     counter_examples: int | None,
+    search: int | None,
     no_recording: bool,
     junit: Path | None,
     github: bool,
@@ -77,6 +79,8 @@ def envelope_command(
     from trackbench.subjects.envelope.junit import suite_of_claim
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
+    if search is not None:
+        settings = (*settings, f"envelope.search.runs={search}")
     loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
     name = loaded.config.name
     require_out(name, out)

@@ -114,6 +114,22 @@ class Population(Config):
             yield Problem(("first",), f"must be at most the budget of a cell, which is {self.most}")
 
 
+class Search(Config):
+    """A search for the worst run, over seeds and points; it says nothing of how often."""
+
+    runs: int = Field(400, ge=20, le=1_000_000, description="Runs that it may take for each requirement.")
+    axes: dict[Name, Axis] = Field(
+        default_factory=dict,
+        description="What is searched over, such as how the ego drives; the numeric axes of the map unless given.",
+    )
+    seed: int = Field(0, ge=0, le=2**31, description="Of what it tries.")
+
+    def problems(self) -> Iterator[Problem]:
+        for name, axis in self.axes.items():
+            if axis.form == "choices":
+                yield Problem(("axes", name), "a search goes over numbers: write from and to, or values")
+
+
 class EnvelopeConfig(Config):
     """What `trackbench envelope` varies, and how surely a cell of its map is decided."""
 
@@ -145,6 +161,7 @@ envelope:
     retune: bool = Field(
         False, description="Whether the process noise of each tracker is tuned anew in each cell before it is judged."
     )
+    search: Search | None = Field(None, description="Looks for the worst run, after the map is made.")
     scale: dict[Name, Positive] = Field(
         default_factory=dict,
         description="What counts as one unit of distance along an axis, instead of its range, for the nearest "

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 
 from trackbench.base.errors import counted
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
+from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Table
 from trackbench.subjects.envelope.claim import Claim
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, CounterExample, CounterExamples
 
@@ -42,6 +43,22 @@ def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
     yield Section("Nearest counter-examples", tuple(blocks))
     if listed and found.beyond:
         yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, found),), folded=True)
+
+
+def worst_section(claim: Claim) -> Iterator[Section]:
+    """The worst runs that a search found."""
+    if not claim.worst:
+        return
+    items, commands = [], []
+    for found in claim.worst:
+        limit = claim.limits[found.limit]
+        at = ", ".join(f"{name} {value:.4g}" for name, value in zip(found.axes, found.point, strict=True))
+        value = "no run has a value" if found.value is None else f"{limit.metric} {found.value:.4g} at {at or 'a seed'}"
+        items.append(Item(f"{value}, found by search in {counted(found.runs, 'run')} ({limit.text})", limit.tracker))
+        changes = (word for change in found.changes for word in ("--set", change))
+        commands.append(shlex.join(["trackbench", "run", claim.file, *changes, "--trackers", limit.tracker]))
+    about = Paragraph("Found by search: it says nothing of how often such a run happens. These commands repeat them:")
+    yield Section("Worst runs", (Items(tuple(items)), about, Code("\n".join(commands), "sh")))
 
 
 def at_point(claim: Claim, cell: int) -> str:

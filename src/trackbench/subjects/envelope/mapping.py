@@ -193,7 +193,7 @@ class EnvelopeMap:
         names = list(dict.fromkeys([*cell.undecided, *others]))
         # All of them were at every look before.
         done = self.task.extents[look - 1] if look else NOTHING
-        work = self._work(cell.loaded, extent)
+        work = self.work(cell.loaded, extent)
         cell.metrics = work.metrics
         # A world may have another number of scenes.
         extent = extent._replace(scenes=len(work.scenes))
@@ -209,8 +209,13 @@ class EnvelopeMap:
             result = self._executor.submit(Task(make_runs, here, own_folder(cell.loaded), long=True), names, pieces)
         return _Look(cell, names, work, pieces, kept is not None, result)
 
-    def _work(self, loaded: Scenario, extent: Extent) -> Work:
-        """That of a cell up to a look."""
+    def work(self, loaded: Scenario, extent: Extent) -> Work:
+        """What the runs of a scenario need.
+
+        Args:
+            loaded: of a cell.
+            extent: the scenes that there are, where traffic repeats.
+        """
         if self.task.config.claim == "traffic like these":
             truth = loaded.config.truth.model_copy(update={"seeds": extent.scenes})
             loaded = replace(loaded, config=loaded.config.model_copy(update={"truth": truth}))

@@ -9,7 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
 from trackbench.document.palette import tracker_colours, tracker_styles
 from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
-from trackbench.subjects.envelope.counter_page import counter_sections
+from trackbench.subjects.envelope.counter_page import counter_sections, worst_section
 from trackbench.subjects.envelope.suites import suite_sentences
 from trackbench.subjects.envelope.tables import cells_table, margins_table, sensitivity_tables
 
@@ -54,7 +54,8 @@ def envelope_document(made: Envelope) -> Document:
     blocks: list[Block] = [*_headline(claim)]
     blocks += [Row(first)] if first else []
     blocks += [Section("Margins", (*_margins(claim), *([Row(lines)] if maps and lines else [])))]
-    blocks += [Section("Sensitivity", tuple(sensitivity_tables(made))), *counter_sections(claim), *_suites(claim)]
+    blocks += [Section("Sensitivity", tuple(sensitivity_tables(made)))]
+    blocks += [*counter_sections(claim), *worst_section(claim), *_suites(claim)]
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
     blocks += [
         Section("Cells", (cells_table(claim),), folded=True),
@@ -67,7 +68,8 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
     claim = made.claim
-    blocks = (*_headline(claim), *_margins(claim), *counter_sections(claim, listed=False), *_suites(claim))
+    found = (*counter_sections(claim, listed=False), *worst_section(claim))
+    blocks = (*_headline(claim), *_margins(claim), *found, *_suites(claim))
     return Document("envelope", _title(claim), blocks)
 
 

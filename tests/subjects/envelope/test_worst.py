@@ -1,0 +1,116 @@
+"""The search for the worst run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.subjects.envelope.conftest import small
+
+import trackbench as tb
+from trackbench.base.execution import executor
+from trackbench.subjects.envelope.config import Search
+from trackbench.subjects.envelope.task import task_of
+from trackbench.subjects.envelope.worst import Candidate, WorstSearch
+
+pytest.importorskip("cma")
+
+#: The car turns once, at 18 degrees a second more than a straight-on filter bears: a peak in three dimensions.
+TURN: dict[str, Any] = {
+    "truth": {
+        "source": "scripted",
+        "duration_s": 4,
+        "rate_hz": 10,
+        "objects": {
+            "car": {
+                "start": {"x": 20, "y": 5, "speed_mps": 10},
+                "pieces": [{"for_s": 1}, {"for_s": 1.5, "turn_rate_degps": 0}, {"for_s": 1.5}],
+            }
+        },
+    },
+}
+OVER: dict[str, Any] = {
+    "turn": {"key": "truth.objects.car.pieces.1.turn_rate_degps", "from": -40, "to": 40},
+    "speed": {"key": "truth.objects.car.start.speed_mps", "from": 1, "to": 30},
+    "noise": {"key": "sensors.lidar.position_sigma_m", "from": 0.1, "to": 0.6},
+}
+
+
+def searching(runs: int, seed: int = 0, **changes: Any) -> WorstSearch:
+    """Over the turn, the speed and the noise of the small scenario."""
+    task = task_of(small(**TURN, **changes))
+    search = Search.model_validate({"runs": runs, "axes": OVER, "seed": seed})
+    with executor(1) as chosen:
+        return WorstSearch(task, task.requirements[0], search, chosen)
+
+
+@pytest.mark.slow
+def test_the_planted_worst_corner_is_found() -> None:
+    """The error grows with speed, with the turn rate to either side, and with the noise."""
+    looking = searching(160)
+    candidate, value = looking.worst()
+    turn, speed, noise = candidate.shares
+    assert abs(turn - 0.5) > 0.4
+    assert speed > 0.9
+    corner = looking.values([Candidate((1.0, 1.0, 1.0), number) for number in range(20)])
+    assert value > np.median(corner)
+    assert noise > 0.2
+
+
+@pytest.mark.slow
+def test_it_is_worse_than_random_search_with_as_many_runs() -> None:
+    runs = 120
+    found, random = [], []
+    for seed in range(3):
+        looking = searching(runs, seed)
+        found.append(looking.worst()[1])
+        shares = np.random.default_rng(seed).uniform(size=(runs, 3))
+        random.append(
+            max(looking.values([Candidate(tuple(row), number) for number, row in enumerate(shares.tolist())]))
+        )
+    assert np.mean(found) > np.mean(random)
+
+
+def test_it_is_the_same_every_time_and_another_seed_tries_others() -> None:
+    first, second, other = (searching(40, seed).worst() for seed in (0, 0, 1))
+    assert first == second
+    assert first[0] != other[0]
+
+
+def test_what_it_finds_is_a_run_of_the_product() -> None:
+    looking = searching(40)
+    candidate, value = looking.worst()
+    loaded = tb.load(small(**TURN).text, looking.changes(candidate))
+    result = tb.run(loaded, workers=1)
+    runs = result.to_pandas("runs").query("tracker == 'kf'")
+    assert runs["position_rmse_m"].iloc[result.summary.recorded_run] == pytest.approx(value, rel=1e-12)
+
+
+def test_the_budget_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    looking, made = searching(50), []
+    values = looking.values
+    monkeypatch.setattr(looking, "values", lambda group: (made.extend(group), values(group))[1])
+    looking.worst()
+    assert len(made) == 50
+    # The last of them are other seeds at the worst point, and each generation before has one seed.
+    assert len({candidate.shares for candidate in made[-8:]}) == 1
+    assert len({candidate.number for candidate in made[-8:]}) == 8
+
+
+def test_the_claim_and_the_page_say_that_it_was_found_by_search() -> None:
+    loaded = tb.load(small(**TURN).document.value, {"envelope.search.runs": 20})
+    finished = tb.envelope(loaded, counter_examples=0)
+    (worst,) = finished.claim.worst
+    assert worst.runs == 20
+    assert worst.axes == ["sigma"]
+    assert "found by search in 20 runs" in str(finished)
+    assert "says nothing of how often" in str(finished)
+
+
+def test_choices_are_no_axes_of_a_search() -> None:
+    axes = {"kind": {"key": "sensors.lidar.type", "choices": ["lidar", "radar"]}}
+    with pytest.raises(tb.InputError, match="goes over numbers"):
+        tb.load(
+            {**small().document.value, "envelope": {**small().document.value["envelope"], "search": {"axes": axes}}}
+        )
