@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import stats
 
-from trackbench.metrics.intervals import holm
+from trackbench.metrics.differences import holm
 
 from .claim import Claim, power, rate
 

@@ -9,8 +9,8 @@ import numpy as np
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
 from trackbench.compare.ranking import FEWEST_SETS, Pairings, interval, ranking, sign_flip
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import LEVEL, differences
-from trackbench.metrics.intervals import holm, ratio, root
+from trackbench.metrics.differences import LEVEL, differences, holm
+from trackbench.metrics.intervals import ratio, root
 from trackbench.results import Difference
 from trackbench.results.score_summary import MarginSummary
 
