@@ -208,8 +208,8 @@ def rate_bound(sample: Sample, exposure: float, level: float, side: Side) -> Arr
     events = sample.mean * exposure
     dispersion = np.where(events > 0, sample.error**2 * exposure / np.where(events > 0, sample.mean, 1.0), 1.0)
     several = dispersion > 1
-    known = _known(level, sample.number) / (1 - 2 * np.log(level) / sample.number)
-    dispersion = np.where(several, dispersion / known, 1.0)
+    few = 1 - 2 * np.log(level) / sample.number
+    dispersion = np.where(several, dispersion * few / _known(level, sample.number), 1.0)
     events, exposures = events / dispersion, exposure / dispersion
     if side == "lower":
         return np.where(events > 0, chi_square_quantile(level, 2 * np.maximum(events, 1e-9)), 0.0) / (2 * exposures)

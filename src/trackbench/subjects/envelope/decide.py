@@ -79,8 +79,8 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
 
 def together(states: Iterable[State]) -> State:
     """The state of a cell from those of all its requirements."""
-    known = set(states)
-    return "fails" if "fails" in known else "holds" if known == {"holds"} else "undecided"
+    distinct = set(states)
+    return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"
 
 
 def changed(before: State, after: State, difference: Interval, direction: Direction, level: float) -> bool:
