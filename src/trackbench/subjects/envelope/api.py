@@ -27,6 +27,7 @@ from trackbench.runner.assemble import PACKAGES
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
+from trackbench.subjects.envelope.audited_log import audited_log
 from trackbench.subjects.envelope.axes import overrides
 from trackbench.subjects.envelope.base_point import base_point
 from trackbench.subjects.envelope.claim import (
@@ -60,6 +61,8 @@ class EnvelopePlan:
     """A folder that keeps the runs until the map is written."""
     counter_examples: int | None = None
     """Most of a tracker; None: twice the number of axes."""
+    log: Path | None = None
+    """An audit of a log, whose sensors are shown on the map."""
 
     def __post_init__(self) -> None:
         require_engine(self.engine)
@@ -73,9 +76,13 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         TrackbenchError: the processes that do the work died.
     """
     made = map_of(loaded, plan, executor, listener)
+    # Before any work, for what is wrong with it.
+    log = None if plan.log is None else audited_log(plan.log, loaded, made.task.axes)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
-    return with_counter_examples(made, envelope_of(made, command_of_envelope(loaded, plan)), plan, executor, listener)
+    found = envelope_of(made, command_of_envelope(loaded, plan))
+    found = replace(found, claim=found.claim.model_copy(update={"log": log}))
+    return with_counter_examples(made, found, plan, executor, listener)
 
 
 def with_counter_examples(
@@ -203,6 +210,8 @@ def command_of_envelope(loaded: Scenario, plan: EnvelopePlan) -> str:
         parts += ["--set", override]
     if plan.engine != "auto":
         parts += ["--engine", plan.engine]
+    if plan.log is not None:
+        parts += ["--log", str(plan.log)]
     return shlex.join(parts)
 
 
@@ -212,6 +221,7 @@ def envelope(
     workers: int | None = 1,
     engine: EngineName = "auto",
     counter_examples: int | None = None,
+    log: Path | str | None = None,
     progress: Progress = no_progress,
 ) -> FinishedEnvelope:
     """Map where trackers meet what the scenario expects of them.
@@ -221,6 +231,7 @@ def envelope(
         workers: number of processes; None: one for each core where it pays. The claim is the same.
         engine: ``auto``, ``numpy`` or ``fused``.
         counter_examples: most of a tracker; twice the number of axes unless given.
+        log: the folder of an audit of a log, whose sensors are shown on the map.
         progress: called with the number of cells that are decided and of those that there are.
 
     Raises:
@@ -229,7 +240,7 @@ def envelope(
     """
     loaded = loaded_scenario(scenario)
     with executor(workers) as chosen:
-        plan = EnvelopePlan(engine=engine, counter_examples=counter_examples)
+        plan = EnvelopePlan(engine=engine, counter_examples=counter_examples, log=None if log is None else Path(log))
         return FinishedEnvelope(make_envelope(loaded, plan, chosen, Counter(progress, "cells")))
 
 

@@ -16,6 +16,7 @@ from pydantic import ValidationError, model_validator
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
 from trackbench.results.metric_value import ResultModel, read_model
+from trackbench.subjects.envelope.audited_log import AuditedLog
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
 from trackbench.subjects.envelope.counter_models import CounterExamples, ShownExample, WorstRun
@@ -123,6 +124,8 @@ class Claim(ResultModel):
     cells: list[ClaimCell]
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""
+    log: AuditedLog | None = None
+    """Whose sensors are shown on the map."""
     counter_examples: CounterExamples | None = None
     """None where none were looked for."""
     worst: tuple[WorstRun, ...] = ()

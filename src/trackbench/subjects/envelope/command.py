@@ -40,6 +40,9 @@ from trackbench.subjects.envelope.words import EnvelopeGroup, first_words
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
 @github_option
+@click.option(
+    "--log", type=click.Path(path_type=Path), metavar="AUDIT", help="Mark a log's sensors, by its `trackbench audit`."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the claim as JSON, and nothing else.")
 @quiet_option("The headline alone.")
 @verbose_option
@@ -55,6 +58,7 @@ def envelope_command(
     counter_examples: int | None,
     search: int | None,
     no_recording: bool,
+    log: Path | None,
     junit: Path | None,
     github: bool,
     as_json: bool,
@@ -90,7 +94,7 @@ def envelope_command(
     output = RunOutput(as_json, quiet)
     tell_resumable(f"the runs so far are kept; the same command goes on from {store}")
     with executor(workers, cluster) as chosen:
-        plan = EnvelopePlan(isolation, engine, store, counter_examples)
+        plan = EnvelopePlan(isolation, engine, store, counter_examples, log)
         made = make_envelope(loaded, plan, chosen, output)
     folder = save_envelope(made, out, not no_recording)
     write_suites([suite_of_claim(made.claim, loaded)], junit, github, as_json)

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.drawing import DASHED, INK, WIDTH, fit_value_axis, logarithmic, panel_title
+from trackbench.document.drawing import DASHED, INK, MARKERS, WIDTH, fit_value_axis, logarithmic, panel_title
 from trackbench.document.margins import shortened
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, Limit
-from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label
+from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label, marked_points
 from trackbench.subjects.envelope.margin_text import along
 from trackbench.subjects.envelope.margins import Margin, margins
 
@@ -45,7 +45,12 @@ def _figure(
 ) -> Figure:
     places = list(dict.fromkeys(along(margin) for margin in lines))[:MOST_PANELS]
 
-    base = claim.own_values[axis.name]
+    audited = claim.log is not None and axis.name in claim.log.values
+    marks = [
+        (label, mark, values[axis.name])
+        for label, mark, values in marked_points(claim)
+        if axis.reaches(values[axis.name]) and (mark != "ring" or audited)
+    ]
 
     def paint(canvas: Canvas) -> None:
         panels = canvas.subplots(len(places), 1, squeeze=False, sharex=True)[:, 0]
@@ -60,10 +65,11 @@ def _figure(
             if len(places) > 1:
                 panel_title(panel, place, WIDTH)
             panel.set_ylabel(shortened(metric, _HEIGHT - 40))
-            if axis.reaches(base):
+            for _, mark, value in marks:
+                face = "none" if mark == "ring" else INK
                 panel.plot(
-                    [base], [0], marker="^", markersize=9, color=INK, clip_on=False, zorder=5,
-                    transform=panel.get_xaxis_transform(),
+                    [value], [0], marker=MARKERS[mark][0], markersize=9, color=INK, markerfacecolor=face,
+                    clip_on=False, zorder=5, transform=panel.get_xaxis_transform(),
                 )  # fmt: skip
         if axis.config.scale == "log":
             logarithmic(panels[0], "x")
@@ -72,7 +78,7 @@ def _figure(
 
     at = f" Along {places[0]}." if len(places) == 1 and places[0] else ""
     others = [LegendEntry("limit", INK, "dash"), LegendEntry("holds", INK, "dot"), LegendEntry("fails", INK, "cross")]
-    others += [LegendEntry("the scenario", INK, "triangle")] if axis.reaches(base) else []
+    others += [LegendEntry(label, INK, mark) for label, mark, _ in marks]
     return tracker_figure(
         f"line-{axis.name}-{metric.partition(',')[0]}".replace("_", "-").replace(".", "-").replace(" ", "-"),
         f"{metric.partition(',')[0]} over {axis.name}",

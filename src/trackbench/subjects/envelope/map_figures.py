@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +15,10 @@ from matplotlib.path import Path
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.drawing import HATCHES, INK, MUTED, WIDTH, logarithmic, panel_title
+from trackbench.document.drawing import HATCHES, INK, MARKERS, MUTED, WIDTH, logarithmic, panel_title
 from trackbench.document.margins import shortened
-from trackbench.subjects.envelope.axes import MapAxis
+from trackbench.subjects.envelope.audited_log import log_values
+from trackbench.subjects.envelope.axes import MapAxis, Value
 from trackbench.subjects.envelope.border import Border, Slice, border_of, slices
 from trackbench.subjects.envelope.claim import Claim, State
 from trackbench.subjects.envelope.margins import distance_from
@@ -39,7 +40,7 @@ def pairs_of(claim: Claim) -> list[tuple[int, int]]:
 
 def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figure:
     """The cells of one tracker over two axes, with its border."""
-    parts, base, left_out = _shown(claim, pair)
+    parts, marks, left_out = _shown(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
@@ -47,7 +48,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
             _paint_areas(panel, part, border)
             _paint_line(panel, part, border, INK)
             _paint_cells(panel, part, style.name)
-            _finish(panel, part, claim, part is base)
+            _finish(panel, part, marks)
         _label(canvas, parts)
 
     legend = [
@@ -55,7 +56,7 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
         LegendEntry("fails", STATE_COLOURS["fails"], "hatched"),
         LegendEntry("not decided", STATE_COLOURS["undecided"], "lined"),
         LegendEntry("border", INK),
-        *_base_legend(base),
+        *_mark_legend(marks),
     ]
     counts = claim.counts(style.name)
     required = " and ".join(limit.text for limit in claim.limits_of(style.name))
@@ -79,13 +80,13 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
 
 def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[TrackerStyle]) -> Figure:
     """The borders of several trackers over two axes."""
-    parts, base, left_out = _shown(claim, pair)
+    parts, marks, left_out = _shown(claim, pair)
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
             for style in styles:
                 _paint_line(panel, part, border_of(part, claim, style.name), style.colour, style)
-            _finish(panel, part, claim, part is base)
+            _finish(panel, part, marks)
         _label(canvas, parts)
 
     lines = (LegendEntry(s.name, s.colour, "line" if s.line == "solid" else "dash", s.key) for s in styles)
@@ -96,48 +97,68 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
         f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
         paint,
         _height(parts),
-        legend=(*lines, *_base_legend(base)),
+        legend=(*lines, *_mark_legend(marks)),
         tooltips={style.key: style.name for style in styles},
     )
 
 
+class _Mark(NamedTuple):
+    """A point that is shown on the map."""
+
+    label: str
+    mark: Literal["triangle", "ring"]
+    part: Slice
+    """In which it lies, or to which it is nearest."""
+    at: tuple[float, float]
+
+
 class _Shown(NamedTuple):
-    """The slices of a figure."""
+    """What a figure shows."""
 
     parts: list[Slice]
-    base: Slice | None
-    """The one of the scenario itself, or the nearest to it; None where the map does not reach so far."""
+    marks: list[_Mark]
     left_out: str
     """A sentence on what is not shown."""
 
 
 def _shown(claim: Claim, pair: tuple[int, int]) -> _Shown:
-    """The slice of the scenario itself, and those of which most cells fail for some tracker."""
+    """The slices of the points that are marked, and those of which most cells fail for some tracker."""
     every = slices(claim, *pair)
-    base = _base_slice(claim, every)
+    marks = [*_marks(claim, every)]
+    marked = [id(mark.part) for mark in marks]
 
     def rank(part: Slice) -> tuple[bool, float]:
         failing = [part.states(name).count("fails") for name in claim.trackers]
-        return part is not base, -max(failing) / len(part.cells)
+        return id(part) not in marked, -max(failing) / len(part.cells)
 
     kept = sorted(every, key=rank)[:MOST_PANELS]
     left, text = len(every) - len(kept), ""
     if left:
         text += f" Of {len(every)} slices those {len(kept)} are shown of which most cells fail"
-        text += "." if base is None else ", with that of the scenario."
+        text += ", with those of the marks." if marks else "."
     missing = len(claim.cells) - sum(len(part.cells) for part in every)
     if missing:
         text += f" {counted(missing, 'cell')} between the slices are in the table alone."
     if not every[0].exact:
         text += " Each panel has all cells of a third of the other axis: its border is rough."
-    return _Shown([part for part in every if part in kept], base, text)
+    return _Shown([part for part in every if any(part is other for other in kept)], marks, text)
 
 
-def _base_slice(claim: Claim, parts: Sequence[Slice]) -> Slice | None:
-    own = claim.own_values
-    if not all(axis.reaches(own[axis.name]) for axis in (parts[0].across, parts[0].up)):
-        return None
-    return min(parts, key=lambda part: distance_from(own, part.at))
+def marked_points(claim: Claim) -> Iterator[tuple[str, Literal["triangle", "ring"], Mapping[str, Value | None]]]:
+    """Label, mark and values of the axes: of the scenario itself, and of the sensors of a log."""
+    yield "the scenario", "triangle", claim.own_values
+    if claim.log is not None:
+        yield f"sensors of {claim.log.name}", "ring", log_values(claim.log, claim.own_values)
+
+
+def _marks(claim: Claim, parts: Sequence[Slice]) -> Iterator[_Mark]:
+    """Of the points to which the map reaches."""
+    across, up = parts[0].across, parts[0].up
+    for label, mark, values in marked_points(claim):
+        x, y = values[across.name], values[up.name]
+        if across.reaches(x) and up.reaches(y):
+            part = min(parts, key=lambda part: distance_from(values, part.at))
+            yield _Mark(label, mark, part, (float(x), float(y)))  # type: ignore[arg-type]
 
 
 def _paint_areas(panel: Axes, part: Slice, border: Border) -> None:
@@ -180,11 +201,13 @@ def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
             )  # fmt: skip
 
 
-def _finish(panel: Axes, part: Slice, claim: Claim, with_base: bool) -> None:
-    """The scenario itself, and the axes."""
-    if with_base:
-        x, y = (np.array([claim.own_values[axis.name]], dtype=float) for axis in (part.across, part.up))
-        panel.plot(x, y, linestyle="none", marker="^", markersize=9, color=INK)
+def _finish(panel: Axes, part: Slice, marks: Sequence[_Mark]) -> None:
+    """The marked points, and the axes."""
+    for mark in marks:
+        if mark.part is part:
+            x, y = mark.at
+            look: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 2.0} if mark.mark == "ring" else {}
+            panel.plot([x], [y], linestyle="none", marker=MARKERS[mark.mark][0], markersize=9, color=INK, **look)
     panel.set_xlim(*part.across.ends)
     panel.set_ylim(*part.up.ends)
     if part.across.config.scale == "log":
@@ -194,9 +217,8 @@ def _finish(panel: Axes, part: Slice, claim: Claim, with_base: bool) -> None:
     panel.grid(visible=False)
 
 
-def _base_legend(base: Slice | None) -> Iterator[LegendEntry]:
-    if base is not None:
-        yield LegendEntry("the scenario", INK, "triangle")
+def _mark_legend(marks: Sequence[_Mark]) -> Iterator[LegendEntry]:
+    return (LegendEntry(mark.label, INK, mark.mark) for mark in marks)
 
 
 def _panels(canvas: Canvas, parts: Sequence[Slice]) -> list[Axes]:

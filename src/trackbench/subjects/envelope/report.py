@@ -8,6 +8,7 @@ from pathlib import Path
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
 from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, nearest_point, outside
 from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections, worst_section
 from trackbench.subjects.envelope.suites import suite_sentences
@@ -90,6 +91,23 @@ def _headline(claim: Claim) -> Iterator[Block]:
     heads = (text.split(": ", 1) for text in headlines(claim))
     yield Items(tuple(Item(text, label, tracker=label) for label, text in heads))
     yield Paragraph(claim_sentence(claim))
+    if claim.log is not None:
+        yield Items(tuple(Item(text, "log") for text in log_sentences(claim, claim.log)))
+
+
+def log_sentences(claim: Claim, log: AuditedLog) -> Iterator[str]:
+    """Whether the sensors of a log are inside the envelope of each tracker."""
+    axes = claim.axes
+    values = ", ".join(f"{axis.name} {axis.shown(log.values[axis.name])}" for axis in axes if axis.name in log.values)
+    if beyond := outside(log, axes):
+        yield f"the sensors of {log.name} ({values}) lie outside the map: {beyond}"
+        return
+    cells = claim.by_point()
+    point = nearest_point(log_values(log, claim.own_values), axes, [*cells])
+    at = ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
+    for tracker, known in cells[point].trackers.items():
+        where = {"holds": "inside the envelope of", "fails": "outside the envelope of", "undecided": "undecided for"}
+        yield f"the sensors of {log.name} ({values}) are {where[known.state]} {tracker}, by the nearest cell ({at})"
 
 
 def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:

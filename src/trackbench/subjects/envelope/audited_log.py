@@ -1,0 +1,113 @@
+"""Where the sensors of a log lie on a map: by the noise, rate and detections that its audit found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from trackbench.base.config.key_units import split_key
+from trackbench.base.errors import InputError
+from trackbench.base.files import read_json
+from trackbench.results.metric_value import ResultModel
+from trackbench.scenario import Scenario
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value
+from trackbench.subjects.envelope.config import axis_keys
+
+#: Of ``trackbench audit``.
+AUDIT = "audit.json"
+
+
+class AuditedLog(ResultModel):
+    """A log by what its audit says of the axes of a map."""
+
+    name: str
+    """Of the scenario that was audited."""
+    values: dict[str, float]
+    """By axis, in its unit; some axes may be none of the audit's."""
+
+
+def audited_log(place: Path, loaded: Scenario, axes: Sequence[MapAxis]) -> AuditedLog:
+    """What an audit says of the axes.
+
+    Args:
+        place: the folder of an audit, or its ``audit.json``.
+        loaded: the scenario of the map, whose sensors are those of the log.
+        axes: of the map.
+
+    Raises:
+        InputError: it is no audit, or says nothing of any axis.
+    """
+    file = place / AUDIT if place.is_dir() else place
+    try:
+        raw = read_json(file)
+        known = dict(_audited(raw["sensors"], loaded))
+        name = str(raw["scenario"])
+    except FileNotFoundError:
+        raise InputError(f"there is no {AUDIT}; `trackbench audit LOG` writes one", file=file) from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise InputError(f"not a readable {AUDIT} of `trackbench audit`", file=file) from None
+    values = {axis.name: value for axis in axes if (value := _on_axis(axis, known)) is not None}
+    if not values:
+        varied = ", ".join(key for axis in axes for key in axis_keys(axis.config))
+        has = ", ".join(known) or "nothing of the scenario's sensors"
+        raise InputError(f"the audit says nothing of any axis: it has {has}; the axes vary {varied}", file=file)
+    return AuditedLog(name=name, values=values)
+
+
+def _audited(sensors: Mapping[str, Any], loaded: Scenario) -> Iterator[tuple[str, float]]:
+    """By key of the scenario, in the key's unit, what was found."""
+    for name, config in loaded.config.sensors.items():
+        found = sensors.get(name)
+        if found is None:
+            continue
+        noise = found.get("components") or {}
+        for option in dict.fromkeys(config.sigma_options):
+            own = [part for part, key in zip(config.components, config.sigma_options, strict=True) if key == option]
+            sigmas = [noise[part]["sigma"]["value"] for part in own if part in noise]
+            unit = split_key(option)[1]
+            if sigmas and unit is not None and None not in sigmas:
+                # Of an option that stands for several components, their root mean square.
+                rms = math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
+                yield f"sensors.{name}.{option}", rms / unit.factor
+        for option, value in (("rate_hz", found["rate_hz"]), ("detection_probability", found["detections"]["value"])):
+            if value is not None:
+                yield f"sensors.{name}.{option}", float(value)
+
+
+def _on_axis(axis: MapAxis, known: Mapping[str, float]) -> float | None:
+    """Where an axis of numbers has what was found; of several keys that follow it, the mean of those that are known."""
+    if not axis.ordered:
+        return None
+    links = {key: (link.factor, link.offset) for key, link in axis.config.keys.items() if link.factor}
+    if axis.config.key is not None:
+        links = {axis.config.key: (1.0, 0.0)}
+    values = [(known[key] - offset) / factor for key, (factor, offset) in links.items() if key in known]
+    return sum(values) / len(values) if values else None
+
+
+def log_values(log: AuditedLog, own: Mapping[str, Value | None]) -> dict[str, Value | None]:
+    """By axis the log's value; the scenario's own where the audit says nothing."""
+    return {**own, **log.values}
+
+
+def outside(log: AuditedLog, axes: Sequence[MapAxis]) -> str:
+    """On which axis the map does not reach as far as the log; empty where it does."""
+    for axis in axes:
+        value = log.values.get(axis.name)
+        if value is not None and not axis.reaches(value):
+            low, high = axis.ends
+            past, end = ("below", low) if value < low else ("above", high)
+            return f"{axis.name} {axis.shown(value)} is {past} {axis.shown(end)}"
+    return ""
+
+
+def nearest_point(values: Mapping[str, Value | None], axes: Sequence[MapAxis], points: Sequence[Point]) -> Point:
+    """The point of the map that is nearest to some values; an axis without one does not count."""
+
+    def apart(point: Point) -> float:
+        known = [(axis, values[axis.name], value) for axis, value in zip(axes, point, strict=True)]
+        return math.hypot(*(axis.distance(own, value) for axis, own, value in known if own is not None))
+
+    return min(points, key=apart)

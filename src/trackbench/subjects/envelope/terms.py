@@ -1,0 +1,57 @@
+"""The envelope's terms for ``trackbench explain``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from trackbench.base.subjects import TermPage
+
+_PAGES = {
+    "envelope": (
+        ("a map", "The points at which a tracker meets its requirement, over the axes of the `envelope:` block."),
+        (
+            "cells",
+            "Each point that was run is a cell, and is holds, fails or undecided. Runs are added to a cell until it is "
+            "decided or its budget is spent; new cells are put between neighbours that differ.",
+        ),
+        (
+            "confidence",
+            "The error is spent over all cells, trackers and looks: with 95 % confidence no cell of the whole map is "
+            "decided wrongly. Nothing is claimed between cells: the border there is interpolated.",
+        ),
+    ),
+    "undecided": (
+        (
+            "a state of a cell",
+            "The bounds of the value, at the error that is spent, lie on both sides of the limit after the last look, "
+            "or there is no value. It is neither holds nor fails; the headline says which share of cells is so.",
+        ),
+        ("to decide more", "Raise `runs: {most: ...}`: bounds are half as far apart with four times as many runs."),
+    ),
+    "margin": (
+        (
+            "along one axis",
+            "How far the axis may go, all else as in the scenario, or as in the line of cells that is nearest to it, "
+            "until the requirement is no longer met.",
+        ),
+        (
+            "its band",
+            "From the last cell that holds to the first that fails; the cells between them are undecided. The border "
+            "within it is where the interpolated value meets the limit. `2.1 ± 0.1`: it is the middle of its band.",
+        ),
+    ),
+    "sensitivity": (
+        ("change", "Of the value from one end of an axis to the other, all else as in the scenario or near it."),
+        (
+            "share",
+            "Of the variance of the value over the whole map: what an axis explains alone, and with its interactions "
+            "with others (Sobol indices). They are those of an interpolation between the cells, and are left out where "
+            "it is off by more than a quarter of the spread at cells that it does not know.",
+        ),
+    ),
+}
+
+
+def map_terms() -> Iterator[TermPage]:
+    """The words of a map."""
+    return (TermPage(name, page) for name, page in _PAGES.items())
