@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -114,3 +115,15 @@ def test_choices_are_no_axes_of_a_search() -> None:
         tb.load(
             {**small().document.value, "envelope": {**small().document.value["envelope"], "search": {"axes": axes}}}
         )
+
+
+def test_the_command_says_what_was_found(cli: Any, tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(small().text)
+    options = ("--search", "20", "--counter-examples", "1", "--no-recording", "--out", tmp_path)
+    out = " ".join(cli("envelope", file, *options, "--set", "envelope.cells=4").out.split())
+    assert "found by search in 20 runs" in out
+    assert "Nearest counter-examples" in out
+    (folder,) = (tmp_path / "small-envelope" / "counter_examples").iterdir()
+    assert (folder / "scenario.yaml").is_file()
+    assert not (folder / "recording.rrd").exists()

@@ -72,3 +72,14 @@ def test_a_point_of_a_sweep_is_refused() -> None:
     expect = [{"tracker": "kf_1", "metric": "position_rmse", "below": 0.3}]
     with pytest.raises(InputError, match="a point of a sweep"):
         retuned(TURNING | {"trackers": swept, "expect": expect})
+
+
+def test_the_cells_of_a_map_are_judged_by_tuned_trackers() -> None:
+    """A filter that fails everywhere as it is holds with a process noise that fits."""
+    axes = {"sigma": {"key": "sensors.lidar.position_sigma_m", "values": [0.3, 0.5]}}
+    limit = [{"tracker": "kf", "metric": "position_rmse", "below": 0.5}]
+    block = {"axes": axes, "runs": {"first": 60, "most": 60}}
+    for retune, states in ((False, ["fails", "fails"]), (True, ["holds", "holds"])):
+        scenario = TURNING | {"expect": limit, "envelope": {**block, "retune": retune}}
+        claim = tb.envelope(scenario, counter_examples=0).claim
+        assert [cell.trackers["kf"].state for cell in claim.cells] == states

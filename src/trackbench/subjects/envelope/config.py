@@ -161,7 +161,9 @@ envelope:
     retune: bool = Field(
         False, description="Whether the process noise of each tracker is tuned anew in each cell before it is judged."
     )
-    search: Search | None = Field(None, description="Looks for the worst run, after the map is made.")
+    search: Search | None = Field(
+        None, description="Looks for the worst run, after the map is made; needs `trackbench[search]`."
+    )
     scale: dict[Name, Positive] = Field(
         default_factory=dict,
         description="What counts as one unit of distance along an axis, instead of its range, for the nearest "
