@@ -14,6 +14,7 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
 from trackbench.document.terminal import print_document
+from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.map_figures import map_figure
 from trackbench.subjects.envelope.report import envelope_document, envelope_summary, headlines
@@ -111,3 +112,15 @@ def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):
     done = cli("report", folder, "--format", "html", "--out", "again.html")
     assert done.status == 0, done.err
     assert (tmp_path / "again.html").read_text() == (folder / "envelope.html").read_text()
+
+
+def test_a_real_map_has_margins_and_sensitivities(small_envelope):
+    finished = FinishedEnvelope(small_envelope)
+    (margin,) = finished.margins
+    (crossing,) = margin.crossings
+    assert 0.1 <= crossing.low <= crossing.point <= crossing.high <= 1.0
+    assert crossing.holds_below
+    (found,) = finished.sensitivities
+    ((_, swing),) = found.swings
+    assert swing.low < 0.25 < swing.high
+    assert 0 < swing.reach < swing.change

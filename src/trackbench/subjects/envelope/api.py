@@ -44,7 +44,9 @@ from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.decide import Decision
 from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
+from trackbench.subjects.envelope.margins import Margin, margins
 from trackbench.subjects.envelope.named_files import hashes_of
+from trackbench.subjects.envelope.sensitivity import Sensitivity, sensitivities
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites
 from trackbench.subjects.envelope.task import EnvelopeTask, task_of
@@ -259,6 +261,16 @@ class FinishedEnvelope:
     def suites(self) -> list[CheapestSuite]:
         """Of each tracker, and of several together, the cheapest suite with which it holds, by the axes' ``cost``."""
         return cheapest_suites(self.claim)
+
+    @property
+    def margins(self) -> list[Margin]:
+        """Of each tracker and axis, where the requirement stops to hold along the line through the scenario."""
+        return [margin for tracker in self.claim.trackers for margin in margins(self.claim, tracker)]
+
+    @property
+    def sensitivities(self) -> list[Sensitivity]:
+        """Of each requirement, how much each axis changes its value."""
+        return sensitivities(self.envelope)
 
     def json(self) -> dict[str, Any]:
         """The claim, as ``trackbench envelope --json`` prints it."""

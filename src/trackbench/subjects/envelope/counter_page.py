@@ -38,8 +38,10 @@ def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
         )
         causes = Items(tuple(_cause(example) for example in found.examples))
         blocks += [_examples(claim, found), Paragraph(about), causes]
-    else:
+    elif not any(claim.counts(name)["fails"] for name in claim.trackers):
         blocks.append(Paragraph("No cell fails with confidence."))
+    else:
+        blocks.append(Paragraph("None were made."))
     yield Section("Nearest counter-examples", tuple(blocks))
     if listed and found.beyond:
         yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, found),), folded=True)
