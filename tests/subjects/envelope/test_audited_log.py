@@ -135,3 +135,20 @@ def test_the_page_says_whether_the_log_is_inside(values, says):
     assert says in to_markdown(document).replace("\n", " ").replace("\\", "")
     labels = {entry.label for figure in document.figures for entry in figure.legend}
     assert ("sensors of my log" in labels) == (values["q"] >= 1)
+
+
+def test_an_audit_that_says_nothing_leaves_nothing(cli, tmp_path):
+    axes = {"speed": {"key": "truth.objects.car.start.speed_mps", "from": 5, "to": 20}}
+    (tmp_path / "map.yaml").write_text(
+        json.dumps(
+            {
+                **loaded().document.value,
+                "expect": [{"tracker": "ekf", "metric": "position_rmse", "below": 1}],
+                "envelope": {"axes": axes},
+            }
+        )
+    )
+    done = cli("envelope", "map.yaml", "--log", written(tmp_path), "--out", "out")
+    assert done.status == 2
+    assert "the audit says nothing of any axis" in done.err
+    assert not list((tmp_path / "out").glob("*"))

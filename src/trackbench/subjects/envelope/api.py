@@ -77,9 +77,9 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
         InputError: something is wrong in the scenario, or a cell of the map is none.
         TrackbenchError: the processes that do the work died.
     """
+    # Before anything is written, for what is wrong with it.
+    log = None if plan.log is None else audited_log(plan.log, loaded, task_of(loaded).axes)
     made = map_of(loaded, plan, executor, listener)
-    # Before any work, for what is wrong with it.
-    log = None if plan.log is None else audited_log(plan.log, loaded, made.task.axes)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
     found = envelope_of(made, command_of_envelope(loaded, plan))
