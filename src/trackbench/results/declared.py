@@ -108,7 +108,27 @@ GOSPA_PARTS = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
 ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
 VALID = _number("valid", kind="whole")
 DUE = _number("due", kind="whole")
+DECIDED = ("tracker", "function", "object")
+#: Left where the scenario has functions.
+FUNCTION_TABLES = {
+    "decisions": _table(
+        "what each function decides in the recorded run at each instant, on each tracker's tracks and on the truth",
+        [*DECIDED, "true_object"],
+        [
+            "time_s",
+            *(_number(name, kind="whole") for name in ("active", "true_active", "impact")),
+            *(_number(name, kind="sparse", unit="") for name in ("quantity", "true_quantity")),
+        ],
+    ),
+    "function_events": _table(
+        "when a function should have been active or should not have been: all of the recorded run, and the worst of "
+        "the others; an outcome is answered, missed or false",
+        [*DECIDED, "outcome"],
+        ["run", "time_s", "until_s", _number("delay_s", kind="sparse")],
+    ),
+}
 SHARED = {
+    **FUNCTION_TABLES,
     "truth": _table(
         "motion of every target and of the observer in the recorded run",
         ["object", "role"],

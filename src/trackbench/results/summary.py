@@ -85,13 +85,13 @@ class Summary(ResultModel):
     def layout(self) -> TableLayout:
         """What the tables hold."""
         hidden, objects = self.identities == "hidden", [*self.truth.objects, OBSERVER]
-        if hidden:
-            objects += [*(name for scene in self.truth.scenes for name in scene.objects), FALSE_ALARM, NO_OBJECT]
+        objects += [*(name for scene in self.truth.scenes for name in scene.objects), NO_OBJECT]
+        objects += [FALSE_ALARM] if hidden else []
         names = {
             "tracker": [tracker.name for tracker in self.trackers],
             "sensor": list(self.sensors),
             "object": objects,
-            "other_object": objects,
+            **dict.fromkeys(("other_object", "true_object"), objects),
             **{column: [tracker.name for tracker in self.trackers] for column in ("a", "b")},
             "role": ["target", OBSERVER],
         }

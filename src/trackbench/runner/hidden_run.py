@@ -14,6 +14,8 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
+from trackbench.metrics.functions import functions_among
+from trackbench.metrics.functions.sums import Decisions, decisions_of_run
 from trackbench.metrics.traffic import (
     Associations,
     RunScores,
@@ -62,6 +64,8 @@ class TrafficScores:
     """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
     predicted: dict[int, Tracks] = field(default_factory=dict)
     """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
+    decided: dict[str, Decisions] = field(default_factory=dict)
+    """By function, what it decides in the recorded run."""
     offset: Array | None = None
     """Of tracks made elsewhere, ``(5, P)``: the run, and the rows of :func:`offset_pairs`."""
     filed: Indices | None = None
@@ -211,6 +215,7 @@ class HiddenRun(TrackerRun[Tracks]):
         with_truth, count = scene.truth.known, len(piece.runs)
         share = count / self._batch.runs
         outcome = TrafficScores(TrafficSums(), np.zeros(count), share * self._seconds, self._timed * count)
+        functions = functions_among(self._work.metrics)
         summing = accumulators([item for item in self._work.metrics if with_truth or item.without_truth])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         ends, counted = self._stretches()
@@ -238,6 +243,7 @@ class HiddenRun(TrackerRun[Tracks]):
             if run == recorded:
                 outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
+                outcome.decided = {label: decisions_of_run(function, tracked) for label, function in functions.items()}
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome
 

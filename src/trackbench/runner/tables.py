@@ -21,6 +21,7 @@ from trackbench.results.declared import LABELLED
 from trackbench.results.table_check import OBSERVER
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.function_tables import decisions_on_estimates, function_records
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work
@@ -64,6 +65,9 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         ],
         "roads": road_records(truth),
         **_mode_records(work, blocks, list(evaluations)),
+        **function_records(
+            work, evaluated, {name: decisions_on_estimates(work, estimates) for name, estimates in recorded.items()}
+        ),
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]

@@ -20,6 +20,7 @@ from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
+from trackbench.runner.function_tables import function_records
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import Records, road_records, run_keys, scan_record, truth_records
 from trackbench.runner.traffic_sums import TrafficSums, dearest, summed
@@ -60,6 +61,7 @@ def hidden_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -> 
             for number, name in enumerate(ids)
         ],
         "roads": road_records(scene.truth),
+        **function_records(work, evaluated, {name: item.decided for name, item in kept.items()}),
     }
     # Those of the metrics, beside the declared ones.
     columns = list(records["runs"][0])[4:] if evaluations else []

@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.functions import Decision, EgoScene, Function, Objects
 from trackbench.functions.path import on_path
 from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
-from trackbench.metrics.functions.events import TOLERANCE, answers, spans
+from trackbench.metrics.functions.events import TOLERANCE, Spans, answers, spans
 from trackbench.metrics.protocol import Chunk, Scope
 
 if TYPE_CHECKING:
@@ -34,6 +34,30 @@ ROWS = (
 )
 
 
+class Times(NamedTuple):
+    """When a function is active, each ``(N,)``."""
+
+    run: Indices
+    start: Array
+    """s, as ``stop``."""
+    stop: Array
+    object: Indices
+    """Column of the object of the truth at the start; -1 where there is none."""
+
+    @classmethod
+    def of(cls, spans: Spans, time: Array, object: Indices) -> Times:
+        """Of spans at times ``(instants,)`` s, with the objects ``(instants, runs)``."""
+        ends = np.append(time, time[-1])
+        return cls(spans.run, ends[spans.start], ends[spans.stop], object[spans.start, spans.run])
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Times], runs: Sequence[int]) -> Times:
+        """Of blocks of so many runs, with the runs of all numbered."""
+        firsts = np.cumsum([0, *runs[:-1]])
+        numbered = [block._replace(run=block.run + first) for block, first in zip(blocks, firsts, strict=True)]
+        return cls(*map(np.concatenate, zip(*numbered, strict=True)))
+
+
 class FunctionScores(NamedTuple):
     """The sums of some runs, and every event."""
 
@@ -43,6 +67,10 @@ class FunctionScores(NamedTuple):
     """``(events,)`` s, in the order of runs."""
     missing: Mask
     """``(events,)``"""
+    events: Times
+    """On the truth."""
+    false: Times
+    """On the tracks, without an event."""
 
     def of(self, row: str) -> Array:
         """``(runs,)``"""
@@ -59,6 +87,11 @@ class Decisions(NamedTuple):
     """Whether it chose a track."""
     overlap: Mask
     """Whether an object of the truth overlaps the ego."""
+
+    @property
+    def driving(self) -> Mask:
+        """``(instants, runs)`` before the first overlap."""
+        return ~np.logical_or.accumulate(self.overlap, axis=0)
 
 
 class FunctionSums:
@@ -90,8 +123,15 @@ class FunctionSums:
         return scores_of(whole, scope.target.time[: len(whole.overlap)], self.function)
 
     def merge(self, blocks: Sequence[FunctionScores]) -> FunctionScores:
-        sums, delay, missing = zip(*blocks, strict=True)
-        return FunctionScores(np.concatenate(sums, axis=1), np.concatenate(delay), np.concatenate(missing))
+        sums, delay, missing, events, false = zip(*blocks, strict=True)
+        runs = [part.shape[1] for part in sums]
+        return FunctionScores(
+            np.concatenate(sums, axis=1),
+            np.concatenate(delay),
+            np.concatenate(missing),
+            Times.joined(events, runs),
+            Times.joined(false, runs),
+        )
 
 
 def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisions:
@@ -104,12 +144,28 @@ def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisi
     of_runs = (values.reshape(*values.shape[:-1], -1, chunk.runs) for values in (chunk.mean, chunk.covariance))
     mean, covariance = (np.moveaxis(values, -2, -3) for values in of_runs)
     given = chunk.given.reshape(len(chunk.given), -1, chunk.runs).swapaxes(0, 1)
+    return decisions_of_estimates(function, bodies.within(chunk.instants), truth, alive, mean, covariance, given)
+
+
+def decisions_of_estimates(
+    function: Function, bodies: EgoScene, truth: Array, alive: Mask, mean: Array, covariance: Array, given: Mask
+) -> Decisions:
+    """With known identities, of estimates of every object.
+
+    Args:
+        function: the function.
+        bodies: at the instants.
+        truth: ``(4, objects, instants, runs or 1)`` px, py, vx, vy.
+        alive: ``(objects, instants, 1)`` where an object is there.
+        mean: ``(4, objects, instants, runs)`` of the estimates.
+        covariance: ``(4, 4, objects, instants, runs)``.
+        given: ``(objects, instants, runs)`` where there is an estimate.
+    """
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
-    own = bodies.within(chunk.instants)
-    objects, overlap = _truth(truth, alive, own)
+    objects, overlap = _truth(truth, alive, bodies)
     there = given & alive
     tracks = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
-    ego = own.ego.each((slice(None), None))
+    ego = bodies.ego.each((slice(None), None))
     decided = function.decide(ego, tracks)
     return Decisions(function.decide(ego, objects), decided, decided.object != NO_OBJECT, overlap)
 
@@ -163,8 +219,8 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
     A drive ends at the first impact, where an object of the truth overlaps the ego: nothing counts from there on. So a
     warning that is still missing then is late by the time to the impact.
     """
-    driving = ~np.logical_or.accumulate(decisions.overlap, axis=0)
-    truth, tracks = (_while_driving(item, driving) for item in (decisions.truth, decisions.tracks))
+    driving = decisions.driving
+    truth, tracks = (while_driving(item, driving) for item in (decisions.truth, decisions.tracks))
     chose = decisions.chose & driving
     runs = driving.shape[1]
     last = np.minimum(driving.sum(axis=0), len(time) - 1)
@@ -195,10 +251,18 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
         "squared_braking": ((commanded - required) ** 2).sum(axis=0, where=acts) if function.brakes else nothing,
         "braking": acts.sum(axis=0) if function.brakes else nothing,
     }
-    return FunctionScores(np.stack([sums[name] for name in ROWS]).astype(float), result.delay, result.missing)
+    own = Spans(*(part[result.false] for part in own))
+    return FunctionScores(
+        np.stack([sums[name] for name in ROWS]).astype(float),
+        result.delay,
+        result.missing,
+        Times.of(events, time, truth.object),
+        Times.of(own, time, tracks.object),
+    )
 
 
-def _while_driving(decision: Decision, driving: Mask) -> Decision:
+def while_driving(decision: Decision, driving: Mask) -> Decision:
+    """Of ``(instants, runs)``, with nothing decided where it is not driven."""
     active, chosen, quantity = decision
     return Decision(active & driving, np.where(driving, chosen, NO_OBJECT), np.where(driving, quantity, np.nan))
 

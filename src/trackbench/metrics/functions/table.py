@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import new_class
 from typing import Any, ClassVar
 
@@ -141,6 +141,11 @@ def published_metrics() -> list[FunctionMetric]:
         for metric in function_metrics({"<function>": function.model_construct()}, hidden=False)
     ]
     return list({metric.name: metric for metric in every}.values())
+
+
+def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
+    """The functions of these metrics, by their names."""
+    return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
 
 
 def _kinds(function: Function) -> list[type[FunctionMetric]]:

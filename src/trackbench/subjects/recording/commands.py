@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,23 +29,45 @@ TRACKER = click.option(
 )
 
 
+_NAME = re.compile(r"[A-Za-z][\w-]*")
+#: Events of a function that are listed unless a number is given.
+LISTED = 10
+FUNCTION = click.option(
+    "--function", metavar="NAME", help="With --worst: the worst events of this function, missed, late, false or early."
+)
+
+
 class MomentCommand(click.Command):
-    """A command whose ``--worst`` may stand without a number, which is 1 then."""
+    """A command whose ``--worst`` may stand without a number, which is 1 then, or with the name of a function."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         filled: list[str] = []
-        for arg, following in zip(args, [*args, ""][1:], strict=True):
-            filled += [arg, "1"] if arg == "--worst" and not following.isdigit() else [arg]
+        rest = list(args)
+        while rest:
+            arg = rest.pop(0)
+            filled.append(arg)
+            if arg != "--worst" or (rest and rest[0].isdigit()):
+                continue
+            if rest and _NAME.fullmatch(rest[0]) and not Path(rest[0]).exists():
+                filled += [str(self.listed), "--function", rest.pop(0)]
+            else:
+                filled.append("1")
         return super().parse_args(ctx, filled)
+
+    @property
+    def listed(self) -> int:
+        """How many events of a function are meant."""
+        return LISTED if self.name == "inspect" else 1
 
 
 def worst_option(help: str) -> Callable[[Any], Any]:
-    return click.option("--worst", type=click.IntRange(1), metavar="[N]", help=help)
+    return click.option("--worst", type=click.IntRange(1), metavar="[N|FUNCTION]", help=help)
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """``--at``, ``--worst``, ``--vehicle`` and ``--tracker`` of a command that shows a recording."""
     for option in (
+        FUNCTION,
         TRACKER,
         click.option("--vehicle", metavar="NAME", help="Scene and plots of this vehicle; with --worst: its moments."),
         worst_option("Stop at the moment of the largest position error, or of the Nth largest, at its vehicle."),
@@ -81,7 +104,12 @@ def open_viewer(runs: tuple[Path, ...], **opening: Any) -> None:
 
 @contextmanager
 def _playable(
-    runs: Sequence[Path], at: float | None, worst: int | None, vehicle: str | None, tracker: str | None
+    runs: Sequence[Path],
+    at: float | None,
+    worst: int | None,
+    vehicle: str | None,
+    tracker: str | None,
+    function: str | None = None,
 ) -> Iterator[Playable]:
     """Files for the viewer; notes on them go to stderr."""
     if at is not None and worst is not None:
@@ -89,10 +117,16 @@ def _playable(
     from trackbench.subjects.recording.focus import Opening
     from trackbench.subjects.recording.viewer import playable
 
-    with playable(runs, Opening(at, worst, vehicle, tracker)) as ready:
+    _require_worst(worst, function)
+    with playable(runs, Opening(at, worst, vehicle, tracker, function)) as ready:
         for note in ready.notes:
             click.echo(note, err=True)
         yield ready
+
+
+def _require_worst(worst: int | None, function: str | None) -> None:
+    if function is not None and worst is None:
+        raise click.UsageError("--function names whose worst events are meant: give --worst with it")
 
 
 @click.command("snapshot", cls=MomentCommand)
@@ -132,6 +166,7 @@ def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
 @worst_option("The worst moment of each tracker, or the N worst; with hidden identities the N costliest events.")
 @click.option("--vehicle", metavar="NAME", help="With --worst: of this vehicle alone. With --open: show it.")
 @TRACKER
+@FUNCTION
 @click.option("--open", "opened", is_flag=True, help="Open the viewer at that time or at the worst moment.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def inspect_command(
@@ -140,6 +175,7 @@ def inspect_command(
     worst: int | None,
     vehicle: str | None,
     tracker: str | None,
+    function: str | None,
     opened: bool,
     as_json: bool,
 ) -> None:
@@ -152,11 +188,13 @@ def inspect_command(
       trackbench inspect results/highway
       trackbench inspect results/highway/recording.rrd --at 12.4
       trackbench inspect results/highway --worst 5 --tracker raw --open
+      trackbench inspect results/nhtsa_braking --worst fcw
     """
     if opened and at is None and worst is None:
         raise click.UsageError("--open needs a time: give --at or --worst")
     if vehicle is not None and worst is None and not opened:
         raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
+    _require_worst(worst, function)
     from trackbench.subjects.recording.data import read
     from trackbench.subjects.recording.focus import require_worst
     from trackbench.subjects.recording.inspection import inspect
@@ -166,13 +204,14 @@ def inspect_command(
     require_worst(recorded.result, worst, tracker)
     if recorded.note:
         click.echo(f"{recorded.note}: read from its tables", err=True)
-    inspection = inspect(recorded, at, worst, tracker, vehicle)
+    inspection = inspect(recorded, at, worst, tracker, vehicle, function)
     if as_json:
         click.echo(to_json(inspection.json()), nl=False)
     else:
         print_inspection(inspection, Console(highlight=False, markup=False, emoji=False))
     if opened:
-        open_viewer((run,), at=at, worst=None if at is not None else 1, vehicle=vehicle, tracker=tracker)
+        first = None if at is not None else 1
+        open_viewer((run,), at=at, worst=first, vehicle=vehicle, tracker=tracker, function=function)
 
 
 NAMES = ("live", "connect", "serve", "host")

@@ -20,13 +20,14 @@ import pyarrow.parquet as pq
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
+from trackbench.results.declared import FUNCTION_TABLES
 from trackbench.results.table_check import require_table
 from trackbench.subjects.recording.chunks import DATA, SUMMARY_COMPONENT, Unreadable, read_chunks
 
 if TYPE_CHECKING:
     from trackbench.subjects.recording.stream import Stream
 
-#: The tables that are kept, with known and with hidden identities.
+#: The tables that are kept, with known and with hidden identities; beside them those of functions.
 TABLES = {
     "known": (
         "truth", "measurements", "estimates", "recorded_nis", "steps", "nis", "modes", "recorded_modes", "roads",
@@ -45,7 +46,8 @@ def send_data(stream: Stream, result: Result) -> None:
     import rerun as rr
 
     components: dict[str, Any] = {SUMMARY_COMPONENT: json.dumps(result.json(), allow_nan=False, ensure_ascii=False)}
-    for name in TABLES[result.summary.identities]:
+    own = [name for name in FUNCTION_TABLES if name in result.tables]
+    for name in (*TABLES[result.summary.identities], *own):
         table = result.tables.if_there(name)
         if name == "events" and table.num_rows:
             table = table.filter(pc.equal(table["run"], float(result.summary.recorded_run)))

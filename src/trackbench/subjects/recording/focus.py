@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.metrics.function_events import function_events
 from trackbench.metrics.moments import distinct, require_name, require_time, worst
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.track_events import TrackEvent, events_of
@@ -26,6 +27,8 @@ class Opening:
     tracker: str | None = None
     """Whose error is the worst; unless stated, that of any contender that filters. With hidden identities also whose
     tracks are shown."""
+    function: str | None = None
+    """At the worst event of this one in the recorded run."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         require_worst(result, opening.worst, opening.tracker)
     if opening.vehicle is not None:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
+    if opening.worst is not None and opening.function is not None:
+        return _function_focus(results[0], opening, opening.function, opening.worst)
     if opening.worst is not None and summary.identities == "hidden":
         events = costly_events(results[0], opening.tracker, opening.vehicle)
         if len(events) < opening.worst:
@@ -86,6 +91,17 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
                 problem = f"{opening.vehicle} is not there at {opening.at_s:g} s: it is there {when}"
                 raise InputError(problem, key="--at")
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def _function_focus(result: Result, opening: Opening, function: str, worst: int) -> Focus:
+    run = result.summary.recorded_run
+    every = function_events(result, function, opening.tracker, run, opening.vehicle)
+    if len(every) < worst:
+        message = f"only {len(every)} such events of {function} in run {run}, the recorded one: no other is wrong"
+        raise InputError(message, key="--worst")
+    event = every[worst - 1]
+    hidden = result.summary.identities == "hidden"
+    return Focus(event.object or None, event.time_s, tracker=event.tracker if hidden else None)
 
 
 def require_worst(result: Result, worst: int | None, tracker: str | None) -> None:

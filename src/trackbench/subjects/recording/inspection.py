@@ -16,6 +16,7 @@ from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.function_events import FunctionEvent, function_events
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
 from trackbench.metrics.silence import measured_positions
@@ -93,6 +94,8 @@ class Inspection:
     at: SceneMoment | TracksMoment | None = None
     worst: dict[str, list[EstimateMoment]] | list[TrackEvent] | None = None
     """By tracker, those that filter first, the largest error first; of hidden identities the costliest event first."""
+    of_function: list[FunctionEvent] | None = None
+    """The events of a function in all runs, the worst first."""
     modes: Modes = field(default_factory=dict)
     """The probability of each mode at the time that was asked for, or its mean over the run."""
 
@@ -149,6 +152,8 @@ class Inspection:
             values["worst"] = {tracker: [asdict(moment) for moment in items] for tracker, items in self.worst.items()}
         elif self.worst is not None:
             values["worst"] = [event._asdict() for event in self.worst]
+        if self.of_function is not None:
+            values["worst"] = [{**event._asdict(), "word": event.word} for event in self.of_function]
         return values
 
 
@@ -158,6 +163,7 @@ def inspect(
     count: int | None = None,
     tracker: str | None = None,
     vehicle: str | None = None,
+    function: str | None = None,
 ) -> Inspection:
     """Read a recording or the folder of a run.
 
@@ -168,18 +174,24 @@ def inspect(
             run.
         tracker: of this one alone.
         vehicle: those of this one alone.
+        function: the events of this one in all runs, in place of other moments.
 
     Raises:
-        InputError: it cannot be read, or has no such time, tracker or vehicle.
+        InputError: it cannot be read, or has no such time, tracker, vehicle or function.
     """
     recorded = path if isinstance(path, Recorded) else read(path)
     result = recorded.result
+    of_function = None
+    if function is not None:
+        if tracker is not None:
+            require_name(tracker, list(result), "tracker")
+        of_function, count = function_events(result, function, tracker, vehicle=vehicle)[:count], None
     if result.summary.identities == "hidden":
         if vehicle is not None:
             require_name(vehicle, result.summary.truth.objects, "vehicle")
         events = None if count is None else costly_events(result, tracker, vehicle)[:count]
         moment = None if at is None else _tracks_at(result, at, tracker)
-        return Inspection(recorded, list(result.scored), at=moment, worst=events)
+        return Inspection(recorded, list(result.scored), at=moment, worst=events, of_function=of_function)
     run = recorded_run(result)
     scored = rescored(result, run)
     first = [item.name for item in result.filtering if item.name in run.tracks]
@@ -194,6 +206,7 @@ def inspect(
         _checked(recorded, scored),
         None if at is None else scene_at(result, run, at),
         None if count is None else {name: worst(run, [name], count, vehicle) for name in trackers},
+        of_function,
         _modes(result, trackers, vehicle, at),
     )
 

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from trackbench.base.errors import counted
+from trackbench.metrics.function_events import FunctionEvent
 from trackbench.metrics.moments import SceneMoment
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.report.console import track_values
@@ -64,7 +65,9 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         else:
             console.print("\nThere is no truth, so no event has a cost.")
         _command(inspection, [event.tracker for event in inspection.worst[:1]], console)
-    if inspection.at is None and inspection.worst is None:
+    if inspection.of_function is not None:
+        _function_events(inspection.of_function, console)
+    elif inspection.at is None and inspection.worst is None:
         _contents(inspection, console)
         (_all_runs if hidden else _scores)(inspection, console)
         _modes(inspection, console)
@@ -184,6 +187,22 @@ def _events(events: list[TrackEvent], console: Console) -> None:
             ("why", "reason", None),
         )
         console.print(_table(events, *columns))
+
+
+def _function_events(events: list[FunctionEvent], console: Console) -> None:
+    if not events:
+        console.print("\nNo warning in any run is missed, late, false or early.")
+        return
+    console.print(f"\nThe worst events of {events[0].function} in all runs")
+    columns: tuple[Column, ...] = (
+        ("tracker", "tracker", None),
+        ("run", "run", 0),
+        ("time s", "time_s", 2),
+        ("object", lambda event: event.object or "-", None),
+        ("what", "word", None),
+        ("by s", "wrong_s", 2),
+    )
+    console.print(_table(events, *columns))
 
 
 def _table(items: Iterable[Any], *columns: Column) -> Table:

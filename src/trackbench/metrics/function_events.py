@@ -1,0 +1,93 @@
+"""The events of the functions of a result, the worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow.compute as pc
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.results import Result
+
+#: Of the metric that every function has, before its name.
+_STEM = "warn_delay."
+
+
+class FunctionEvent(NamedTuple):
+    """A time in which a function should have been active, or was without a reason."""
+
+    tracker: str
+    function: str
+    object: str
+    """Empty where a track on no object was meant."""
+    outcome: str
+    """answered, missed or false."""
+    run: int
+    time_s: float
+    until_s: float
+    delay_s: float | None
+    """Below 0 where it was early; None of what is false."""
+
+    @property
+    def word(self) -> str:
+        """What was wrong: missed, late, false or early; on time where nothing was."""
+        if self.outcome != "answered" or not self.delay_s:
+            return self.outcome if self.outcome != "answered" else "on time"
+        return "late" if self.delay_s > 0 else "early"
+
+    @property
+    def wrong_s(self) -> float:
+        """For how long it was not as on the truth, s."""
+        return self.until_s - self.time_s if self.delay_s is None else abs(self.delay_s)
+
+
+#: What was wrong, the worst first.
+WORST = ("missed", "late", "false", "early")
+
+
+def function_labels(paths: Iterable[str]) -> list[str]:
+    """The functions that have metrics among these paths."""
+    return list(dict.fromkeys(path.removeprefix(_STEM) for path in paths if path.startswith(_STEM)))
+
+
+def function_events(
+    result: Result,
+    function: str,
+    tracker: str | None = None,
+    run: int | None = None,
+    vehicle: str | None = None,
+) -> list[FunctionEvent]:
+    """The events of a function in which something was wrong: those that were missed first, then those that were late,
+    what was false, and what was early; of each the longest first.
+
+    Args:
+        result: of a run.
+        function: by its name in the scenario.
+        tracker: of this one alone.
+        run: of this one alone.
+        vehicle: about this one alone.
+
+    Raises:
+        InputError: the scenario has no such function.
+    """
+    known = function_labels(path for item in result.summary.trackers for path in item.metrics)
+    if function not in known:
+        hint = nearest(function, known) if known else "it has none"
+        raise InputError(f"no function {function!r} in this run; {hint}", key="--function")
+    table = result.tables.if_there("function_events")
+    if not table.num_rows:
+        return []
+    for name, value in (("function", function), ("tracker", tracker), ("run", run), ("object", vehicle)):
+        if value is not None:
+            table = table.filter(pc.equal(table[name], float(value) if name == "run" else value))
+    events = [
+        FunctionEvent(**{**row, "run": int(row["run"]), "delay_s": _known(row["delay_s"])}) for row in table.to_pylist()
+    ]
+    wrong = [event for event in events if event.word in WORST]
+    return sorted(wrong, key=lambda event: (WORST.index(event.word), -round(event.wrong_s, 6), event.run, event.time_s))
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None or np.isnan(value) else value

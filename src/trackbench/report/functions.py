@@ -1,0 +1,100 @@
+"""What functions decide on the tracks, against what they decide on the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from trackbench.document import Cell, Column, Paragraph, Row, Section, Table, TrackerStyle
+from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
+from trackbench.report.figures.decisions import strip_of_decisions
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
+from trackbench.report.tables import (
+    INTERVAL,
+    TRACKER,
+    TableColumn,
+    metric_of,
+    text_table,
+    tracker_table,
+    unit_of,
+    values,
+)
+from trackbench.results import Result, TrackerResult
+
+#: The worst events of each function that are listed.
+LISTED = 5
+_MEANING = (
+    "Each function decides on the truth and on each tracker's tracks at every instant. An event is a time in which it "
+    "is active on the truth. The delay is that of its activity on the tracks, below 0 where it comes early; of a "
+    "missed event it is the time to the impact, or to the event's end. False is activity on the tracks that is more "
+    "than 0.5 s from every event, per hour of the drive. The figure is of the recorded run, the numbers are of all."
+)
+#: Of each function: what the metric's name begins with, its heading, and by how much it is larger than the metric.
+_COLUMNS = (
+    ("warn_delay", "delay, s", 1.0),
+    ("warn_error", "RMS delay, s", 1.0),
+    ("missed_warnings", "missed, %", 100.0),
+    ("false_warnings", "false, 1/h", 1.0),
+)
+#: What a delay has beside its mean.
+_OF_DELAY = {
+    "early": Column("early, s", "mean of the delays below 0"),
+    "late": Column("late, s", "mean of the delays above 0"),
+    "p05": Column("5 %, s", "5 % of the delays are below it"),
+    "p50": Column("50 %, s", "half of the delays are below it"),
+    "p95": Column("95 %, s", "95 % of the delays are below it"),
+}
+
+
+def functions_section(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    """The strip, the numbers and the worst events of each function; nothing where there is none."""
+    labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
+    if labels:
+        parts = (_one_function(result, label, shown) for label in labels)
+        yield Section("Functions", (Paragraph(_MEANING), *parts))
+
+
+def _one_function(result: Result, label: str, shown: Sequence[TrackerStyle]) -> Section:
+    events = function_events(result, label)
+    run = result.summary.recorded_run
+    decisions = result.tables.if_there("decisions")
+    strip = strip_of_decisions(decisions, [event for event in events if event.run == run], label, shown, run)
+    worst = _worst(events[:LISTED], label) if events else None
+    beside = tuple(block for block in (strip, worst) if block is not None)
+    return Section(label, (*([Row(beside)] if beside else []), _numbers(result, label)))
+
+
+def _numbers(result: Result, label: str) -> Table:
+    """What the metrics of a function say of every tracker."""
+    trackers = result.scored
+    metrics = {item.name: item for item in result.summary.score.metrics}
+    own = [path for path in metrics if path.rpartition(".")[2] == label and path in trackers[0].metrics]
+    known = {f"{stem}.{label}": (heading, scale) for stem, heading, scale in _COLUMNS}
+
+    def cells(path: str) -> TableColumn:
+        metric = metrics[path]
+        heading, scale = known.get(path, (path.partition(".")[0].replace("_", " ") + unit_of(metric.unit), 1.0))
+        return Column(heading, metric.meaning, details=INTERVAL), values(trackers, path, scale=scale)
+
+    delays = [(column, _details(trackers, f"warn_delay.{label}", name)) for name, column in _OF_DELAY.items()]
+    mean, *others = map(cells, own)
+    return tracker_table(f"{label}-decisions", trackers, [mean, *delays, *others])
+
+
+def _details(trackers: Sequence[TrackerResult], path: str, name: str) -> list[Cell]:
+    numbers = [getattr(metric_of(tracker, path), name) for tracker in trackers]
+    places = decimals(numbers)
+    missing = Cell(NOT_AVAILABLE, reason="there is no such delay")
+    return [missing if number is None else Cell(fixed(number, places)) for number in numbers]
+
+
+def _worst(events: Sequence[FunctionEvent], label: str) -> Table:
+    columns = {
+        TRACKER: lambda event: event.tracker,
+        Column("run"): lambda event: str(event.run),
+        Column("time, s"): lambda event: fixed(event.time_s, 2),
+        Column("object", left=True): lambda event: event.object or "none",
+        Column("what", left=True): lambda event: event.word,
+        Column("by, s"): lambda event: fixed(event.wrong_s, 2),
+    }
+    caption = f"The worst events of all runs; trackbench inspect . --worst {label} lists more"
+    return text_table(f"{label}-events", events, columns, caption)

@@ -1,0 +1,167 @@
+"""What a result keeps of functions: the decisions of the recorded run, and the worst events of all runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from tests.metrics.functions.test_function_runs import ALL, BRAKING, result_of
+
+from trackbench.base.errors import InputError
+from trackbench.metrics.function_events import function_events
+from trackbench.report.result import result_document
+from trackbench.results import Result, Tables
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return result_of(tmp_path_factory.mktemp("noisy"), BRAKING, SIGMA="0.5", AZIMUTH="0.2")
+
+
+def test_the_truth_decides_as_computed_by_hand(noisy: Result):
+    # After t s of braking the gap is 40 - 3 t^2 and the closing speed 6 t: 14.4 t is more from 1.97 s on. The lead then
+    # keeps 0.09 m/s, and 24.13 m are left at 13.8 m/s.
+    rows = noisy.tables.decisions.to_pandas().query("tracker == 'slow'").set_index("time_s")
+    assert rows.index[rows.true_active > 0][0] == pytest.approx(5.0)
+    assert rows.true_quantity[5.4] == pytest.approx((24.13 - 0.1 * 13.8) / 13.8)
+    assert rows.index[rows.impact > 0][0] == pytest.approx(7.05)
+    assert set(rows.true_object[rows.true_active > 0]) == {"lead"}
+
+
+def test_an_event_of_the_recorded_run_is_as_late_as_the_decisions_are(noisy: Result):
+    decisions = noisy.tables.decisions.to_pandas()
+    for tracker in ("ekf", "slow"):
+        rows = decisions[decisions.tracker == tracker].set_index("time_s")
+        first, due = (rows.index[rows[name] > 0][0] for name in ("active", "true_active"))
+        events = noisy.tables.function_events.to_pandas().query(f"tracker == '{tracker}' and run == 0")
+        assert events.delay_s.tolist() == pytest.approx([first - due])
+        assert (events.outcome.tolist(), events.object.tolist()) == (["answered"], ["lead"])
+
+
+def test_the_mean_delay_is_that_of_the_events(noisy: Result):
+    events = noisy.tables.function_events.to_pandas().query("tracker == 'slow'")
+    assert sorted(events.run) == list(range(20))
+    assert events.delay_s.mean() == pytest.approx(noisy["slow"].metrics["warn_delay.fcw"].value)
+
+
+def test_of_many_events_the_recorded_ones_and_the_worst_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result
+):
+    monkeypatch.setattr("trackbench.runner.function_tables.MOST_EVENTS", 2)
+    events = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2").tables.function_events.to_pandas()
+    every = noisy.tables.function_events.to_pandas()
+    for tracker, own in events.groupby("tracker", observed=True):
+        worst = every[every.tracker == tracker].delay_s.abs().nlargest(2)
+        assert own.run.iloc[0] == 0
+        assert len(own) <= 3
+        assert own.delay_s.abs().nlargest(2).tolist() == worst.tolist()
+
+
+def test_blocks_of_runs_number_their_events_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result):
+    monkeypatch.setattr("trackbench.runner.work.BATCH_SIZE", 7)
+    result = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2")
+    for name in ("decisions", "function_events"):
+        assert result.tables[name].equals(noisy.tables[name])
+
+
+def test_hidden_identities_without_clutter_leave_the_same_tables(tmp_path: Path):
+    text = BRAKING.split("trackers:")[0] + "trackers: {ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 8}}\n"
+    text += "monte_carlo: {runs: 3}\nfunctions:\n  fcw: {use: forward_collision_warning}" + ALL
+    associate = ", associate: {method: gnn, confirm: [1, 1]}}}\nsensing: {identities: hidden}\n"
+    known, hidden = (
+        result_of(tmp_path, text.replace("}}\n", end), SIGMA="0.3", AZIMUTH="0.2").tables for end in ("}}\n", associate)
+    )
+    for name in ("decisions", "function_events"):
+        pd.testing.assert_frame_equal(known[name].to_pandas(), hidden[name].to_pandas(), rtol=1e-9, check_names=False)
+
+
+def test_a_result_without_functions_has_no_such_table(tmp_path: Path):
+    text = BRAKING.split("functions:")[0].replace("runs: 20", "runs: 2")
+    result = result_of(tmp_path, text, SIGMA="0.5", AZIMUTH="0.2")
+    assert not {"decisions", "function_events"} & {*result.tables}
+    assert "Functions" not in _titles(result)
+
+
+def test_tables_are_read_back(tmp_path: Path, noisy: Result):
+    noisy.save(tmp_path / "run")
+    again = Result.load(tmp_path / "run")
+    for name in ("decisions", "function_events"):
+        assert again.tables[name].to_pandas().equals(noisy.tables[name].to_pandas())
+
+
+def _with_events(result: Result, *rows: tuple[str, float, float, float]) -> Result:
+    """With these events of ``slow``: outcome, run, length and delay in s."""
+    outcome, run, length, delay = zip(*rows, strict=True)
+    same = {"tracker": "slow", "function": "fcw", "object": "lead"}
+    numbers = {"run": run, "time_s": np.ones(len(rows)), "until_s": 1.0 + np.array(length), "delay_s": delay}
+    table = pa.table({name: [text] * len(rows) for name, text in same.items()} | {"outcome": outcome, **numbers})
+    return dataclasses.replace(result, tables=Tables({**result.tables, "function_events": table}))
+
+
+MIXED = (
+    ("false", 1.0, 0.3, np.nan),
+    ("answered", 2.0, 2.0, -0.4),
+    ("answered", 3.0, 2.0, 0.2),
+    ("missed", 4.0, 2.0, 1.0),
+    ("answered", 5.0, 2.0, 0.0),
+    ("missed", 6.0, 2.0, 1.5),
+    ("answered", 7.0, 2.0, 0.9),
+    ("false", 0.0, 0.8, np.nan),
+)
+
+
+def test_missed_events_come_first_then_late_false_and_early_ones(noisy: Result):
+    events = function_events(_with_events(noisy, *MIXED), "fcw")
+    assert [event.run for event in events] == [6, 4, 7, 3, 0, 1, 2]
+    assert [event.word for event in events] == ["missed", "missed", "late", "late", "false", "false", "early"]
+    assert [event.wrong_s for event in events] == pytest.approx([1.5, 1.0, 0.9, 0.2, 0.8, 0.3, 0.4])
+
+
+def test_events_of_a_tracker_or_run_alone(noisy: Result):
+    mixed = _with_events(noisy, *MIXED)
+    assert [event.run for event in function_events(mixed, "fcw", run=7)] == [7]
+    assert function_events(mixed, "fcw", "ekf") == []
+    with pytest.raises(InputError, match=r"no function 'fcv'.*'fcw'"):
+        function_events(mixed, "fcv")
+
+
+def _titles(result: Result) -> list[str]:
+    return [block.title for block in result_document(result).blocks if hasattr(block, "title")]
+
+
+def test_the_report_has_a_strip_and_the_numbers(noisy: Result):
+    (section,) = [block for block in result_document(noisy).blocks if getattr(block, "title", "") == "Functions"]
+    _, fcw = section.blocks
+    row, numbers = fcw.blocks
+    strip, worst = row.blocks
+    late = noisy["slow"].metrics["warn_delay.fcw"].late
+    assert strip.alternative.startswith(
+        "Active on the truth from 5.00 s to 7.05 s. An object touches the ego from 7.05 s"
+    )
+    headings = [column.heading for column in numbers.columns]
+    (slow,) = [row for row in numbers.rows if row[0].text == "slow"]
+    assert float(slow[headings.index("late, s")].text) == pytest.approx(late, abs=1e-4)
+    assert worst.rows[0][0].text == "slow"
+    assert "false, 1/h" in headings
+
+
+def test_inspect_lists_the_worst_events(tmp_path: Path, cli: Callable[..., Any]):
+    (tmp_path / "braking.yaml").write_text(
+        BRAKING.replace("SIGMA", "0.5").replace("AZIMUTH", "0.2").replace("runs: 20", "runs: 4"), encoding="utf-8"
+    )
+    assert cli("run", "braking.yaml", "--quiet").status == 0
+    lines = cli("inspect", "results/braking_lead", "--worst", "fcw").out.splitlines()
+    assert lines[2] == "The worst events of fcw in all runs"
+    assert lines[4].split() == ["slow", "2", "5.00", "lead", "late", "0.30"]
+    two = cli("inspect", "results/braking_lead", "--worst", "2", "--function", "fcw", "--tracker", "ekf")
+    assert [line.split()[0] for line in two.out.splitlines()[4:]] == ["ekf", "ekf"]
+    done = cli("inspect", "results/braking_lead", "--worst", "fcv")
+    assert done.status == 2
+    assert "did you mean 'fcw'?" in done.err
+    assert "--worst" in cli("inspect", "results/braking_lead", "--function", "fcw").err
