@@ -29,7 +29,7 @@ TRACKER = click.option(
 )
 
 
-_NAME = re.compile(r"[A-Za-z][\w-]*")
+_NAME = re.compile(r"[A-Za-z][\w-]{0,63}")
 #: Events of a function that are listed unless a number is given.
 LISTED = 10
 FUNCTION = click.option(
