@@ -38,6 +38,7 @@ from trackbench.subjects.envelope.claim import (
     Limit,
     TrackerState,
     hash_of,
+    idle_axes,
     parts_of,
 )
 from trackbench.subjects.envelope.counter import CounterMaker
@@ -83,6 +84,8 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
     found = envelope_of(made, command_of_envelope(loaded, plan))
+    for name in idle_axes(found.claim):
+        listener.note(f"{name}: no value changes along this axis")
     found = replace(found, claim=found.claim.model_copy(update={"log": log}))
     return with_counter_examples(made, found, plan, executor, listener)
 

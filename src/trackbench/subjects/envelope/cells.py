@@ -11,6 +11,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Indices
+from trackbench.compare.comparison import TIMES
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums
@@ -116,7 +117,7 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
     """What the scenario expects, as what its cells are judged by.
 
     Raises:
-        InputError: it expects nothing, or something that no interval tells.
+        InputError: it expects nothing, or something that no interval tells, or no other run can repeat.
     """
     config = loaded.config
     if not config.expect:
@@ -128,6 +129,9 @@ def requirements_of(loaded: Scenario) -> list[Requirement]:
 
 
 def _requirement(loaded: Scenario, fields: Mapping[str, Field], number: int, item: Expectation) -> Requirement:
+    if item.metric in TIMES:
+        message = f"{item.metric} is another each time that it is measured, so that no claim on it could be repeated"
+        raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
     if item.better_than is not None:
         larger = fields[item.metric].better == "larger"
         return Requirement(item.tracker, item.metric, "above" if larger else "below", 0.0, item.better_than)

@@ -15,7 +15,7 @@ from pydantic import ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
-from trackbench.results.metric_value import ResultModel, read_model
+from trackbench.results.metric_value import ROUNDING, ResultModel, read_model
 from trackbench.subjects.envelope.audited_log import AuditedLog
 from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
@@ -221,6 +221,25 @@ def _split(parts: pa.Table) -> Iterator[tuple[tuple[int, int], Array]]:
 def place_of_cell(axes: Sequence[MapAxis], point: Point) -> str:
     """A cell as it is read: "azimuth 0.5 deg, range 0.1 m"."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
+
+
+def idle_axes(claim: Claim) -> list[str]:
+    """The axes along which no value of any tracker changes by more than rounding."""
+    idle = []
+    for number, axis in enumerate(claim.axes):
+        lines: dict[Point, list[list[float]]] = {}
+        for cell in claim.cells:
+            known = [item.value for tracker in cell.trackers.values() for item in tracker.values]
+            values = [value for value in known if value is not None]
+            lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(values)
+        several = [line for line in lines.values() if len(line) > 1]
+        if several and all(_alike(line[0], other) for line in several for other in line):
+            idle.append(axis.name)
+    return idle
+
+
+def _alike(a: Sequence[float], b: Sequence[float]) -> bool:
+    return len(a) == len(b) > 0 and bool(np.allclose(a, b, rtol=ROUNDING, atol=0.0))
 
 
 def read_claim(place: Path) -> Claim:

@@ -87,10 +87,12 @@ class Axis(Config):
             yield Problem((), "write key, or keys where several follow the value")
         if self.keys and self.form == "choices":
             yield Problem(("keys",), "choices are no numbers: give each choice the keys that it sets")
-        every = [("key", self.key)] if self.key else [("keys", key) for key in self.keys]
+        every = [("key", self.key)] if self.key is not None else [("keys", key) for key in self.keys]
         every += [("choices", key) for keys in self.choices.values() for key in keys] if named else []  # type: ignore[union-attr]
         for place, key in every:
-            if key is not None and key.partition(".")[0] in FIXED:
+            if key is not None and not all(key.split(".")):
+                yield Problem((place,), f"{key!r} is no key of a scenario, such as sensors.radar.range_sigma_m")
+            elif key is not None and key.partition(".")[0] in FIXED:
                 yield Problem((place,), f"{key} cannot be an axis: the map rests on it")
 
     def _between(self) -> Iterator[Problem]:

@@ -255,7 +255,7 @@ class EnvelopeMap:
             self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
         )
         reasons = [
-            decision.reason if decision else own.values[item.metric].reason
+            decision.reason if decision else _reason(own, item.metric)
             for item, decision in zip(requirements, tracker.judged, strict=True)
         ]
         tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
@@ -286,6 +286,12 @@ class EnvelopeMap:
         if interval is None:
             return None
         return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)
+
+
+def _reason(evaluation: Evaluation, path: str) -> str:
+    """Why there is no value of a path; that of a statistic without any stands at its name."""
+    value = evaluation.values.get(path) or evaluation.values.get(path.rpartition(".")[0])
+    return (value and value.reason) or ""
 
 
 def _fail(tracker: TrackerCell, failure: Failure) -> None:

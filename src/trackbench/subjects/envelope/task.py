@@ -47,9 +47,20 @@ class EnvelopeTask(NamedTuple):
         try:
             scenario = scenario_of(self.loaded.text, self.loaded.path, [*self.loaded.overrides, *changes])
         except InputError as error:
-            at = ", ".join(f"{name} {value}" for name, value in named(self.axes, point).items())
-            raise InputError(f"the scenario is not valid at {at}: {error.message}", key="envelope.axes") from error
+            raise self._at_axis(error, point) from error
         return select_trackers(scenario, [*self.loaded.config.trackers])
+
+    def _at_axis(self, error: InputError, point: Point) -> InputError:
+        """The error at the axis that changes its key, with file and line."""
+        at = ", ".join(f"{name} {value}" for name, value in named(self.axes, point).items())
+        wrong = f"{error.key}."
+        for axis in self.axes:
+            for key in axis_keys(axis.config):
+                if wrong.startswith(f"{key}.") or f"{key}.".startswith(wrong):
+                    place = f"envelope.axes.{axis.name}"
+                    return self.loaded.locate(InputError(f"{key} at {at}: {error.message}", key=place))
+        message = f"the scenario is not valid at {at}: {error.key}: {error.message}"
+        return self.loaded.locate(InputError(message, key="envelope.axes"))
 
 
 def task_of(loaded: Scenario) -> EnvelopeTask:
