@@ -52,7 +52,11 @@ def test_an_axis_that_cannot_be(axis: dict[str, Any], message: str, tmp_path: Pa
     [
         ({"expect": []}, "expect", "an envelope needs a requirement"),
         ({"expect": [{"tracker": "kf", "metric": "step_time", "below": 3}]}, "expect.0.metric", "another each time"),
-        ({"expect": [{"tracker": "kf", "metric": "position_p95", "below": 3}]}, "expect.0.metric", "no mean over runs"),
+        (
+            {"expect": [{"tracker": "kf", "metric": "health.diverged_runs", "below": 3}]},
+            "expect.0.metric",
+            "no mean over",
+        ),
         ({"expect": [{"tracker": "kf", "metric": "nees.verdict", "is": "consistent"}]}, "expect.0.is", "is a word"),
     ],
 )
