@@ -15,7 +15,7 @@ from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.task import task_of
 
-from .claim import Claim, power, rate
+from .claim import STATED, Claim, power, rate
 
 #: The standard deviation of a filter's process noise over the acceleration that it follows (Blair 2008, table I).
 K1 = 1.677
@@ -282,8 +282,70 @@ def _m_of_n(repeats: int = 40) -> Iterator[Claim]:
     yield rate(f"maps of {NEEDED} of {AMONG} confirmation with a wrong cell (binomial)", wrong, 0, 0.05)
 
 
+# Mori: objects that stand at random, nearest neighbours, no false alarms.
+
+DENSITY, OBJECTS, MORI_SCANS, CORRECT = 0.004, 20, 17, 0.95
+
+
+def correct(sigma: float) -> float:
+    """Mean probability of a correct association (Mori, Chang, Chong and Dunn 1995): exp(-pi density |S|^(1/2)).
+
+    The innovation of a standing object, measured k times before, has the variance sigma^2 (1 + 1/k) along each axis.
+    The first second is not scored.
+    """
+    each = [math.exp(-math.pi * DENSITY * sigma**2 * (1 + 1 / k)) for k in range(2, MORI_SCANS)]
+    return float(np.mean(each))
+
+
+def mori(seed: int) -> dict[str, Any]:
+    """Over the standard deviation of a position; the density is that of the objects."""
+    side = math.sqrt(OBJECTS / DENSITY)
+    places = np.random.default_rng(seed).uniform(0, side, (OBJECTS, 2)).tolist()
+    return {
+        "name": "mori",
+        "truth": {
+            "source": "scripted",
+            "duration_s": (MORI_SCANS - 1) / 2,
+            "rate_hz": 2,
+            "objects": {f"o{number}": {"start": {"x": 200 + x, "y": y}} for number, (x, y) in enumerate(places)},
+        },
+        "sensing": {"identities": "hidden"},
+        "sensors": {"lidar": {"type": "lidar", "rate_hz": 2, "position_sigma_m": 1}},
+        "trackers": {
+            "gnn": {
+                "filter": "kf",
+                "motion": "cv",
+                "acceleration_sigma_mps2": 0.01,
+                "initial": {"from": "first_measurement", "velocity_sigma_mps": 0.01},
+                "associate": {"method": "gnn", "gate": 0.999999, "confirm": [1, 1], "delete_after_s": 5},
+            }
+        },
+        "score": {"cutoff_m": 50},
+        "expect": [{"tracker": "gnn", "metric": "association_right", "above": CORRECT}],
+        "envelope": {
+            "cells": 12,
+            "runs": {"first": 400, "most": 400},
+            "axes": {"sigma": {"key": "sensors.lidar.position_sigma_m", "from": 1, "to": 3, "levels": 5}},
+        },
+    }
+
+
+def _mori(repeats: int = 5) -> Iterator[Claim]:
+    low, high = 1.0, 3.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if correct(middle) > CORRECT else (low, middle)
+    borders = [border(made(mori(seed), 1), "gnn") for seed in range(repeats)]
+    middles = [(item.low + item.high) / 2 for item in borders]
+    gap = 100 * (float(np.mean(middles)) / low - 1)
+    shown = f"{min(middles):.2f} to {max(middles):.2f} m over {repeats} sets of places, {gap:+.0f} % of {low:.2f} m"
+    what = f"sigma up to which {100 * CORRECT:.0f} % of the associations are right, against Mori's formula"
+    yield Claim(what, shown, STATED, True)
+
+
 def claims() -> Iterator[Claim]:
     """What the map says, where the truth is known."""
     yield from _blair()
     yield from _riccati()
     yield from _m_of_n()
+    yield from _mori()
