@@ -12,8 +12,8 @@ from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
     ClaimCell,
+    ClaimedLimit,
     Envelope,
-    Limit,
     TrackerState,
     hash_of,
     parts_of,
@@ -68,7 +68,8 @@ def claim_of(
         command="trackbench envelope made.yaml",
         envelope=config.model_dump(mode="json", by_alias=True, exclude_unset=True),
         limits=[
-            Limit(tracker=name, metric="position_rmse", unit="m", direction="below", limit=limit) for name in values
+            ClaimedLimit(tracker=name, metric="position_rmse", unit="m", direction="below", limit=limit)
+            for name in values
         ],
         base=list(base) if base is not None else [axis.values[len(axis.values) // 2] for axis in ways],
         cells=cells,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.support.claims import claim_of
 
 from trackbench.subjects.envelope.margin_text import holding, margin_sentence, undecided
-from trackbench.subjects.envelope.margins import Margin, lines_near_base, margins
+from trackbench.subjects.envelope.margins import AxisMargin, lines_near_base, margins
 
 LINE = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 21}}
 SQUARE = {
@@ -19,7 +19,7 @@ SQUARE = {
 }
 
 
-def only(axes, value, **more) -> Margin:
+def only(axes, value, **more) -> AxisMargin:
     (margin,) = margins(claim_of(axes, {"ekf": value}, **more), "ekf")
     return margin
 

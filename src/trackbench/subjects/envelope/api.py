@@ -34,8 +34,8 @@ from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
     ClaimCell,
+    ClaimedLimit,
     Envelope,
-    Limit,
     TrackerState,
     hash_of,
     idle_axes,
@@ -43,9 +43,9 @@ from trackbench.subjects.envelope.claim import (
 )
 from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.counter_models import WorstRun
-from trackbench.subjects.envelope.decide import Decision
-from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
-from trackbench.subjects.envelope.margins import Margin, margins
+from trackbench.subjects.envelope.decide import CellDecision
+from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
+from trackbench.subjects.envelope.margins import AxisMargin, margins
 from trackbench.subjects.envelope.named_files import hashes_of
 from trackbench.subjects.envelope.sensitivity import Sensitivity, sensitivities
 from trackbench.subjects.envelope.store import Store
@@ -149,7 +149,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         versions=_versions(),
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
-        limits=[Limit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
+        limits=[ClaimedLimit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
         base=base_point(task.loaded, task.axes),
         cells=[_cell(task, cell) for cell in cells],
         parts_hash=hash_of(parts),
@@ -157,7 +157,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
     return Envelope(claim, parts)
 
 
-def _cell(task: EnvelopeTask, cell: Cell) -> ClaimCell:
+def _cell(task: EnvelopeTask, cell: MapCell) -> ClaimCell:
     return ClaimCell(
         point=list(cell.point),
         changes=overrides(task.axes, cell.point),
@@ -178,7 +178,7 @@ def _tracker(tracker: TrackerCell) -> TrackerState:
     )
 
 
-def _value(item: Decision | None) -> CellValue:
+def _value(item: CellDecision | None) -> CellValue:
     if item is None:
         return CellValue(state="undecided", value=None, low=None, high=None)
     return CellValue(state=item.state, value=item.interval.value, low=item.low, high=item.high)
@@ -266,7 +266,7 @@ class FinishedEnvelope:
         return cheapest_suites(self.claim)
 
     @property
-    def margins(self) -> list[Margin]:
+    def margins(self) -> list[AxisMargin]:
         """Of each tracker and axis, where the requirement stops to hold along the line through the scenario."""
         return [margin for tracker in self.claim.trackers for margin in margins(self.claim, tracker)]
 

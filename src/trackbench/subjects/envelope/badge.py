@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
-from trackbench.subjects.envelope.claim import Claim, Limit
+from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
 
 _SIGNS = {"below": "<", "above": ">"}
 #: Of the picture: height of a row, width of a letter, and margin, px.
@@ -46,7 +46,7 @@ def _share(claim: Claim, tracker: str) -> str:
     return f"in {counts['holds']} of {cells} cells ({100 * counts['undecided'] / cells:.0f} % undecided)"
 
 
-def _limit(limit: Limit) -> str:
+def _limit(limit: ClaimedLimit) -> str:
     if limit.other is not None:
         return f"{limit.metric} better than `{limit.other}`"
     unit = "" if limit.unit == "1" else f" {limit.unit}"

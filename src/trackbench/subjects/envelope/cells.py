@@ -78,7 +78,7 @@ class Runs:
     run: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """``(runs,)`` its number in the scene."""
 
-    def extended(self, sums: MetricSums, pieces: Sequence[BlockRuns], metrics: Sequence[Metric]) -> Runs:
+    def with_blocks(self, sums: MetricSums, pieces: Sequence[BlockRuns], metrics: Sequence[Metric]) -> Runs:
         """With the runs of some more blocks."""
         scene = np.concatenate([np.full(len(piece.runs), piece.scene) for piece in pieces])
         run = np.concatenate([np.array(piece.runs) for piece in pieces])

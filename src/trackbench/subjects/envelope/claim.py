@@ -27,7 +27,7 @@ State = Literal["holds", "fails", "undecided"]
 STATES: tuple[State, ...] = ("holds", "fails", "undecided")
 
 
-class Limit(ResultModel):
+class ClaimedLimit(ResultModel):
     """A requirement of the scenario."""
 
     tracker: str
@@ -118,7 +118,7 @@ class Claim(ResultModel):
     command: str
     envelope: dict[str, Any]
     """The ``envelope:`` block, as it was."""
-    limits: list[Limit]
+    limits: list[ClaimedLimit]
     base: list[float | str | None]
     """The scenario's own value of each axis; None where it has none."""
     cells: list[ClaimCell]
@@ -170,7 +170,7 @@ class Claim(ResultModel):
         """The scenario's own, by the name of the axis."""
         return {axis.name: value for axis, value in zip(self.axes, self.base, strict=True)}
 
-    def limits_of(self, tracker: str) -> list[Limit]:
+    def limits_of(self, tracker: str) -> list[ClaimedLimit]:
         """The requirements on a tracker."""
         return [limit for limit in self.limits if limit.tracker == tracker]
 

@@ -12,8 +12,8 @@ from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
     ClaimCell,
+    ClaimedLimit,
     Envelope,
-    Limit,
     State,
     TrackerState,
     hash_of,
@@ -127,7 +127,7 @@ def _of_value(made: Envelope, number: int, place: int, tracker: TrackerState) ->
         yield f"the value is {value.value:.10g}, and the mean of its runs {float(np.mean(parts)):.10g}"
 
 
-def state_of(value: CellValue, limit: Limit) -> State:
+def state_of(value: CellValue, limit: ClaimedLimit) -> State:
     """What the bounds of a value say of its limit."""
     under = value.high is not None and value.high < limit.limit
     over = value.low is not None and value.low > limit.limit

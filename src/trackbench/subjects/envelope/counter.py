@@ -29,7 +29,7 @@ from trackbench.subjects.envelope.counter_models import (
     ShownRun,
 )
 from trackbench.subjects.envelope.faces import Facing, base_of, nearest_failing
-from trackbench.subjects.envelope.mapping import Cell, EnvelopeMap, TrackerCell
+from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 
 #: Runs beyond the limit in cells that hold that are listed.
 MOST_BEYOND = 20
@@ -90,7 +90,7 @@ class CounterMaker:
         rows = [row for _, row in beyond[:MOST_BEYOND]]
         return CounterExamples(bases=bases, examples=examples, beyond=rows, beyond_total=len(beyond))
 
-    def _reseeded(self, again: EnvelopeMap, cell: Cell) -> Cell:
+    def _reseeded(self, again: EnvelopeMap, cell: MapCell) -> MapCell:
         """The cell with other noise and, where traffic repeats, other scenes."""
         config = cell.loaded.config
         changes = [f"monte_carlo.seed={config.monte_carlo.seed + 1}"]
@@ -123,7 +123,7 @@ class CounterMaker:
             finding="",
         )
 
-    def _shown(self, cell: Cell, tracker: str, requirement: Requirement | None) -> ShownRun:
+    def _shown(self, cell: MapCell, tracker: str, requirement: Requirement | None) -> ShownRun:
         own = cell.trackers[tracker]
         values = None if requirement is None else _values(cell, requirement)
         if requirement is None or values is None:
@@ -141,7 +141,9 @@ class CounterMaker:
             runs=len(values),
         )
 
-    def _run(self, folder: str, cell: Cell, tracker: str, requirement: Requirement | None, shown: ShownRun) -> Result:
+    def _run(
+        self, folder: str, cell: MapCell, tracker: str, requirement: Requirement | None, shown: ShownRun
+    ) -> Result:
         """The cell's scenario with as many runs as it had, of which that to be shown is recorded."""
         extent = cell.trackers[tracker].extent
         changes = [f"recording.scene={shown.scene}", f"recording.run={shown.run}"]
@@ -156,7 +158,7 @@ class CounterMaker:
         self.shown[folder] = ShownExample(loaded, result)
         return result
 
-    def _repetition(self, cell: Cell, tracker: str, requirement: Requirement | None) -> Repetition:
+    def _repetition(self, cell: MapCell, tracker: str, requirement: Requirement | None) -> Repetition:
         again = cell.trackers[tracker]
         judged = None
         if requirement is not None and again.judged:
@@ -197,7 +199,7 @@ def _failed_limit(claim: Claim, cell: ClaimCell, tracker: str) -> int | None:
     return next((number for number, value in zip(own, values, strict=False) if value.state == "fails"), None)
 
 
-def _values(cell: Cell, item: Requirement) -> Array | None:
+def _values(cell: MapCell, item: Requirement) -> Array | None:
     """``(runs,)`` what is required, in each run; None where runs do not tell it."""
     metric = next((metric for metric in cell.metrics if metric.path == item.metric), None)
     sides: Sequence[TrackerCell | None] = [cell.trackers[item.tracker]]

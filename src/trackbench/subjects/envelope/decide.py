@@ -41,7 +41,7 @@ class Spending(NamedTuple):
         return self.error / self.tests * added / self.numbers[-1]
 
 
-class Decision(NamedTuple):
+class CellDecision(NamedTuple):
     """A requirement in a cell after a look."""
 
     state: State
@@ -56,7 +56,7 @@ class Decision(NamedTuple):
         return unbounded(self.interval)
 
 
-def decide(interval: Interval, limit: float, direction: Direction, level: float, requirements: int = 1) -> Decision:
+def decide(interval: Interval, limit: float, direction: Direction, level: float, requirements: int = 1) -> CellDecision:
     """Hold a value against its limit.
 
     Args:
@@ -74,7 +74,7 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
         state = "holds" if below else "fails"
     elif low is not None and low > limit:
         state = "fails" if below else "holds"
-    return Decision(state, interval, low, high)
+    return CellDecision(state, interval, low, high)
 
 
 def together(states: Iterable[State]) -> State:

@@ -11,7 +11,7 @@ from trackbench.metrics.bounds import difference
 from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
-from trackbench.subjects.envelope.claim import Claim, Envelope, Limit, State, TrackerState, place_of_cell
+from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, Envelope, State, TrackerState, place_of_cell
 from trackbench.subjects.envelope.decide import changed
 from trackbench.subjects.envelope.margin_text import along, holding
 from trackbench.subjects.envelope.margins import margins
@@ -160,7 +160,7 @@ def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: st
     return CellChange(cells[1].at, place_of_cell(claims[1].axes, cells[1].at), name, was, now, outcome, paired, text)
 
 
-def _values(limits: Sequence[Limit], states: Sequence[TrackerState]) -> Iterator[str]:
+def _values(limits: Sequence[ClaimedLimit], states: Sequence[TrackerState]) -> Iterator[str]:
     for limit, old, new in zip(limits, *(state.values for state in states), strict=False):
         if old.value is not None and new.value is not None:
             unit = "" if limit.unit == "1" else f" {limit.unit}"
@@ -198,7 +198,7 @@ def _is_worse(
     return False
 
 
-def _interval(made: Envelope, cell: int, limit: Limit) -> Interval | None:
+def _interval(made: Envelope, cell: int, limit: ClaimedLimit) -> Interval | None:
     """The value of a requirement with what each of its runs, or scenes, adds."""
     claim = made.claim
     value = claim.cells[cell].trackers[limit.tracker].values[claim.limits_of(limit.tracker).index(limit)].value

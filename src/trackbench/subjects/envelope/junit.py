@@ -7,7 +7,7 @@ from typing import Literal
 
 from trackbench.report.junit import Case, Suite
 from trackbench.scenario import Scenario
-from trackbench.subjects.envelope.claim import Claim, Limit, State, TrackerState, place_of_cell
+from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, State, TrackerState, place_of_cell
 
 _OUTCOMES: dict[State, Literal["passed", "failed", "undecided"]] = {
     "holds": "passed",
@@ -33,7 +33,7 @@ def suite_of_claim(claim: Claim, loaded: Scenario) -> Suite:
     return Suite(f"envelope of {claim.scenario}", cases)
 
 
-def _values(limits: list[Limit], tracker: TrackerState) -> Iterator[str]:
+def _values(limits: list[ClaimedLimit], tracker: TrackerState) -> Iterator[str]:
     for limit, value in zip(limits, tracker.values, strict=False):
         if value.value is not None:
             ends = ["" if end is None else f"{end:.4g}" for end in (value.low, value.high)]

@@ -13,10 +13,10 @@ from trackbench.document.drawing import DASHED, INK, MARKERS, WIDTH, fit_value_a
 from trackbench.document.margins import shortened
 from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
-from trackbench.subjects.envelope.claim import Claim, Limit
+from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
 from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label, marked_points
 from trackbench.subjects.envelope.margin_text import along
-from trackbench.subjects.envelope.margins import Margin, margins
+from trackbench.subjects.envelope.margins import AxisMargin, margins
 
 #: Of one panel, points.
 _HEIGHT = 200.0
@@ -34,14 +34,14 @@ def line_figures(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figur
                 yield _figure(claim, axis, metric, lines, styles)
 
 
-def _quantity(limit: Limit) -> str:
+def _quantity(limit: ClaimedLimit) -> str:
     """What is on the axis of the value."""
     name = limit.metric if limit.other is None else f"{limit.metric} less that of {limit.other}"
     return name if limit.unit == "1" else f"{name}, {limit.unit}"
 
 
 def _figure(
-    claim: Claim, axis: MapAxis, metric: str, lines: Sequence[Margin], styles: Sequence[TrackerStyle]
+    claim: Claim, axis: MapAxis, metric: str, lines: Sequence[AxisMargin], styles: Sequence[TrackerStyle]
 ) -> Figure:
     places = list(dict.fromkeys(along(margin) for margin in lines))[:MOST_PANELS]
 
@@ -92,7 +92,7 @@ def _figure(
     )
 
 
-def _paint_line(panel: Axes, margin: Margin, claim: Claim, metric: str, style: TrackerStyle) -> list[np.ndarray]:
+def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, style: TrackerStyle) -> list[np.ndarray]:
     """One tracker; returns what the axis of the value has to show."""
     drawn = []
     for place, limit in enumerate(claim.limits_of(style.name)):

@@ -30,7 +30,7 @@ from trackbench.subjects.envelope.cells import (
     make_runs,
     work_of_cell,
 )
-from trackbench.subjects.envelope.decide import Decision, Spending, State, decide, together
+from trackbench.subjects.envelope.decide import CellDecision, Spending, State, decide, together
 from trackbench.subjects.envelope.refine import refined
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
@@ -52,7 +52,7 @@ class TrackerCell:
     runs: Runs = field(default_factory=Runs)
     extent: Extent = NOTHING
     looks: int = 0
-    judged: tuple[Decision | None, ...] = ()
+    judged: tuple[CellDecision | None, ...] = ()
     """By requirement, in the order of the scenario; None where there is no value."""
     state: State = "undecided"
     cause: str = ""
@@ -60,7 +60,7 @@ class TrackerCell:
 
 
 @dataclass
-class Cell:
+class MapCell:
     """A point of the map, and what its trackers reached there."""
 
     point: Point
@@ -92,7 +92,7 @@ class Cell:
 class _Look(NamedTuple):
     """A look at a cell that is under way."""
 
-    cell: Cell
+    cell: MapCell
     names: list[str]
     work: Work
     pieces: list[BlockRuns]
@@ -122,7 +122,7 @@ class EnvelopeMap:
         retune: Callable[[Scenario], Scenario] | None = None,
     ) -> None:
         self.task = task
-        self.cells: dict[Point, Cell] = {}
+        self.cells: dict[Point, MapCell] = {}
         self.engine = ""
         """That computed the cells."""
         self._executor, self._isolation, self._engine = executor, isolation, engine
@@ -157,13 +157,13 @@ class EnvelopeMap:
         tuned = scenarios if self._retune is None else map(self._retune, scenarios)
         self.finish([self.empty(*pair, added) for pair in zip(points, tuned, strict=True)], progress)
 
-    def finish(self, cells: Sequence[Cell], progress: NotedProgress = no_progress) -> None:
+    def finish(self, cells: Sequence[MapCell], progress: NotedProgress = no_progress) -> None:
         """Make the runs of some cells, until each is decided or its budget is spent; see :meth:`make`."""
         self.cells |= {cell.point: cell for cell in cells}
         for look, extent in enumerate(self.task.extents):
             self._look(cells, look, extent, progress)
 
-    def empty(self, point: Point, loaded: Scenario, added: bool = False) -> Cell:
+    def empty(self, point: Point, loaded: Scenario, added: bool = False) -> MapCell:
         """A cell without runs.
 
         Args:
@@ -175,9 +175,9 @@ class EnvelopeMap:
         others = {
             item.other: TrackerCell() for item in self.task.requirements if item.other and item.other not in trackers
         }
-        return Cell(point, loaded, trackers, others, added)
+        return MapCell(point, loaded, trackers, others, added)
 
-    def _look(self, cells: Sequence[Cell], look: int, extent: Extent, progress: NotedProgress) -> None:
+    def _look(self, cells: Sequence[MapCell], look: int, extent: Extent, progress: NotedProgress) -> None:
         """At those of some cells that are not decided."""
         waiting: deque[_Look] = deque()
         for cell in cells:
@@ -188,7 +188,7 @@ class EnvelopeMap:
         while waiting:
             self._end(waiting.popleft(), look, extent, progress)
 
-    def _begun(self, cell: Cell, look: int, extent: Extent) -> _Look:
+    def _begun(self, cell: MapCell, look: int, extent: Extent) -> _Look:
         others = [item.other for item in self.task.requirements if item.other and item.tracker in cell.undecided]
         names = list(dict.fromkeys([*cell.undecided, *others]))
         # All of them were at every look before.
@@ -240,14 +240,14 @@ class EnvelopeMap:
             if name in result.failures:
                 _fail(tracker, result.failures[name])
                 continue
-            tracker.runs = tracker.runs.extended(result.sums[name], begun.pieces, begun.work.metrics)
+            tracker.runs = tracker.runs.with_blocks(result.sums[name], begun.pieces, begun.work.metrics)
             tracker.extent, tracker.looks = extent, look + 1
         for name in cell.undecided:
             self._decide(cell, name, begun.work.metrics, begun.work.min_coverage)
         decided = sum(not item.undecided for item in self.cells.values())
         progress(decided, len(self.cells), f"{len(self.cells) - decided} open")
 
-    def _decide(self, cell: Cell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
+    def _decide(self, cell: MapCell, name: str, metrics: Sequence[Metric], min_coverage: float) -> None:
         tracker = cell.trackers[name]
         requirements = self.task.of(name)
         own = tracker.runs.evaluated(metrics, self.task.config.claim)
@@ -267,13 +267,13 @@ class EnvelopeMap:
 
     def _judged(
         self,
-        cell: Cell,
+        cell: MapCell,
         item: Requirement,
         own: Evaluation,
         metrics: Sequence[Metric],
         looks: int,
         requirements: int,
-    ) -> Decision | None:
+    ) -> CellDecision | None:
         interval = own.intervals.get(item.metric)
         if item.other is not None and interval is not None:
             other = cell.trackers.get(item.other) or cell.others[item.other]

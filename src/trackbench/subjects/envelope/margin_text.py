@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from trackbench.subjects.envelope.axes import MapAxis
-from trackbench.subjects.envelope.claim import Limit
-from trackbench.subjects.envelope.margins import Crossing, Margin
+from trackbench.subjects.envelope.claim import ClaimedLimit
+from trackbench.subjects.envelope.margins import AxisMargin, Crossing
 
 #: A band is written as ± where its halves differ by no more than this share of it.
 SYMMETRIC = 0.2
 
 
-def margin_sentence(margin: Margin, limits: Sequence[Limit]) -> str:
+def margin_sentence(margin: AxisMargin, limits: Sequence[ClaimedLimit]) -> str:
     """Such as "ekf_cv holds position_rmse below 0.5 m up to 2.1 ± 0.1 deg of azimuth, at range 0.3 m"."""
     required = " and ".join(limit.text.removeprefix(f"{margin.tracker} ") for limit in limits)
     parts = [f"{margin.tracker} holds {required} {holding(margin)} of {margin.axis.name}", undecided(margin)]
@@ -23,7 +23,7 @@ def margin_sentence(margin: Margin, limits: Sequence[Limit]) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def holding(margin: Margin) -> str:
+def holding(margin: AxisMargin) -> str:
     """For which values of the axis the requirement is met, with the band of each border."""
     decided, axis = margin.decided, margin.axis
     if not decided:
@@ -37,7 +37,7 @@ def holding(margin: Margin) -> str:
     return f"nowhere from {_number(first)} to {axis.shown(last)}"
 
 
-def _spans(margin: Margin) -> Iterator[str]:
+def _spans(margin: AxisMargin) -> Iterator[str]:
     """In which it is met, between the borders on both sides of each."""
     axis, crossings = margin.axis, margin.crossings
     for start, stop in zip([None, *crossings], [*crossings, None], strict=True):
@@ -58,7 +58,7 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
     return f"{_rounded(point, step)} {axis.unit}".strip() + f" ({_number(low)} to {_number(high)})"
 
 
-def undecided(margin: Margin) -> str:
+def undecided(margin: AxisMargin) -> str:
     """Where no cell outside the bands is decided; empty where there is none."""
     spans = []
     outside = {
@@ -73,7 +73,7 @@ def undecided(margin: Margin) -> str:
     return f"undecided at {', '.join(spans)}" if spans else ""
 
 
-def along(margin: Margin) -> str:
+def along(margin: AxisMargin) -> str:
     """The values of the other axes; empty where there is none."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value
-from trackbench.subjects.envelope.claim import Claim, ClaimCell, Limit, State
+from trackbench.subjects.envelope.claim import Claim, ClaimCell, ClaimedLimit, State
 
 #: Of a value that is decided, but at its limit.
 _NEXT_TO = 1e-12
@@ -31,7 +31,7 @@ class Crossing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Margin:
+class AxisMargin:
     """What the cells of one line say of one tracker."""
 
     tracker: str
@@ -55,7 +55,7 @@ class Margin:
         return {value: state for value, state in self.states.items() if state != "undecided"}
 
 
-def margins(claim: Claim, tracker: str) -> list[Margin]:
+def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
     """For each axis of numbers, the line through the scenario itself, or the nearest to it; one a category."""
     found = []
     for number, axis in enumerate(claim.axes):
@@ -64,7 +64,7 @@ def margins(claim: Claim, tracker: str) -> list[Margin]:
     return found
 
 
-def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> Margin:
+def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:
     """What a line says of a tracker.
 
     Args:
@@ -78,7 +78,7 @@ def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]
     at = tuple((other, first[i]) for i, other in enumerate(axes) if i != number)
     own = all(claim.base[i] == first[i] for i, other in enumerate(axes) if i != number and other.ordered)
     cells = tuple((float(cell.point[number]), cell) for cell in line)
-    return Margin(tracker, axis, at, own, cells, tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells)))
+    return AxisMargin(tracker, axis, at, own, cells, tuple(_crossings(claim.limits_of(tracker), tracker, axis, cells)))
 
 
 def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
@@ -125,7 +125,7 @@ def distance_from(own: Mapping[str, Value | None], at: Sequence[tuple[MapAxis, V
 
 
 def _crossings(
-    limits: Sequence[Limit], tracker: str, axis: MapAxis, cells: Sequence[tuple[float, ClaimCell]]
+    limits: Sequence[ClaimedLimit], tracker: str, axis: MapAxis, cells: Sequence[tuple[float, ClaimCell]]
 ) -> Iterator[Crossing]:
     values = [value for value, _ in cells]
     beyond = excess([cell for _, cell in cells], tracker, limits)
@@ -160,7 +160,7 @@ def _first_beyond(shares: Array, beyond: Array, holds_below: bool) -> float:
     return min(found, default=float(shares[0] + shares[-1]) / 2)
 
 
-def excess(cells: Sequence[ClaimCell], tracker: str, limits: Sequence[Limit]) -> Array:
+def excess(cells: Sequence[ClaimCell], tracker: str, limits: Sequence[ClaimedLimit]) -> Array:
     """``(cells, limits)`` how far each value is beyond its limit: above 0 where it is not met, NaN where there is none.
 
     Differences of logarithms where all values and the limit are positive. Where a value is decided, its sign is that

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.distributions import t_quantile
 from trackbench.subjects.envelope.axes import MapAxis, Value
-from trackbench.subjects.envelope.claim import ClaimCell, Envelope, Limit
+from trackbench.subjects.envelope.claim import ClaimCell, ClaimedLimit, Envelope
 from trackbench.subjects.envelope.margins import distance_from, lines_near_base
 from trackbench.subjects.envelope.surface import Surface
 
@@ -39,7 +39,7 @@ class Swing(NamedTuple):
 class Sensitivity:
     """Of one requirement to all axes."""
 
-    limit: Limit
+    limit: ClaimedLimit
     swings: tuple[tuple[MapAxis, Swing | None], ...]
     """By axis; None where no line of cells runs along it."""
     error: float | None

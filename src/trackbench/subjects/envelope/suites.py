@@ -13,7 +13,7 @@ from trackbench.subjects.envelope.claim import Claim, ClaimCell
 EVERY = ""
 
 
-class Suite(NamedTuple):
+class SensorSuite(NamedTuple):
     """Values of the axes that have a cost, and the cells that have them."""
 
     values: tuple[Value, ...]
@@ -36,9 +36,9 @@ class CheapestSuite(NamedTuple):
 
     tracker: str
     """Empty of all trackers together."""
-    suites: tuple[Suite, ...]
+    suites: tuple[SensorSuite, ...]
     """Those of the least cost, which may be several; none where no suite holds."""
-    cheaper: Suite | None
+    cheaper: SensorSuite | None
     """The dearest of the suites that cost less, none of which is shown to hold."""
     cheaper_state: str
 
@@ -81,7 +81,7 @@ def suite_sentences(claim: Claim) -> Iterator[str]:
             yield f"{text}; the next cheaper one, {cheaper.shown(axes)} for {cheaper.cost:g}: {found.cheaper_state}"
 
 
-def _suites(claim: Claim) -> list[Suite]:
+def _suites(claim: Claim) -> list[SensorSuite]:
     """By cost."""
     axes = claim.axes
     priced = [number for number, axis in enumerate(axes) if axis.config.cost]
@@ -90,14 +90,16 @@ def _suites(claim: Claim) -> list[Suite]:
         cells.setdefault(tuple(cell.at[number] for number in priced), []).append(cell)
     least = prod(len(axis.values) for axis in axes if not axis.config.cost) if claim.config.design == "grid" else 1
     suites = [
-        Suite(values, sum(axes[number].cost(value) for number, value in zip(priced, values, strict=True)), tuple(own))
+        SensorSuite(
+            values, sum(axes[number].cost(value) for number, value in zip(priced, values, strict=True)), tuple(own)
+        )
         for values, own in cells.items()
         if len(own) >= least
     ]
     return sorted(suites, key=lambda suite: suite.cost)
 
 
-def _cheapest(name: str, suites: Sequence[Suite], trackers: Sequence[str]) -> CheapestSuite:
+def _cheapest(name: str, suites: Sequence[SensorSuite], trackers: Sequence[str]) -> CheapestSuite:
     states: Mapping[tuple[Value, ...], str] = {suite.values: suite.state(trackers) for suite in suites}
     holding = [suite for suite in suites if states[suite.values] == "holds"]
     least = holding[0].cost if holding else float("-inf")

@@ -9,7 +9,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State
 from trackbench.subjects.envelope.margin_text import along, holding, undecided
-from trackbench.subjects.envelope.margins import Margin, excess, margins
+from trackbench.subjects.envelope.margins import AxisMargin, excess, margins
 from trackbench.subjects.envelope.sensitivity import Sensitivity, Swing, sensitivities
 
 #: Cells of the table; the others are in the claim.
@@ -34,7 +34,7 @@ def margins_table(claim: Claim) -> Table:
     return Table.of_columns("margins", columns, caption)
 
 
-def _at(margin: Margin) -> tuple[str, ...]:
+def _at(margin: AxisMargin) -> tuple[str, ...]:
     """Where the line goes."""
     return (f"at {along(margin)}",) if margin.at else ()
 
