@@ -106,8 +106,8 @@ def on_path(ego: Ego, objects: Objects) -> OnPath:
 def probability_positive(margin: Array, variance: Array) -> Array:
     """``(...)`` that a normal variable with this mean and variance is above 0; without variance 1 or 0."""
     sigma = np.sqrt(np.maximum(variance, 0.0))
-    known = sigma == 0.0
-    return np.where(known, margin > 0, normal_below(margin / np.where(known, 1.0, sigma)))
+    certain = sigma == 0.0
+    return np.where(certain, margin > 0, normal_below(margin / np.where(certain, 1.0, sigma)))
 
 
 def time_until(distance: Array, speed: Array) -> Array:

@@ -143,12 +143,12 @@ def decisions_of_chunk(function: Function, chunk: Chunk, scope: Scope) -> Decisi
     # (..., instants, objects * runs) to (..., objects, instants, runs).
     of_runs = (values.reshape(*values.shape[:-1], -1, chunk.runs) for values in (chunk.mean, chunk.covariance))
     mean, covariance = (np.moveaxis(values, -2, -3) for values in of_runs)
-    given = chunk.given.reshape(len(chunk.given), -1, chunk.runs).swapaxes(0, 1)
-    return decisions_of_estimates(function, bodies.within(chunk.instants), truth, alive, mean, covariance, given)
+    estimated = chunk.given.reshape(len(chunk.given), -1, chunk.runs).swapaxes(0, 1)
+    return decisions_of_estimates(function, bodies.within(chunk.instants), truth, alive, mean, covariance, estimated)
 
 
 def decisions_of_estimates(
-    function: Function, bodies: EgoScene, truth: Array, alive: Mask, mean: Array, covariance: Array, given: Mask
+    function: Function, bodies: EgoScene, truth: Array, alive: Mask, mean: Array, covariance: Array, estimated: Mask
 ) -> Decisions:
     """With known identities, of estimates of every object.
 
@@ -159,11 +159,11 @@ def decisions_of_estimates(
         alive: ``(objects, instants, 1)`` where an object is there.
         mean: ``(4, objects, instants, runs)`` of the estimates.
         covariance: ``(4, 4, objects, instants, runs)``.
-        given: ``(objects, instants, runs)`` where there is an estimate.
+        estimated: ``(objects, instants, runs)`` where there is an estimate.
     """
     length, width = bodies.length[:, None, None], bodies.width[:, None, None]
     objects, overlap = _truth(truth, alive, bodies)
-    there = given & alive
+    there = estimated & alive
     tracks = Objects(np.where(there, mean, 0.0), np.where(there, covariance, 0.0), there, length, width)
     ego = bodies.ego.each((slice(None), None))
     decided = function.decide(ego, tracks)

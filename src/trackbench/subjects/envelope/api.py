@@ -83,11 +83,11 @@ def make_envelope(loaded: Scenario, plan: EnvelopePlan, executor: Executor, list
     made = map_of(loaded, plan, executor, listener)
     with listener.progress(f"envelope of {loaded.config.name}", "cells") as advance:
         made.make(advance)
-    found = envelope_of(made, command_of_envelope(loaded, plan))
-    for name in idle_axes(found.claim):
+    mapped = envelope_of(made, command_of_envelope(loaded, plan))
+    for name in idle_axes(mapped.claim):
         listener.note(f"{name}: no value changes along this axis")
-    found = replace(found, claim=found.claim.model_copy(update={"log": log}))
-    return with_counter_examples(made, found, plan, executor, listener)
+    mapped = replace(mapped, claim=mapped.claim.model_copy(update={"log": log}))
+    return with_counter_examples(made, mapped, plan, executor, listener)
 
 
 def with_counter_examples(
@@ -95,12 +95,12 @@ def with_counter_examples(
 ) -> Envelope:
     """What is claimed of a map, with its nearest counter-examples and the worst runs that a search finds."""
     maker = CounterMaker(made, envelope.claim, executor, plan.isolation, plan.engine)
-    found = maker.make(plan.counter_examples, listener)
+    examples = maker.make(plan.counter_examples, listener)
     worst: tuple[WorstRun, ...] = ()
     if (search := made.task.config.search) is not None:
         with listener.progress(f"search for the worst run of {envelope.claim.scenario}", "runs") as advance:
             worst = tuple(worst_runs(made.task, search, executor, plan.isolation, plan.engine, advance))
-    claim = envelope.claim.model_copy(update={"counter_examples": found, "worst": worst})
+    claim = envelope.claim.model_copy(update={"counter_examples": examples, "worst": worst})
     return replace(envelope, claim=claim, shown=maker.shown)
 
 

@@ -1,4 +1,4 @@
-"""Where the sensors of a log lie on a map: by the noise, rate and detections that its audit found."""
+"""Where the sensors of a log lie on a map: by the noise, rate and detections that its audit sensor."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ def audited_log(place: Path, loaded: Scenario, axes: Sequence[MapAxis]) -> Audit
     file = place / AUDIT if place.is_dir() else place
     try:
         raw = read_json(file)
-        known = dict(_audited(raw["sensors"], loaded))
+        measured = dict(_audited(raw["sensors"], loaded))
         name = str(raw["scenario"])
     except FileNotFoundError:
         raise InputError(f"there is no {AUDIT}; `trackbench audit LOG` writes one", file=file) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(f"not a readable {AUDIT} of `trackbench audit`", file=file) from None
-    values = {axis.name: value for axis in axes if (value := _on_axis(axis, known)) is not None}
+    values = {axis.name: value for axis in axes if (value := _on_axis(axis, measured)) is not None}
     if not values:
         varied = ", ".join(key for axis in axes for key in axis_keys(axis.config))
-        has = ", ".join(known) or "nothing of the scenario's sensors"
+        has = ", ".join(measured) or "nothing of the scenario's sensors"
         raise InputError(f"the audit says nothing of any axis: it has {has}; the axes vary {varied}", file=file)
     return AuditedLog(name=name, values=values)
 
@@ -59,10 +59,10 @@ def audited_log(place: Path, loaded: Scenario, axes: Sequence[MapAxis]) -> Audit
 def _audited(sensors: Mapping[str, Any], loaded: Scenario) -> Iterator[tuple[str, float]]:
     """By key of the scenario, in the key's unit, what was found."""
     for name, config in loaded.config.sensors.items():
-        found = sensors.get(name)
-        if found is None:
+        sensor = sensors.get(name)
+        if sensor is None:
             continue
-        noise = found.get("components") or {}
+        noise = sensor.get("components") or {}
         for option in dict.fromkeys(config.sigma_options):
             own = [part for part, key in zip(config.components, config.sigma_options, strict=True) if key == option]
             sigmas = [noise[part]["sigma"]["value"] for part in own if part in noise]
@@ -71,19 +71,19 @@ def _audited(sensors: Mapping[str, Any], loaded: Scenario) -> Iterator[tuple[str
                 # Of an option that stands for several components, their root mean square.
                 rms = math.sqrt(sum(sigma**2 for sigma in sigmas) / len(sigmas))
                 yield f"sensors.{name}.{option}", rms / unit.factor
-        for option, value in (("rate_hz", found["rate_hz"]), ("detection_probability", found["detections"]["value"])):
+        for option, value in (("rate_hz", sensor["rate_hz"]), ("detection_probability", sensor["detections"]["value"])):
             if value is not None:
                 yield f"sensors.{name}.{option}", float(value)
 
 
-def _on_axis(axis: MapAxis, known: Mapping[str, float]) -> float | None:
+def _on_axis(axis: MapAxis, measured: Mapping[str, float]) -> float | None:
     """Where an axis of numbers has what was found; of several keys that follow it, the mean of those that are known."""
     if not axis.ordered:
         return None
     links = {key: (link.factor, link.offset) for key, link in axis.config.keys.items() if link.factor}
     if axis.config.key is not None:
         links = {axis.config.key: (1.0, 0.0)}
-    values = [(known[key] - offset) / factor for key, (factor, offset) in links.items() if key in known]
+    values = [(measured[key] - offset) / factor for key, (factor, offset) in links.items() if key in measured]
     return sum(values) / len(values) if values else None
 
 
@@ -107,7 +107,7 @@ def nearest_point(values: Mapping[str, Value | None], axes: Sequence[MapAxis], p
     """The point of the map that is nearest to some values; an axis without one does not count."""
 
     def apart(point: Point) -> float:
-        known = [(axis, values[axis.name], value) for axis, value in zip(axes, point, strict=True)]
-        return math.hypot(*(axis.distance(own, value) for axis, own, value in known if own is not None))
+        measured = [(axis, values[axis.name], value) for axis, value in zip(axes, point, strict=True)]
+        return math.hypot(*(axis.distance(own, value) for axis, own, value in measured if own is not None))
 
     return min(points, key=apart)

@@ -106,12 +106,12 @@ class MapAxis:
 
     def cost(self, value: Value) -> float:
         """What a value costs; 0 where nothing is stated."""
-        known = self.config.cost
+        stated = self.config.cost
         if isinstance(value, str):
-            return known.get(value, 0.0)
-        if not known:
+            return stated.get(value, 0.0)
+        if not stated:
             return 0.0
-        at = sorted((float(key), cost) for key, cost in known.items())
+        at = sorted((float(key), cost) for key, cost in stated.items())
         return float(np.interp(value, [x for x, _ in at], [cost for _, cost in at]))
 
     def changes(self, value: Value) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
             grouped.setdefault(at, []).append(cell)  # type: ignore[arg-type]
     exact = claim.config.design == "grid" or not any(axes[i].continuous for i in others)
     ways = [axes[i] for i in others]
-    found = [
+    parts = [
         Slice(
             axes[across],
             axes[up],
@@ -63,7 +63,7 @@ def slices(claim: Claim, across: int, up: int) -> list[Slice]:
         )
         for at, cells in grouped.items()
     ]
-    return sorted(found, key=lambda part: [axis.share(value) for axis, value in part.at])
+    return sorted(parts, key=lambda part: [axis.share(value) for axis, value in part.at])
 
 
 def _levels(axis: MapAxis, design: str) -> list[Value]:
@@ -93,11 +93,11 @@ class Border:
         """``(triangles, 3)`` neighbouring cells; none where all cells lie on a line."""
         if len(self.places) < 3 or np.linalg.matrix_rank(self.places - self.places[0], tol=1e-9) < 2:
             return np.zeros((0, 3), dtype=np.intp)
-        found: Indices = scipy_function("scipy.spatial", "_qhull", "Delaunay")(self.places).simplices
-        corner = self.places[found]
+        corners: Indices = scipy_function("scipy.spatial", "_qhull", "Delaunay")(self.places).simplices
+        corner = self.places[corners]
         (ax, ay), (bx, by) = (corner[:, 1] - corner[:, 0]).T, (corner[:, 2] - corner[:, 0]).T
         # Rounding leaves triangles without an area along straight edges.
-        whole: Indices = found[np.abs(ax * by - ay * bx) > 1e-12]
+        whole: Indices = corners[np.abs(ax * by - ay * bx) > 1e-12]
         return whole
 
     @cached_property
@@ -135,5 +135,5 @@ def border_of(part: Slice, claim: Claim, tracker: str) -> Border:
     # Where it fails for another cause than a limit, the border is about half way.
     finite = np.abs(worst[np.isfinite(worst)])
     worst[(states == "fails") & ~(worst > 0)] = float(np.median(finite)) if finite.size else 1.0
-    known = np.isfinite(worst)
-    return Border(part.places[known], tuple(states[known].tolist()), worst[known])
+    finite = np.isfinite(worst)
+    return Border(part.places[finite], tuple(states[finite].tolist()), worst[finite])

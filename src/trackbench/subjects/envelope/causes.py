@@ -75,8 +75,8 @@ def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:
     """What the subjects that examine trackers say of a built-in one; empty of any other."""
     if not isinstance(loaded.config.trackers[tracker], FilterConfig):
         return ""
-    said = []
+    sentences = []
     for name, target in offered("examiners"):
         remark = executor.submit(Task(resolve(target), loaded, own_folder(loaded)), tracker).result()
-        said.append(f"the {name} finds no fault in it" if remark is None else f"the {name}: {remark}")
-    return "; ".join(said)
+        sentences.append(f"the {name} finds no fault in it" if remark is None else f"the {name}: {remark}")
+    return "; ".join(sentences)

@@ -160,9 +160,9 @@ def work_of_cell(
     work = work_of(loaded, truths, isolation, engine)
     wanted = {item.metric for item in requirements}
     metrics = [metric for metric in work.metrics if wanted & _paths(metric, work)]
-    known = frozenset[str]().union(*(_paths(metric, work) for metric in metrics))
+    paths = frozenset[str]().union(*(_paths(metric, work) for metric in metrics))
     for number, item in enumerate(loaded.config.expect):
-        if item.metric not in known:
+        if item.metric not in paths:
             message = f"{item.metric} is no mean over runs, so that no cell can be decided by it"
             raise loaded.locate(InputError(message, key=f"expect.{number}.metric"))
     metrics += [metric for metric in work.metrics if metric.name == "coverage" and metric not in metrics]

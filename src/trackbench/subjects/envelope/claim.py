@@ -229,8 +229,8 @@ def idle_axes(claim: Claim) -> list[str]:
     for number, axis in enumerate(claim.axes):
         lines: dict[Point, list[list[float]]] = {}
         for cell in claim.cells:
-            known = [item.value for tracker in cell.trackers.values() for item in tracker.values]
-            values = [value for value in known if value is not None]
+            cell_values = [item.value for tracker in cell.trackers.values() for item in tracker.values]
+            values = [value for value in cell_values if value is not None]
             lines.setdefault((*cell.at[:number], *cell.at[number + 1 :]), []).append(values)
         several = [line for line in lines.values() if len(line) > 1]
         if several and all(_alike(line[0], other) for line in several for other in line):

@@ -61,16 +61,16 @@ def verify_command(
 
     output = RunOutput(as_json, quiet)
     with executor(workers, cluster) as chosen:
-        found = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
+        verification = verify(claim, seed=seed, beside=beside, isolation=isolation, chosen=chosen, listener=output)
     if as_json:
-        click.echo(results.to_json(found.json()), nl=False)
+        click.echo(results.to_json(verification.json()), nl=False)
     else:
-        for note in found.notes:
+        for note in verification.notes:
             click.echo(note, err=True)
-        for item in [] if quiet else found.discrepancies[:MOST_SHOWN]:
+        for item in [] if quiet else verification.discrepancies[:MOST_SHOWN]:
             click.echo(f"DIFFERS  {item}")
-        click.echo(found.outcome)
-    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+        click.echo(verification.outcome)
+    raise click.exceptions.Exit(0 if verification.passed else FAILED_EXPECTATION)
 
 
 @click.command("diff")
@@ -98,14 +98,14 @@ def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as
 
     if junit is not None:
         results.require_file(junit, "--junit")
-    found = diff(read_envelope(before), read_envelope(after))
-    write_suites([found.suite()], junit, github, as_json)
+    change = diff(read_envelope(before), read_envelope(after))
+    write_suites([change.suite()], junit, github, as_json)
     if as_json:
-        click.echo(results.to_json(found.json()), nl=False)
+        click.echo(results.to_json(change.json()), nl=False)
     else:
-        for line in found.lines():
+        for line in change.lines():
             click.echo(line)
-    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+    raise click.exceptions.Exit(0 if change.passed else FAILED_EXPECTATION)
 
 
 @click.command("badge")

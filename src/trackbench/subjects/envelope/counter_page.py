@@ -25,26 +25,26 @@ def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
         claim: of the map.
         listed: whether these runs are listed.
     """
-    found = claim.counter_examples
-    if found is None:
+    counter = claim.counter_examples
+    if counter is None:
         return
-    notes = [Item(f"{base.tracker}: {base.note}") for base in found.bases if base.note]
+    notes = [Item(f"{base.tracker}: {base.note}") for base in counter.bases if base.note]
     blocks: list[Block] = [Items(tuple(notes))] if notes else []
-    if found.examples:
+    if counter.examples:
         about = (
             "Towards each face of the map, the nearest cell that fails with confidence. Each folder in "
             f"{COUNTER_EXAMPLES}/ has the scenario, the report and the recording of its median failing run. The other "
-            f"seed is {found.examples[0].again.seed}, with the looks and bounds of the map."
+            f"seed is {counter.examples[0].again.seed}, with the looks and bounds of the map."
         )
-        causes = Items(tuple(_cause(example) for example in found.examples))
-        blocks += [_examples(claim, found), Paragraph(about), causes]
+        causes = Items(tuple(_cause(example) for example in counter.examples))
+        blocks += [_examples(claim, counter), Paragraph(about), causes]
     elif not any(claim.counts(name)["fails"] for name in claim.trackers):
         blocks.append(Paragraph("No cell fails with confidence."))
     else:
         blocks.append(Paragraph("None were made."))
     yield Section("Nearest counter-examples", tuple(blocks))
-    if listed and found.beyond:
-        yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, found),), folded=True)
+    if listed and counter.beyond:
+        yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, counter),), folded=True)
 
 
 def worst_section(claim: Claim) -> Iterator[Section]:
@@ -52,12 +52,12 @@ def worst_section(claim: Claim) -> Iterator[Section]:
     if not claim.worst:
         return
     items, commands = [], []
-    for found in claim.worst:
-        limit = claim.limits[found.limit]
-        at = ", ".join(f"{name} {value:.4g}" for name, value in zip(found.axes, found.point, strict=True))
-        value = "no run has a value" if found.value is None else f"{limit.metric} {found.value:.4g} at {at or 'a seed'}"
-        items.append(Item(f"{value}, found by search in {counted(found.runs, 'run')} ({limit.text})", limit.tracker))
-        changes = (word for change in found.changes for word in ("--set", change))
+    for run in claim.worst:
+        limit = claim.limits[run.limit]
+        at = ", ".join(f"{name} {value:.4g}" for name, value in zip(run.axes, run.point, strict=True))
+        value = "no run has a value" if run.value is None else f"{limit.metric} {run.value:.4g} at {at or 'a seed'}"
+        items.append(Item(f"{value}, found by search in {counted(run.runs, 'run')} ({limit.text})", limit.tracker))
+        changes = (word for change in run.changes for word in ("--set", change))
         commands.append(shlex.join(["trackbench", "run", claim.file, *changes, "--trackers", limit.tracker]))
     about = Paragraph("Found by search: it says nothing of how often such a run happens. These commands repeat them:")
     yield Section("Worst runs", (Items(tuple(items)), about, Code("\n".join(commands), "sh")))
@@ -69,8 +69,8 @@ def at_point(claim: Claim, cell: int) -> str:
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(claim.axes, point, strict=True))
 
 
-def _examples(claim: Claim, found: CounterExamples) -> Table:
-    every = found.examples
+def _examples(claim: Claim, counter: CounterExamples) -> Table:
+    every = counter.examples
     columns: Mapping[Column, list[Cell]] = {
         Column("tracker", left=True): [Cell(item.tracker, tracker=item.tracker) for item in every],
         Column("towards", left=True): [
@@ -118,8 +118,8 @@ def _cause(item: CounterExample) -> Item:
     return Item(f"{item.axis} {item.side}: {'; '.join(parts)}", item.tracker)
 
 
-def _beyond(claim: Claim, found: CounterExamples) -> Table:
-    rows = found.beyond
+def _beyond(claim: Claim, counter: CounterExamples) -> Table:
+    rows = counter.beyond
     columns = [
         (Column("tracker", left=True), [Cell(row.tracker, tracker=row.tracker) for row in rows]),
         (Column("cell", left=True), [Cell(at_point(claim, row.cell)) for row in rows]),
@@ -129,5 +129,5 @@ def _beyond(claim: Claim, found: CounterExamples) -> Table:
         (Column("value"), [Cell(f"{row.value:.3g}") for row in rows]),
         (Column("limit"), [Cell(f"{claim.limits[row.limit].limit:g}") for row in rows]),
     ]
-    caption = f"The furthest {len(rows)} of {found.beyond_total}" if found.beyond_total > len(rows) else ""
+    caption = f"The furthest {len(rows)} of {counter.beyond_total}" if counter.beyond_total > len(rows) else ""
     return Table.of_columns("runs-beyond", columns, caption) if caption else Table.of_columns("runs-beyond", columns)

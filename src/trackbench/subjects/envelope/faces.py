@@ -63,16 +63,16 @@ def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> l
             for number in failing
         ]
     ).reshape(len(failing), len(claim.axes))
-    found: dict[tuple[str, str], Facing] = {}
+    facings: dict[tuple[str, str], Facing] = {}
     for number, ways in zip(failing, away, strict=True):
         place = int(np.argmax(ways))
         if ways[place] == 0 or np.any((away <= ways).all(axis=1) & (away[:, place] < ways[place])):
             continue
         axis, cell = claim.axes[place], claim.cells[number]
         side, length = _side(base.at[place], cell.at[place]), distance(claim.axes, base.at, cell.at)
-        if (axis.name, side) not in found or length < found[axis.name, side].distance:
-            found[axis.name, side] = Facing(base.tracker, axis.name, side, number, length)
-    nearest = sorted(found.values(), key=lambda facing: facing.distance)
+        if (axis.name, side) not in facings or length < facings[axis.name, side].distance:
+            facings[axis.name, side] = Facing(base.tracker, axis.name, side, number, length)
+    nearest = sorted(facings.values(), key=lambda facing: facing.distance)
     return nearest[: 2 * len(claim.axes) if most is None else most]
 
 

@@ -26,9 +26,9 @@ _MARKERS = {"holds": ("o", 4.5), "undecided": ("o", 4.5), "fails": ("x", 5.5)}
 
 def line_figures(claim: Claim, styles: Sequence[TrackerStyle]) -> Iterator[Figure]:
     """One for each axis of numbers and each metric of which something is required."""
-    found = [margin for style in styles for margin in margins(claim, style.name)]
+    own = [margin for style in styles for margin in margins(claim, style.name)]
     for axis in claim.axes:
-        lines = [margin for margin in found if margin.axis.name == axis.name]
+        lines = [margin for margin in own if margin.axis.name == axis.name]
         if lines:
             for metric in dict.fromkeys(_quantity(limit) for limit in claim.limits):
                 yield _figure(claim, axis, metric, lines, styles)
@@ -98,8 +98,8 @@ def _paint_line(panel: Axes, margin: AxisMargin, claim: Claim, metric: str, styl
     for place, limit in enumerate(claim.limits_of(style.name)):
         if _quantity(limit) != metric:
             continue
-        known = [(x, cell.trackers[style.name].values) for x, cell in margin.cells]
-        cells = [(x, values[place]) for x, values in known if values and values[place].value is not None]
+        rows = [(x, cell.trackers[style.name].values) for x, cell in margin.cells]
+        cells = [(x, values[place]) for x, values in rows if values and values[place].value is not None]
         if not cells:
             continue
         x = np.array([value for value, _ in cells])

@@ -57,11 +57,11 @@ class AxisMargin:
 
 def margins(claim: Claim, tracker: str) -> list[AxisMargin]:
     """For each axis of numbers, the line through the scenario itself, or the nearest to it; one a category."""
-    found = []
+    every = []
     for number, axis in enumerate(claim.axes):
         if axis.ordered:
-            found += [margin_on(claim, tracker, number, line) for line in lines_near_base(claim, number)]
-    return found
+            every += [margin_on(claim, tracker, number, line) for line in lines_near_base(claim, number)]
+    return every
 
 
 def margin_on(claim: Claim, tracker: str, number: int, line: Sequence[ClaimCell]) -> AxisMargin:
@@ -98,7 +98,7 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
         values = {cell.point[number] for cell in lines[at]}
         return levels <= values if grid else len(values) >= len(levels)
 
-    found = []
+    chosen = []
     for category in product(*(axis.values for axis in others if not axis.ordered)):
         alike = [at for at in lines if tuple(v for v in at if isinstance(v, str)) == category and whole(at)]
         if alike:
@@ -106,8 +106,8 @@ def lines_near_base(claim: Claim, number: int) -> list[list[ClaimCell]]:
                 alike,
                 key=lambda at: (distance_from(claim.own_values, [*zip(others, at, strict=True)]), -len(lines[at])),
             )
-            found.append(sorted(lines[nearest], key=lambda cell: axes[number].share(cell.point[number])))
-    return found
+            chosen.append(sorted(lines[nearest], key=lambda cell: axes[number].share(cell.point[number])))
+    return chosen
 
 
 def distance_from(own: Mapping[str, Value | None], at: Sequence[tuple[MapAxis, Value]]) -> float:
@@ -149,15 +149,15 @@ def _first_beyond(shares: Array, beyond: Array, holds_below: bool) -> float:
     """
     if not holds_below:
         return 1.0 - _first_beyond(1.0 - shares[::-1], beyond[::-1], True)
-    found = []
+    meets = []
     for values in beyond.T:
         there = np.isfinite(values)
         x, y = shares[there], values[there]
         if (y > 0).any():
             i = int(np.argmax(y > 0))
-            found.append(float(x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i])))
+            meets.append(float(x[i - 1] + (x[i] - x[i - 1]) * y[i - 1] / (y[i - 1] - y[i])))
     # There is none where it fails for another cause than a limit.
-    return min(found, default=float(shares[0] + shares[-1]) / 2)
+    return min(meets, default=float(shares[0] + shares[-1]) / 2)
 
 
 def excess(cells: Sequence[ClaimCell], tracker: str, limits: Sequence[ClaimedLimit]) -> Array:

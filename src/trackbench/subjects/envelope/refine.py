@@ -28,13 +28,13 @@ def refined(
     if most <= 0 or not any(axis.continuous for axis in axes):
         return []
     pairs = _along_axes(axes, states) if design == "grid" else _neighbours(axes, states)
-    found: dict[Point, float] = {}
+    gaps: dict[Point, float] = {}
     for a, b in pairs:
         if _differ(states[a], states[b]):
             point = between(axes, a, b, resolution)
             if point is not None and point not in states:
-                found[point] = max(found.get(point, 0.0), float(np.abs(np.diff(shares(axes, [a, b]), axis=0)).max()))
-    return sorted(found, key=lambda point: -found[point])[:most]
+                gaps[point] = max(gaps.get(point, 0.0), float(np.abs(np.diff(shares(axes, [a, b]), axis=0)).max()))
+    return sorted(gaps, key=lambda point: -gaps[point])[:most]
 
 
 def _differ(a: States, b: States) -> bool:

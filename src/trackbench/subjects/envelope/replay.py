@@ -107,14 +107,14 @@ def verify(
         with listener.progress(f"replay of {claim.scenario}", "cells") as advance:
             again.make_cells([cell.at for cell in cells], False, advance)
     replayed = envelope_of(again, "")
-    found = [*contradictions(made, expected)]
+    problems = [*contradictions(made, expected)]
     for place_again, number in enumerate(numbers):
-        found += _differences(made, number, replayed, place_again)
+        problems += _differences(made, number, replayed, place_again)
     return Verification(
         claim,
         seed,
         tuple(place_of_cell(claim.axes, cell.at) for cell in cells),
-        tuple(dict.fromkeys(found)),
+        tuple(dict.fromkeys(problems)),
         tuple(_versions(claim, replayed.claim)),
     )
 

@@ -69,8 +69,8 @@ def envelope_document(made: Envelope) -> Document:
 def envelope_summary(made: Envelope) -> Document:
     """What the terminal shows."""
     claim = made.claim
-    found = (*counter_sections(claim, listed=False), *worst_section(claim))
-    blocks = (*_headline(claim), *_margins(claim), *found, *_suites(claim))
+    sections = (*counter_sections(claim, listed=False), *worst_section(claim))
+    blocks = (*_headline(claim), *_margins(claim), *sections, *_suites(claim))
     return Document("envelope", _title(claim), blocks)
 
 
@@ -105,9 +105,9 @@ def log_sentences(claim: Claim, log: AuditedLog) -> Iterator[str]:
     cells = claim.by_point()
     point = nearest_point(log_values(log, claim.own_values), axes, [*cells])
     at = ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
-    for tracker, known in cells[point].trackers.items():
+    for tracker, state in cells[point].trackers.items():
         where = {"holds": "inside the envelope of", "fails": "outside the envelope of", "undecided": "undecided for"}
-        yield f"the sensors of {log.name} ({values}) are {where[known.state]} {tracker}, by the nearest cell ({at})"
+        yield f"the sensors of {log.name} ({values}) are {where[state.state]} {tracker}, by the nearest cell ({at})"
 
 
 def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:

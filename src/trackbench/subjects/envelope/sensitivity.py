@@ -59,11 +59,11 @@ def _sensitivity(made: Envelope, place: int) -> Sensitivity:
     claim = made.claim
     limit = claim.limits[place]
     swings = tuple((axis, _swing(made, number, place)) for number, axis in enumerate(claim.axes))
-    known = [(cell.at, value) for cell in claim.cells if (value := _value(made, cell, place)) is not None]
-    if len(claim.axes) < 2 or len(known) < 0.9 * len(claim.cells):
+    rows = [(cell.at, value) for cell in claim.cells if (value := _value(made, cell, place)) is not None]
+    if len(claim.axes) < 2 or len(rows) < 0.9 * len(claim.cells):
         return Sensitivity(limit, swings, None)
     try:
-        surface = Surface(claim.axes, [at for at, _ in known], np.array([value for _, value in known]))
+        surface = Surface(claim.axes, [at for at, _ in rows], np.array([value for _, value in rows]))
     except np.linalg.LinAlgError:
         return Sensitivity(limit, swings, None)
     if not surface.error <= LARGEST_ERROR:

@@ -65,20 +65,20 @@ def cheapest_suites(claim: Claim) -> list[CheapestSuite]:
 def suite_sentences(claim: Claim) -> Iterator[str]:
     """What is said of each cheapest suite."""
     axes = priced_axes(claim)
-    for found in cheapest_suites(claim):
-        who = found.tracker or "all trackers"
-        if not found.suites:
+    for cheapest in cheapest_suites(claim):
+        who = cheapest.tracker or "all trackers"
+        if not cheapest.suites:
             yield f"{who}: holds with no suite, at any cost"
             continue
-        first, *tied = found.suites
+        first, *tied = cheapest.suites
         cells = "in its cell" if len(first.cells) == 1 else f"in all its {len(first.cells)} cells"
         text = f"{who}: the cheapest suite costs {first.cost:g}, {first.shown(axes)}: holds {cells}"
         text += "".join(f"; as cheap: {suite.shown(axes)}" for suite in tied)
-        if found.cheaper is None:
+        if cheapest.cheaper is None:
             yield f"{text}; none costs less"
         else:
-            cheaper = found.cheaper
-            yield f"{text}; the next cheaper one, {cheaper.shown(axes)} for {cheaper.cost:g}: {found.cheaper_state}"
+            cheaper = cheapest.cheaper
+            yield f"{text}; the next cheaper one, {cheaper.shown(axes)} for {cheaper.cost:g}: {cheapest.cheaper_state}"
 
 
 def _suites(claim: Claim) -> list[SensorSuite]:

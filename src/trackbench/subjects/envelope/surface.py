@@ -59,8 +59,8 @@ class Surface:
         """
         find = scipy_function("scipy.stats", "_sensitivity_analysis", "sobol_indices")
         uniform = scipy_function("scipy.stats", "_continuous_distns", "uniform")
-        found = find(func=self._at_shares, n=_SAMPLES, dists=[uniform] * len(self.axes), rng=0)
-        return np.clip(found.first_order, 0.0, 1.0), np.clip(found.total_order, 0.0, 1.0)
+        indices = find(func=self._at_shares, n=_SAMPLES, dists=[uniform] * len(self.axes), rng=0)
+        return np.clip(indices.first_order, 0.0, 1.0), np.clip(indices.total_order, 0.0, 1.0)
 
     def _at_shares(self, shares: Array) -> Array:
         """``(n,)`` values at ``(axes, n)`` numbers from 0 to 1."""

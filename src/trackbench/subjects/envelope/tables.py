@@ -19,10 +19,10 @@ TONES: dict[State, Tone] = {"holds": "good", "fails": "bad", "undecided": "warn"
 
 def margins_table(claim: Claim) -> Table:
     """For each axis and tracker, where the requirement holds along the line through the scenario."""
-    found = {tracker: margins(claim, tracker) for tracker in claim.trackers}
-    lines = found[claim.trackers[0]]
+    by_tracker = {tracker: margins(claim, tracker) for tracker in claim.trackers}
+    lines = by_tracker[claim.trackers[0]]
     columns = [(Column("along", left=True), [Cell(line.axis.name, details=_at(line)) for line in lines])]
-    for tracker, held in found.items():
+    for tracker, held in by_tracker.items():
         cells = [Cell(holding(margin), details=tuple(filter(None, [undecided(margin)]))) for margin in held]
         columns.append((Column(f"{tracker} holds", left=True), cells))
     through = all(line.through_base for line in lines)
@@ -41,9 +41,9 @@ def _at(margin: AxisMargin) -> tuple[str, ...]:
 
 def sensitivity_tables(made: Envelope) -> list[Table]:
     """For each requirement, how much each axis changes its value."""
-    found = sensitivities(made)
-    names = [f"sensitivity-{number}" if len(found) > 1 else "sensitivity" for number in range(1, len(found) + 1)]
-    return [_sensitivity_table(item, name) for item, name in zip(found, names, strict=True)]
+    each = sensitivities(made)
+    names = [f"sensitivity-{number}" if len(each) > 1 else "sensitivity" for number in range(1, len(each) + 1)]
+    return [_sensitivity_table(item, name) for item, name in zip(each, names, strict=True)]
 
 
 def _sensitivity_table(item: Sensitivity, name: str) -> Table:
@@ -99,25 +99,25 @@ def cells_table(claim: Claim) -> Table:
 
 def _nearness(claim: Claim) -> Array:
     """``(cells,)`` how far the value nearest to its limit is from it, in units of its spread over the map."""
-    found = np.full(len(claim.cells), np.inf)
+    least = np.full(len(claim.cells), np.inf)
     for tracker in claim.trackers:
         beyond = excess(claim.cells, tracker, claim.limits_of(tracker))
         spread = np.nanstd(beyond, axis=0)
         apart = np.abs(beyond) / np.where(spread > 0, spread, 1.0)
-        found = np.fmin(found, np.fmin.reduce(apart, axis=1))
-    return found
+        least = np.fmin(least, np.fmin.reduce(apart, axis=1))
+    return least
 
 
 def _state(claim: Claim, cell: ClaimCell, tracker: str) -> Cell:
     """The state with what it rests on."""
-    known = cell.trackers[tracker]
+    own = cell.trackers[tracker]
     details = [
         f"{limit.metric} {_number(value.value)} ({_number(value.low)} to {_number(value.high)})"
-        for limit, value in zip(claim.limits_of(tracker), known.values, strict=False)
+        for limit, value in zip(claim.limits_of(tracker), own.values, strict=False)
         if value.value is not None
     ]
-    details += [known.cause] if known.cause else []
-    return Cell(known.state, details=(*details, f"{known.scenes} x {known.runs} runs"), tone=TONES[known.state])
+    details += [own.cause] if own.cause else []
+    return Cell(own.state, details=(*details, f"{own.scenes} x {own.runs} runs"), tone=TONES[own.state])
 
 
 def _number(value: float | None) -> str:

@@ -171,12 +171,14 @@ class WorstSearch:
             options = {"bounds": [0, 1], "seed": int(random.integers(1, 2**31)), "verbose": -9}
             strategy = cma.CMAEvolutionStrategy([*start, *[0.5] * (size - len(start))], SPREAD, options)
             while number < most and not strategy.stop():
-                asked = strategy.ask()
-                yield [Candidate(tuple(point[: len(self.axes)].tolist()), number) for point in asked]
+                points = strategy.ask()
+                yield [Candidate(tuple(point[: len(self.axes)].tolist()), number) for point in points]
                 # What has no value is no better than the worst.
-                known = [-self._excess(value) for value in self._last if not np.isnan(value)]
-                strategy.tell(asked, [max(known, default=0.0) if np.isnan(v) else -self._excess(v) for v in self._last])
-                number += len(asked)
+                losses = [-self._excess(value) for value in self._last if not np.isnan(value)]
+                strategy.tell(
+                    points, [max(losses, default=0.0) if np.isnan(v) else -self._excess(v) for v in self._last]
+                )
+                number += len(points)
             start = random.uniform(size=len(self.axes)).tolist()
 
     def _start(self) -> list[float]:
@@ -207,11 +209,11 @@ def worst_runs(
         InputError: the package ``cma`` is not there, or single runs do not tell the metric.
     """
     require_cma()
-    found = []
+    runs = []
     for number, item in enumerate(task.requirements):
         looking = WorstSearch(task, item, search, executor, isolation, engine)
         candidate, value = looking.worst(progress)
-        found.append(
+        runs.append(
             WorstRun(
                 limit=number,
                 runs=search.runs,
@@ -221,4 +223,4 @@ def worst_runs(
                 value=None if np.isnan(value) else value,
             )
         )
-    return found
+    return runs

@@ -55,10 +55,10 @@ def retuned(loaded: Scenario, executor: Executor) -> Scenario:
 
 
 def _objective(loaded: Scenario, tracker: str) -> Objective:
-    known = {**metric_objectives(loaded), **OBJECTIVES}
+    by_name = {**metric_objectives(loaded), **OBJECTIVES}
     usual = "tgospa" if loaded.config.sensing.identities == "hidden" else "position_rmse"
     required = (item.metric for item in loaded.config.expect if item.tracker == tracker)
-    return known[next((metric for metric in required if metric in known), usual)]
+    return by_name[next((metric for metric in required if metric in by_name), usual)]
 
 
 def _tuned(
