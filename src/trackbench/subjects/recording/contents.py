@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
+from trackbench.metrics.function_events import FunctionEvent, function_events
 from trackbench.metrics.verdicts import named, what_is_off
 from trackbench.report.numbers import reach
 from trackbench.results import (
@@ -55,6 +56,13 @@ class Contents:
     """The best tracker."""
     unlabelled: Result | None = None
     """The result of a run with hidden identities."""
+    function_events: list[FunctionEvent] = field(default_factory=list)
+    """Those of the recorded run in which something was wrong."""
+
+    @property
+    def decisions(self) -> pa.Table:
+        """What functions decide; without rows where there are none."""
+        return self.tables.if_there("decisions")
 
     @property
     def hold(self) -> float:
@@ -90,7 +98,13 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         about=about(result),
         best=result.contenders[0].name if result.scored else None,
         unlabelled=result if summary.identities == "hidden" else None,
+        function_events=[event for event in _recorded_events(result) if event.tracker in names],
     )
+
+
+def _recorded_events(result: Result) -> Iterator[FunctionEvent]:
+    for (function,) in split(result.tables.if_there("decisions"), "function"):
+        yield from function_events(result, function, run=result.summary.recorded_run)
 
 
 def colours_of(trackers: Iterable[str], colours: Mapping[str, str] | None) -> dict[str, str]:
@@ -132,7 +146,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         for label, result in named.items()
         for name, sensor in result.summary.sensors.items()
     }
-    tables = ("steps", "nis", "estimates", "recorded_nis", "modes", "recorded_modes")
+    tables = ("steps", "nis", "estimates", "recorded_nis", "modes", "recorded_modes", "decisions")
     parts = dict.fromkeys(tables, "tracker")
     if not once:
         parts["measurements"] = "sensor"
@@ -160,6 +174,11 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         reference=references.pop() if len(references) == 1 else "reference",
         ranking="\n".join(ranked(name, runs, _by_error(trackers))),
         about="\n".join([*lines, *legend(trackers, sensors)]),
+        function_events=[
+            event._replace(tracker=_named(event.tracker, label))
+            for label, result in named.items()
+            for event in _recorded_events(result)
+        ],
     )
 
 

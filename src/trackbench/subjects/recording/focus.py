@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, counted
 from trackbench.metrics.function_events import function_events
 from trackbench.metrics.moments import distinct, require_name, require_time, worst
 from trackbench.metrics.recorded_run import recorded_run
@@ -41,6 +41,8 @@ class Focus:
     """A position error that the plot of the vehicle has to show."""
     tracker: str | None = None
     """Where identities are hidden, the one whose tracks are shown."""
+    function: str | None = None
+    """Whose lanes are shown."""
     beside: tuple[float, float] = (0.0, 0.0)
     """Where identities are hidden, the place of the event from the vehicle in the middle, m in x and y."""
 
@@ -97,11 +99,12 @@ def _function_focus(result: Result, opening: Opening, function: str, worst: int)
     run = result.summary.recorded_run
     every = function_events(result, function, opening.tracker, run, opening.vehicle)
     if len(every) < worst:
-        message = f"only {len(every)} such events of {function} in run {run}, the recorded one: no other is wrong"
+        wrong = counted(len(every), "event")
+        message = f"in run {run}, the recorded one, {wrong} of {function} went wrong; trackbench inspect has all runs"
         raise InputError(message, key="--worst")
     event = every[worst - 1]
     hidden = result.summary.identities == "hidden"
-    return Focus(event.object or None, event.time_s, tracker=event.tracker if hidden else None)
+    return Focus(event.object or None, event.time_s, tracker=event.tracker if hidden else None, function=function)
 
 
 def require_worst(result: Result, worst: int | None, tracker: str | None) -> None:

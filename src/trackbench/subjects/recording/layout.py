@@ -12,6 +12,7 @@ from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import Chart, NamedColour
+from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents, all_runs
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.scene import MEASUREMENTS, TRAIL_S, TRUE
@@ -51,6 +52,12 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
         observer,
         *(NamedColour(f"{name} (plots)", colour) for name, colour in trackers.items()),
     ]
+
+
+def entries_of(contents: Contents) -> list[NamedColour]:
+    """Those of a recording."""
+    shown = entries(contents.colours, list(contents.sensors), contents.unlabelled is not None)
+    return [*shown, NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else shown
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
@@ -162,6 +169,10 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
     own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
+    if contents.decisions.num_rows:
+        lanes = functions.lanes_view(contents.decisions)
+        own.append(rrb.Horizontal(lanes, functions.log_view(), column_shares=[2, 1], name="Functions"))
+        tab = len(own) + 1 if focus.vehicle is None or focus.function is not None else tab
     main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *own, active_tab=tab), row_shares=[4, 5])
     return _opened(main, contents, focus)
 
@@ -188,9 +199,11 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         active_tab=trackers.index(front) if front in trackers else 0,
     )
     parts = [plot(chart.title, chart.place, chart.span(chart.largest)) for chart in charts]
-    log = rrb.TextLogView(origin=EVENTS, name="Events")
+    logs, lanes = [rrb.TextLogView(origin=EVENTS, name="Events")], list[rrb.Container]()
+    if contents.decisions.num_rows:
+        logs, lanes = [*logs, functions.log_view()], [functions.lanes_view(contents.decisions)]
     below = rrb.Horizontal(
-        rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
+        rrb.Tabs(*lanes, *parts[:-1], active_tab=0), rrb.Tabs(*logs, parts[-1], active_tab=0), column_shares=[1, 1]
     )
     main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
     return _opened(main, contents, focus)
@@ -211,8 +224,7 @@ def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Bluepr
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-    shown = entries(contents.colours, list(contents.sensors), contents.unlabelled is not None)
-    return opened(beside(main, shown, texts), "playing" if focus.time_s is None else "paused")
+    return opened(beside(main, entries_of(contents), texts), "playing" if focus.time_s is None else "paused")
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:

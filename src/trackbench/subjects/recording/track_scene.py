@@ -13,6 +13,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.document.palette import ERROR_COLOURS, IDENTITY_COLOURS
 from trackbench.metrics.track_events import TrackEvent
 from trackbench.results.columns import Columns, split
+from trackbench.subjects.recording.functions import WARNED
 from trackbench.subjects.recording.scene import HEIGHT, TRAIL_S, WORLD
 from trackbench.subjects.recording.stream import Stream, ellipse, path, pixels, rgba
 
@@ -43,12 +44,15 @@ def entities(tracker: str) -> dict[str, float]:
         path(*MISSES, tracker): 0.0,
         path(*MARKS, tracker): MARKED_S,
         path(*MARKS, tracker, "labels"): MARKED_S,
+        path(*WARNED, tracker): 0.0,
     }
 
 
 def others() -> tuple[str, ...]:
     """What a view of one tracker leaves out, unless it names it: what is of the other trackers."""
-    return tuple(f"- {path(*family)}/**" for family in (TRACKS, COVARIANCES, TRAILS, MISSES, MARKS, ASSOCIATIONS))
+    return tuple(
+        f"- {path(*family)}/**" for family in (TRACKS, COVARIANCES, TRAILS, MISSES, MARKS, ASSOCIATIONS, WARNED)
+    )
 
 
 def send_tracks(stream: Stream, tracker: str, tracks: pa.Table, time: Array) -> None:

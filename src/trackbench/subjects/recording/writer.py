@@ -16,7 +16,7 @@ from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Chart, Replay, ReplayScene
 from trackbench.metrics.track_events import events_of, instants
 from trackbench.results import Result, Tables, write_bytes
-from trackbench.subjects.recording import layout, scene, views
+from trackbench.subjects.recording import functions, layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
@@ -114,7 +114,7 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    layout.send_legend(stream, layout.entries(colours, list(contents.sensors), hidden))
+    layout.send_legend(stream, layout.entries_of(contents))
     scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=hidden)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     estimates = tables.if_there("estimates")
@@ -126,6 +126,7 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
             _draw_events(stream, contents.unlabelled, tracker, wide.metres_per_pixel)
     for chart in charts:
         send_chart(stream, chart)
+    functions.send_functions(stream, contents.decisions, contents.function_events, tables.truth, colours)
 
 
 def _draw_tracks(stream: Stream, tables: Tables, tracker: str) -> None:

@@ -1,0 +1,143 @@
+"""What functions decide in the recorded run: a lane for the truth and each tracker, a log, and rings in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
+
+from trackbench.base.types import Array
+from trackbench.document.palette import ERROR_COLOURS, TRUTH_COLOUR
+from trackbench.metrics.function_events import FunctionEvent
+from trackbench.results.columns import Columns, split
+from trackbench.subjects.recording.scene import WORLD
+from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+
+LANES = "functions"
+LOG = "function_events"
+WARNED = (*WORLD, "warned")
+#: No tracker is called so, and it comes before all.
+TRUTH = "_truth"
+#: Of a lane in which something is wrong.
+WRONG = {"missed": ERROR_COLOURS[4], "late": ERROR_COLOURS[2], "false": ERROR_COLOURS[3]}
+#: In a lane, nothing is decided.
+NOTHING = ""
+#: Radius of the ring of the first tracker, and by how much that of each other one is larger, m.
+RING, WIDER = 2.8, 0.35
+
+
+def send_functions(
+    stream: Stream,
+    decisions: pa.Table,
+    events: Iterable[FunctionEvent],
+    truth: pa.Table,
+    colours: Mapping[str, str],
+) -> None:
+    """Everything that is shown of functions.
+
+    Args:
+        stream: the recording.
+        decisions: the table.
+        events: those of the recorded run in which something was wrong.
+        truth: the table.
+        colours: by tracker.
+    """
+    by_function: dict[str, dict[str, Columns]] = {}
+    for (function, tracker), rows in split(decisions, "function", "tracker").items():
+        by_function.setdefault(function, {})[tracker] = rows
+    wrong = list(events)
+    for function, of_trackers in by_function.items():
+        first = next(iter(of_trackers.values()))
+        states = np.where(first["true_active"] > 0, _named(first["true_object"]), NOTHING)
+        _send_lane(stream, (function, TRUTH), first["time_s"], states, TRUTH_COLOUR)
+        for tracker, rows in of_trackers.items():
+            own = [event for event in wrong if (event.function, event.tracker) == (function, tracker)]
+            _send_lane(stream, (function, tracker), rows["time_s"], lane(rows, own), colours[tracker])
+    for tracker in colours:
+        _send_log(stream, tracker, [event for event in wrong if event.tracker == tracker])
+    warned = {tracker: [own[tracker] for own in by_function.values() if tracker in own] for tracker in colours}
+    for number, (tracker, each) in enumerate(warned.items()):
+        _send_rings(stream, tracker, each, truth, colours[tracker], RING + WIDER * number)
+
+
+def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
+    """``(instants,)`` what a tracker's lane says: of which object the function warns, what is wrong, or nothing."""
+    time, active = rows["time_s"], rows["active"] > 0
+    states = np.where(active, _named(rows["object"]), NOTHING)
+    for event in events:
+        until = event.until_s if event.word == "false" else event.time_s + event.wrong_s
+        inside = (time >= event.time_s - 1e-9) & (time < until - 1e-9)
+        if event.word in WRONG:
+            states = np.where(inside & (active if event.word == "false" else ~active), event.word, states)
+    return states
+
+
+def lanes_view(decisions: pa.Table) -> rrb.Container:
+    """The lanes of each function, one below the other."""
+    lanes = [
+        rrb.StateTimelineView(
+            origin=path(LANES, function), name=function, time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+        )
+        for (function,) in split(decisions, "function")
+    ]
+    return rrb.Vertical(*lanes, name="Functions")
+
+
+def log_view() -> rrb.TextLogView:
+    """The events of all functions."""
+    return rrb.TextLogView(origin=path(LOG), name="Missed, late, false, early")
+
+
+def _named(objects: Array) -> Array:
+    """A lane has the names of objects; a track on none has none."""
+    names = objects.astype(str)
+    return np.where(names == "", "no object", names)
+
+
+def _send_lane(stream: Stream, place: tuple[str, ...], time: Array, states: Array, colour: str) -> None:
+    change = np.append(True, states[1:] != states[:-1])
+    entity = path(LANES, *place)
+    stream.columns(entity, time[change], rr.StateChange.columns(state=states[change].tolist()))
+    values = np.unique(states).tolist()
+    colours = np.array([rgba(WRONG.get(value, colour)) for value in values], dtype=np.uint32)
+    visible = [value != NOTHING for value in values]
+    stream.static(entity, rr.StateConfiguration(values=values, labels=values, colors=colours, visible=visible))
+
+
+def _send_log(stream: Stream, tracker: str, events: Sequence[FunctionEvent]) -> None:
+    if not events:
+        return
+    ordered = sorted(events, key=lambda event: event.time_s)
+    texts = [f"{tracker}: {e.function} {e.word} by {e.wrong_s:.2f} s, {e.object or 'no object'}" for e in ordered]
+    levels = ["WARN" if event.word in WRONG else "INFO" for event in ordered]
+    log = rr.TextLog.columns(text=texts, level=levels)
+    stream.columns(path(LOG, tracker), np.array([event.time_s for event in ordered]), log)
+
+
+def _send_rings(
+    stream: Stream, tracker: str, rows: Sequence[Columns], truth: pa.Table, colour: str, radius: float
+) -> None:
+    """A ring around every object that a function is active about, on the tracks of a tracker."""
+    if not rows:
+        return
+    vehicles = {name: of for (name,), of in split(truth, "object").items()}
+    marked: set[tuple[float, str]] = set()
+    for of in rows:
+        active = of["active"] > 0
+        marked |= {*zip(of["time_s"][active].tolist(), of["object"][active].astype(str).tolist(), strict=True)}
+    places = sorted((time, name) for time, name in marked if name in vehicles)
+    time = rows[0]["time_s"]
+    at = np.array([_place(vehicles[name], when) for when, name in places]).reshape(-1, 2)
+    count = np.bincount(np.searchsorted(time, [when - 1e-9 for when, _ in places]), minlength=len(time))
+    rings = rr.Ellipses2D.columns(half_sizes=np.full((len(at), 2), radius), centers=at)
+    style = rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(1.5), draw_order=36.0)
+    stream.draw(path(*WARNED, tracker), time, style, rings, count=count)
+
+
+def _place(rows: Columns, time: float) -> tuple[float, float]:
+    step = int(np.searchsorted(rows["time_s"], time - 1e-9))
+    return float(rows["px_m"][step]), float(rows["py_m"][step])

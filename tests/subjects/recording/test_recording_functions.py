@@ -1,0 +1,89 @@
+"""Functions in a recording: lanes, a log, rings in the scene, and the tables to read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+from tests.metrics.functions.test_function_runs import BRAKING, result_of
+
+from trackbench.base.errors import InputError
+from trackbench.metrics.function_events import FunctionEvent
+from trackbench.results import Result
+from trackbench.subjects.recording.data import read
+from trackbench.subjects.recording.focus import Opening, focus_of
+from trackbench.subjects.recording.functions import lane
+from trackbench.subjects.recording.inspection import inspect
+from trackbench.subjects.recording.writer import write
+
+HIDDEN = BRAKING.replace("_mps2: 8}", "_mps2: 8, associate: {method: gnn}}").replace(
+    "_mps2: 1}", "_mps2: 1, associate: {method: gnn}}"
+)
+
+
+@pytest.fixture(scope="module", params=["known", "hidden"])
+def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Result:
+    text = BRAKING if request.param == "known" else f"{HIDDEN}sensing: {{identities: hidden}}\n"
+    return result_of(tmp_path_factory.mktemp("run"), text.replace("runs: 20", "runs: 3"), SIGMA="0.5", AZIMUTH="0.2")
+
+
+@pytest.fixture(scope="module")
+def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("recording") / "recording.rrd"
+    write(result, file)
+    return file
+
+
+def _event(outcome: str, time: float, until: float, delay: float | None) -> FunctionEvent:
+    return FunctionEvent("slow", "fcw", "lead", outcome, 0, time, until, delay)
+
+
+def test_a_lane_says_what_is_late_missed_and_false() -> None:
+    active = np.isin(np.arange(10), [2, 3, 8])
+    rows = {"time_s": np.arange(10.0), "active": active * 1.0, "object": np.where(active, "lead", "")}
+    events = [_event("answered", 1, 4, 1.0), _event("missed", 5, 7, 2.0), _event("false", 8, 9, None)]
+    assert lane(rows, events).tolist() == ["", "late", "lead", "lead", "", "missed", "missed", "", "false", ""]
+
+
+def test_a_lane_without_events_is_the_activity(result: Result) -> None:
+    rows = result.tables.decisions.to_pandas().query("tracker == 'slow'")
+    states = lane({name: rows[name].to_numpy() for name in rows}, [])
+    assert ((states != "") == (rows.active > 0)).all()
+
+
+def test_lanes_log_and_rings_are_in_the_file(result: Result, file: Path) -> None:
+    chunks = [chunk for chunk in RrdReader(file).stream() if not chunk.is_static]
+    rows = {str(chunk.entity_path): chunk.to_record_batch() for chunk in chunks}
+    assert {f"/functions/fcw/{name}" for name in ("_truth", "ekf", "slow")} <= {*rows}
+    assert {"/world/warned/slow", "/function_events/slow"} <= {*rows}
+    (name,) = [name for name in rows["/functions/fcw/_truth"].schema.names if "state" in name]
+    states = [values[0] for values in rows["/functions/fcw/_truth"][name].to_pylist()]
+    assert states == ["", "lead", ""]
+    (name,) = [name for name in rows["/world/warned/slow"].schema.names if "centers" in name]
+    ringed = [len(values or ()) for values in rows["/world/warned/slow"][name].to_pylist()]
+    active = result.tables.decisions.to_pandas().query("tracker == 'slow' and active > 0 and object == 'lead'")
+    assert sum(ringed) == len(active)
+
+
+def test_events_are_read_back_from_the_file(result: Result, file: Path) -> None:
+    from_file = inspect(read(file), count=5, function="fcw").of_function
+    assert from_file
+    assert from_file[0].word == "late"
+    assert inspect(read(file), count=5, function="fcw", tracker="ekf").of_function != from_file
+
+
+def test_a_recording_opens_at_the_worst_event(result: Result) -> None:
+    focus = focus_of([result], Opening(worst=1, function="fcw", tracker="slow"))
+    assert (focus.vehicle, focus.time_s) == ("lead", pytest.approx(5.0))
+    with pytest.raises(InputError, match="1 event of fcw went wrong"):
+        focus_of([result], Opening(worst=2, function="fcw", tracker="slow"))
+
+
+def test_a_recording_without_functions_has_no_lanes(tmp_path: Path) -> None:
+    text = BRAKING.split("functions:")[0].replace("runs: 20", "runs: 2")
+    write(result_of(tmp_path, text, SIGMA="0.5", AZIMUTH="0.2"), tmp_path / "recording.rrd")
+    paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "recording.rrd").stream()}
+    assert not [path for path in paths if path.startswith(("/functions", "/function_events", "/world/warned"))]
+    assert "decisions" not in read(tmp_path / "recording.rrd").result.tables
