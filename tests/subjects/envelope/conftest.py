@@ -32,7 +32,7 @@ SMALL: dict[str, Any] = {
     "expect": [{"tracker": "kf", "metric": "position_rmse", "below": 0.25}],
     "envelope": {
         "cells": 12,
-        "runs": {"first": 10, "most": 40},
+        "runs": {"first": 25, "most": 100},
         "axes": {"sigma": {"key": "sensors.lidar.position_sigma_m", "from": 0.1, "to": 1, "levels": 4}},
     },
 }

@@ -92,7 +92,7 @@ def test_traffic_like_these_repeats_scenes(made_map: Callable[..., EnvelopeMap])
 def test_a_world_has_its_own_number_of_scenes(made_map: Callable[..., EnvelopeMap]) -> None:
     made = made_map(
         truth=ROAD | {"env": "highway-v0", "seeds": 12, "duration_s": 2, "targets": {"nearest": 2}},
-        runs={"first": 10, "most": 10},
+        runs={"first": 25, "most": 25},
         cells=2,
         axes={"world": {"key": "world", "choices": ["ideal", "recorded"]}},
     )

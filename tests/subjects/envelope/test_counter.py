@@ -59,8 +59,9 @@ def test_its_value_is_that_of_the_cell_and_other_seeds_give_another(countered: E
     # It is near the border: other seeds may not show it.
     assert example.again.state in ("fails", "undecided")
     changes = {"sensors.lidar.position_sigma_m": countered.claim.cells[example.cell].at[0], "monte_carlo.seed": 2}
-    again = tb.run(tb.load(countered.claim.text, changes, runs=40), workers=1)["kf"]
-    assert again.position_rmse.value == pytest.approx(example.again.value, rel=1e-12)
+    # It may have been decided at any look.
+    each = [tb.run(tb.load(countered.claim.text, changes, runs=runs), workers=1) for _, runs in countered.claim.extents]
+    assert pytest.approx(example.again.value, rel=1e-12) in [again["kf"].position_rmse.value for again in each]
 
 
 def test_runs_beyond_the_limit_in_cells_that_hold_are_listed_furthest_first(countered: Envelope) -> None:

@@ -145,7 +145,7 @@ def kept(looks: Path) -> int:
 def long_envelope() -> dict[str, Any]:
     """One of more cells, which takes some seconds."""
     axes = SMALL["envelope"]["axes"] | {"rate": {"key": "sensors.lidar.rate_hz", "values": [1, 2, 5, 10]}}
-    return SMALL["envelope"] | {"cells": 60, "axes": axes, "runs": {"first": 20, "most": 320}}
+    return SMALL["envelope"] | {"cells": 60, "axes": axes, "runs": {"first": 25, "most": 400}}
 
 
 @pytest.mark.slow

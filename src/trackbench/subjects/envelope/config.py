@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from trackbench.base.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.metrics.bounds import FEWEST_RUNS
 
 #: What an axis may be given by; exactly one of these.
 FORMS = ("from", "values", "choices")
@@ -108,8 +109,12 @@ class Axis(Config):
 class Population(Config):
     """How the runs of a cell grow from look to look."""
 
-    first: int = Field(25, ge=10, description="Runs at the first look at a cell; of `traffic like these`, scenes.")
-    most: int = Field(400, ge=10, description="The number after which a cell that is not decided stays `undecided`.")
+    first: int = Field(
+        25, ge=FEWEST_RUNS, description="Runs at the first look at a cell; of `traffic like these`, scenes."
+    )
+    most: int = Field(
+        400, ge=FEWEST_RUNS, description="The number after which a cell that is not decided stays `undecided`."
+    )
 
     def problems(self) -> Iterator[Problem]:
         if self.first > self.most:

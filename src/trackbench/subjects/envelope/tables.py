@@ -65,7 +65,7 @@ def _sensitivity_table(item: Sensitivity, name: str) -> Table:
         ]
         caption += (
             ". Shares of the variance over the whole map: Sobol indices of an interpolation that is off by "
-            f"{100 * (item.error or 0.0):.1g} % of the spread at a cell left out"
+            f"{100 * (item.error or 0.0):.0f} % of the spread at a cell left out"
         )
     elif item.error is not None:
         caption += (
