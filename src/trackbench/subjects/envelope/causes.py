@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 
 from trackbench.base.execution import Task
 from trackbench.base.subjects import offered, resolve
+from trackbench.metrics.function_events import function_events, function_labels
 from trackbench.metrics.track_events import events_of
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
@@ -20,13 +21,17 @@ STANDS_OUT = 1.2
 LEAST = 0.1
 
 
-def condition_of(result: Result, tracker: str) -> str:
-    """What carries the error: a manoeuvre or a range band; of tracks, the kind of event. Empty where none stands out.
+def condition_of(result: Result, tracker: str, metric: str = "") -> str:
+    """What carries the error: a manoeuvre or a range band; of tracks, the kind of event. Empty where none stands out,
+    and of a function.
 
     Args:
         result: of all runs.
         tracker: its name.
+        metric: that is not met.
     """
+    if _function(result, metric):
+        return ""
     if result.summary.identities == "hidden":
         return _dearest_kind(result, tracker)
     scores = result[tracker].breakdown
@@ -62,13 +67,26 @@ def _dearest_kind(result: Result, tracker: str) -> str:
     return f"{kind}, {why}: {100 * cost / total:.0f} % of the cost of all events"
 
 
-def event_of(result: Result, tracker: str) -> str:
+def event_of(result: Result, tracker: str, metric: str = "") -> str:
     """What went wrong most in the recorded run; empty where nothing did, or nothing is known of it."""
+    if label := _function(result, metric):
+        decided = next(iter(function_events(result, label, tracker, result.summary.recorded_run)), None)
+        if decided is None:
+            return ""
+        where = f" at {decided.object}" if decided.object else ""
+        return f"{label} {decided.word}{where} at {decided.time_s:.2f} s, by {decided.wrong_s:.2f} s"
     if result.summary.identities == "hidden":
         first = next(iter(events_of(result, tracker, result.summary.recorded_run)), None)
         return "" if first is None else f"{first.kind} at {first.time_s:.2f} s, {first.reason}"
     moment = worst_moments(result).get(tracker)
     return "" if moment is None else f"position error {moment_text(moment)}"
+
+
+def _function(result: Result, metric: str) -> str:
+    """The function that a metric is of; empty where it is of none."""
+    label = metric.partition(".")[2]
+    paths = (path for item in result.summary.trackers for path in item.metrics)
+    return label if label in function_labels(paths) else ""
 
 
 def finding_on(loaded: Scenario, tracker: str, executor: Executor) -> str:

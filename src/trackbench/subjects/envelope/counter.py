@@ -106,7 +106,7 @@ class CounterMaker:
         shown = self._shown(cell, facing.tracker, requirement)
         folder = UNFIT.sub("-", f"{number}-{facing.tracker}-{facing.axis}-{facing.side}")
         result = self._run(folder, cell, facing.tracker, requirement, shown)
-        own = self._task.of(facing.tracker)
+        own, metric = self._task.of(facing.tracker), "" if requirement is None else requirement.metric
         value = None if requirement is None else claimed.trackers[facing.tracker].values[own.index(requirement)]
         return CounterExample(
             folder=folder,
@@ -118,8 +118,8 @@ class CounterMaker:
             cause=claimed.trackers[facing.tracker].cause,
             shown=shown,
             again=self._repetition(again.cells[cell.point], facing.tracker, requirement),
-            condition=condition_of(result, facing.tracker),
-            event=event_of(result, facing.tracker),
+            condition=condition_of(result, facing.tracker, metric),
+            event=event_of(result, facing.tracker, metric),
             finding="",
         )
 
