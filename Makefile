@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -120,6 +120,10 @@ worlds: $(VENV)/.installed-dev
 # What perception costs a driver by rules: results/gym; a quarter of an hour on one core.
 gym: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.gym
+
+# The envelopes that come with trackbench: some ten minutes.
+envelopes: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.envelopes
 
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev
