@@ -55,11 +55,8 @@ def test_of_tracks_it_is_the_kind_of_event_that_costs_most() -> None:
 def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
     result = tb.run(tb.load("functions/euro_ncap_braking", runs=5), workers=1)
     (metric, name) = "warn_delay.fcw", "ekf_cv"
-    events = [
-        event for event in result.to_pandas("function_events").query("tracker == 'ekf_cv' and run == 0").itertuples()
-    ]
-
-    (event,) = [event for event in events if event.function == "fcw"]
+    chosen = "tracker == 'ekf_cv' and run == 0 and function == 'fcw'"
+    (event,) = result.to_pandas("function_events").query(chosen).itertuples()
     late = "late" if event.delay_s > 0 else "early"
     text = f"fcw {late} at lead at {event.time_s:.2f} s, by {abs(event.delay_s):.2f} s" if event.delay_s else ""
     assert event_of(result, name, metric) == text
