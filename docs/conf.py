@@ -54,7 +54,16 @@ MENU = {
         "ci",
         "trust",
     ],
-    "Tools": ["command-line", "execution", "fused-engine", "tune", "envelope", "envelope-statistics", "doctor", "doctor-rates"],
+    "Tools": [
+        "command-line",
+        "execution",
+        "fused-engine",
+        "tune",
+        "envelope",
+        "envelope-statistics",
+        "doctor",
+        "doctor-rates",
+    ],
     "Published projects": [
         "projects/range-3km",
         "projects/udacity-fusion",
