@@ -25,8 +25,9 @@ LISTED = 5
 _MEANING = (
     "Each function decides on the truth and on each tracker's tracks at every instant. An event is a time in which it "
     "is active on the truth. The delay is that of its activity on the tracks, below 0 where it comes early; of a "
-    "missed event it is the time to the impact, or to the event's end. False is activity on the tracks that is more "
-    "than 0.5 s from every event, per hour of the drive. The figure is of the recorded run, the numbers are of all."
+    "missed event it is the time to the impact, or to 0.5 s after the end. False is activity on the tracks that begins "
+    "more than 0.5 s from every event, or is over before it, per hour of the drive. The figure is of the recorded run, "
+    "the numbers are of all."
 )
 #: Of each function: what the metric's name begins with, its heading, and by how much it is larger than the metric.
 _COLUMNS = (

@@ -23,27 +23,23 @@ def intervals(active: np.ndarray, time: np.ndarray) -> list[Interval]:
     return found
 
 
-def brute(truth: list[Interval], own: list[Interval], time: np.ndarray) -> tuple[list, list, list]:
-    ends = [*time, time[-1]]
+def brute(truth: list[Interval], own: list[Interval], time: np.ndarray, impact: np.ndarray) -> tuple[list, list, list]:
+    ends, near = [*time, time[-1]], TOLERANCE + 1e-9
     delays, missing = [], []
     for place, (run, start, stop) in enumerate(truth):
-        same = [item for item in own if item[0] == run and ends[item[2]] >= ends[start] - TOLERANCE - 1e-9]
-        same = [item for item in same if ends[item[1]] <= ends[stop] + TOLERANCE + 1e-9]
+        same = [item for item in own if item[0] == run and item[2] > start and ends[item[1]] <= ends[stop] + near]
         if not same:
-            delays.append(ends[stop] - ends[start])
+            delays.append(min(ends[stop] + TOLERANCE, impact[run]) - ends[start])
         else:
             begin = ends[same[0][1]]
             if place and truth[place - 1][0] == run:
                 begin = max(begin, ends[truth[place - 1][2]])
-            delays.append(begin - ends[start])
+            delays.append(max(begin - ends[start], -TOLERANCE))
         missing.append(not same)
-    false = [
-        not any(
-            r == run and ends[s] <= ends[stop] + TOLERANCE + 1e-9 and ends[e] >= ends[start] - TOLERANCE - 1e-9
-            for r, s, e in truth
-        )
-        for run, start, stop in own
-    ]
+    false = []
+    for run, start, stop in own:
+        around = [(s, e) for r, s, e in truth if r == run and ends[s] - near <= ends[start] <= ends[e] + near]
+        false.append(not around or stop <= around[0][0])
     return delays, missing, false
 
 
@@ -56,8 +52,50 @@ def test_random_activity_is_matched_as_by_hand(seed: int):
     truth, own = (np.cumsum(random.random((steps, runs)) < switching, axis=0) % 2 == 1 for _ in range(2))
     events, mine = spans(truth, time), spans(own, time)
     assert list(zip(*(each.tolist() for each in events), strict=True)) == intervals(truth, time)
-    result = answers(events, mine, time)
-    delays, missing, false = brute(intervals(truth, time), intervals(own, time), time)
+    impact = np.where([True, False, True, False], np.inf, time[-1])
+    result = answers(events, mine, time, impact)
+    delays, missing, false = brute(intervals(truth, time), intervals(own, time), time, impact)
     np.testing.assert_allclose(result.delay, delays, atol=1e-9)
     assert result.missing.tolist() == missing
     assert result.false.tolist() == false
+
+
+#: The event is from 3 to 5 s.
+@pytest.mark.parametrize(
+    ("own", "delay", "false"),
+    [
+        ([(0.0, 9.0)], -0.5, [True]),
+        ([(2.5, 9.0)], -0.5, [False]),
+        ([(0.0, 2.7)], 2.5, [True]),
+        ([(2.7, 3.0)], 2.5, [True]),
+        ([(2.5, 2.6), (3.2, 5.0)], 0.2, [True, False]),
+        ([(0.0, 1.0), (3.2, 5.0)], 0.2, [True, False]),
+        ([(5.5, 7.0)], 2.5, [False]),
+        ([(5.6, 7.0)], 2.5, [True]),
+        ([(4.9, 5.0), (5.5, 6.0)], 1.9, [False, False]),
+    ],
+)
+def test_a_warning_is_in_time_only_near_its_event(own: list[tuple[float, float]], delay: float, false: list[bool]):
+    time = np.arange(0.0, 10.0, 0.1)
+
+    def active(*parts: tuple[float, float]) -> np.ndarray:
+        return np.any([(time > start - 1e-9) & (time < stop - 1e-9) for start, stop in parts], axis=0)[:, None]
+
+    result = answers(spans(active((3, 5)), time), spans(active(*own), time), time, np.array([np.inf]))
+    assert result.delay.tolist() == pytest.approx([delay])
+    assert result.false.tolist() == false
+
+
+@pytest.mark.parametrize("length", [1, 3, 30])
+def test_a_missing_warning_counts_as_no_less_than_the_latest_one(length: int):
+    time = np.arange(0.0, 10.0, 0.1)
+    event = (np.abs(time - time[50 + length // 2]) < length / 20)[:, None]
+    events = spans(event, time)
+    last = events.stop[0] + round(TOLERANCE / 0.1)
+    late, never = (
+        answers(events, spans((np.arange(100) >= start)[:, None], time), time, np.array([np.inf]))
+        for start in (last, 100)
+    )
+    assert not late.missing[0]
+    assert never.missing[0]
+    assert never.delay[0] >= late.delay[0] - 1e-9

@@ -39,23 +39,23 @@ def test_delays_are_signed_and_a_missing_warning_lasts_to_the_impact():
     truth = decided((2, 6), (2, 6), (2, 6), (2, 6))
     tracks = decided((2.5, 6), (1.0, 6), None, (5.5, 6))
     sums = scores(truth, tracks, overlap=5.0)
-    np.testing.assert_allclose(sums.delay, [0.5, -1.0, 3.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(sums.delay, [0.5, -0.5, 3.0, 3.0], atol=1e-9)
     assert sums.missing.tolist() == [False, False, True, True]
     delay = metric("warn_delay", sums)
-    assert delay.value == pytest.approx(5.5 / 4)
+    assert delay.value == pytest.approx(6.0 / 4)
     details = dict(delay.details)
-    assert details["early"] == pytest.approx(-1.0)
+    assert details["early"] == pytest.approx(-0.5)
     assert details["late"] == pytest.approx(6.5 / 3)
     assert details["missing"] == 0.5
     assert metric("missed_warnings", sums).value == 0.5
-    # What comes after the impact is too late, but not false, and no more driving.
-    assert metric("false_warnings", sums).value == 0.0
+    # One begins too early. What comes after the impact is too late, but not false, and no more driving.
+    assert metric("false_warnings", sums).value == pytest.approx(1 / (4 * 5.0 / 3600))
     np.testing.assert_allclose(sums.of("hours"), 5.0 / 3600)
 
 
-def test_without_an_impact_a_missing_warning_lasts_to_the_end_of_the_event():
+def test_without_an_impact_a_missing_warning_lasts_beyond_the_end_of_the_event():
     sums = scores(decided((2, 6), (2, 6)), decided((8, 9), (2, 6)))
-    np.testing.assert_allclose(sums.delay, [4.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(sums.delay, [4.5, 0.0], atol=1e-9)
     assert metric("false_warnings", sums).value == pytest.approx(1 / (2 * 9.9 / 3600))
 
 

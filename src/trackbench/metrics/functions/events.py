@@ -42,38 +42,44 @@ class Answers(NamedTuple):
     """What became of the events ``(events,)`` of the truth and of the intervals ``(N,)`` of a tracker."""
 
     delay: Array
-    """From the start of an event to that of the interval that answers it, s; below 0 where it is early. Of a missing
-    answer the time to the end of the event."""
+    """From the start of an event to that of the interval that answers it, s; below 0 where it is early, and at least
+    ``-TOLERANCE``. Of a missing answer it is later than of any."""
     missing: Mask
     false: Mask
-    """``(N,)`` the intervals that answer no event."""
+    """``(N,)`` the intervals that answer no event, or that begin too early."""
 
 
-def answers(events: Spans, own: Spans, time: Array) -> Answers:
+def answers(events: Spans, own: Spans, time: Array, impact: Array) -> Answers:
     """Match the intervals of a tracker with the events.
 
-    An interval answers an event where they overlap or are up to ``TOLERANCE`` apart; of several the first counts. One
-    that has gone on since the event before begins, for the next one, at that event's end.
+    An interval answers an event where it is active in it, or begins up to ``TOLERANCE`` after its end; of several the
+    first counts. One that has gone on since the event before begins, for the next one, at that event's end. An interval
+    is false where it begins near no event, even if it goes on into one, or is over before the one that it is near.
 
     Args:
         events: of the truth.
         own: intervals of the tracker.
         time: ``(instants,)`` s.
+        impact: ``(runs,)`` s when it ends everything; infinite where there is none. A missing answer counts as given
+            then, or ``TOLERANCE`` after the end of the event.
     """
     reach = TOLERANCE + SAME_TIME
     ends = np.append(time, time[-1])
     # The runs follow each other, so far apart that nothing of two of them is near.
     apart = time[-1] - time[0] + 4 * reach
     begin, end = (ends[at] + events.run * apart for at in (events.start, events.stop))
-    own_begin, own_end = (ends[at] + own.run * apart for at in (own.start, own.stop))
-    candidate = np.searchsorted(own_end, begin - reach)
+    own_begin = ends[own.start] + own.run * apart
+    # The same in instants: an interval may last to the end.
+    first, own_stop = (at + each.run * len(ends) for at, each in ((events.start, events), (own.stop, own)))
+    candidate = np.searchsorted(own_stop, first, side="right")
     begins = np.append(own_begin, np.inf)[candidate]
     missing = begins > end + reach
     # Of times of one run, so that rounding is no delay.
     answered = np.append(ends[own.start], 0.0)[candidate]
     going_on = np.append(False, (events.run[1:] == events.run[:-1]) & (begins[1:] < end[:-1]))
     answered = np.where(going_on, np.append(0.0, ends[events.stop[:-1]]), answered)
-    delay = np.where(missing, ends[events.stop], answered) - ends[events.start]
-    following = np.searchsorted(end, own_begin - reach)
-    false = np.append(begin, np.inf)[following] > own_end + reach
-    return Answers(delay, missing, false)
+    latest = np.minimum(ends[events.stop] + TOLERANCE, impact[events.run])
+    delay = np.maximum(np.where(missing, latest, answered) - ends[events.start], -TOLERANCE)
+    near = np.searchsorted(end, own_begin - reach)
+    early, over = np.append(begin, np.inf)[near] > own_begin + reach, np.append(first, 0)[near] >= own_stop
+    return Answers(delay, missing, early | over)

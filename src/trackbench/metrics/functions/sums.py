@@ -225,7 +225,8 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
     runs = driving.shape[1]
     last = np.minimum(driving.sum(axis=0), len(time) - 1)
     events, own = spans(truth.active, time), spans(tracks.active, time)
-    result = answers(events, own, time)
+    impact = np.where(driving.all(axis=0), np.inf, time[last])
+    result = answers(events, own, time, impact)
 
     def by_run(run: Indices, values: Array | None = None) -> Array:
         return np.bincount(run, values, runs).astype(float)

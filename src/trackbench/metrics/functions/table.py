@@ -66,7 +66,7 @@ class WarnDelay(FunctionMetric):
         Field("p95", "time that 95 % of them are below", unit="s"),
         Field("early", "mean of the delays below 0", unit="s"),
         Field("late", "mean of those above 0", unit="s"),
-        Field("missing", "share of events without an answer, whose delay is the time to the impact or the end"),
+        Field("missing", "share of events without an answer, whose delay is to the impact, or to 0.5 s after the end"),
     )
 
     def finish(self, sums: FunctionScores) -> Outcome:
@@ -94,7 +94,7 @@ class MissedWarnings(FunctionMetric):
 
 class FalseWarnings(FunctionMetric):
     stem, total, count, unit = "false_warnings", "false", "hours", "1/h"
-    meaning = "events on the tracks without one on the truth, per hour of the drive"
+    meaning = "events on the tracks without one on the truth, or that begin too early for it, per hour of the drive"
     missing = "the drive has no length"
     counted = "rate"
 
