@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.claims import claim_of
 
-from trackbench.subjects.envelope.margin_text import holding, margin_sentence, undecided
-from trackbench.subjects.envelope.margins import AxisMargin, lines_near_base, margins
+from trackbench.subjects.envelope.axes import MapAxis
+from trackbench.subjects.envelope.config import Axis
+from trackbench.subjects.envelope.margin_text import border, holding, margin_sentence, undecided
+from trackbench.subjects.envelope.margins import AxisMargin, Crossing, lines_near_base, margins
 
 LINE = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 21}}
 SQUARE = {
@@ -42,8 +44,8 @@ def test_the_border_of_a_difference_is_met_exactly():
 @pytest.mark.parametrize(
     ("value", "says"),
     [
-        (lambda x: 0.5, "everywhere from 1 to 3 m"),
-        (lambda x: 2.0, "nowhere from 1 to 3 m"),
+        (lambda x: 0.5, "in all 21 cells from 1 to 3 m"),
+        (lambda x: 2.0, "in none of its 21 cells from 1 to 3 m"),
         (lambda x: 1.0, "at no value surely"),
         (lambda x: math.exp(x - 0.43), "up to 1.86 ± 0.16 m"),
         (lambda x: math.exp(0.43 - x), "from 1.86 ± 0.16 m on"),
@@ -61,9 +63,19 @@ def test_a_band_that_is_not_symmetric_is_given_by_its_ends():
     assert holding(margin) == "up to 2.0 m (1.9 to 2.3)"
 
 
+@given(st.floats(0.1, 1e3), st.floats(1e-3, 1.0), st.floats(0.41, 0.59))
+def test_what_is_printed_contains_the_band(low, width, share):
+    high = low * (1 + width)
+    axis = MapAxis("q", Axis.model_validate({"key": "a.b", "from": 0, "to": 1e4}))
+    printed = border(axis, Crossing(low, high, low + share * (high - low), True))
+    centre, half = map(float, printed.split(" ± "))
+    assert centre - half <= low + 1e-5 * (high - low)
+    assert centre + half >= high - 1e-5 * (high - low)
+
+
 def test_what_is_undecided_outside_the_bands_is_said():
     margin = only(LINE, lambda x: 0.99 if 0.33 < x < 0.47 else 0.5)
-    assert holding(margin).startswith("everywhere")
+    assert holding(margin) == "in 18 of its 21 cells from 1 to 3 m"
     assert undecided(margin) == "undecided at 1.7 to 1.9 m"
 
 

@@ -7,6 +7,7 @@ import pytest
 from tests.support.claims import claim_of, envelope_of
 
 from trackbench.subjects.envelope.axes import axes_of
+from trackbench.subjects.envelope.claim import Envelope, parts_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
 from trackbench.subjects.envelope.sensitivity import sensitivities
 from trackbench.subjects.envelope.surface import Surface
@@ -81,5 +82,28 @@ def test_choices_are_equally_likely_and_as_far_apart():
     assert found.first == pytest.approx([1 / 25, 24 / 25], abs=0.02)
     swing = found.swings[1][1]
     assert (swing.stop, swing.change) == ("c", pytest.approx(3.0))
-    # The noise is that of the same runs.
+    # They are picked after looking at their values.
+    assert swing.reach is None
+
+
+def swing_of(sizes):
+    """The swing of an axis of two values, 1 and 2, of the runs of the same noise, so many at each."""
+    claim = claim_of({"q": AXES["q"] | {"levels": 2}}, {"ekf": lambda x: 1.0 + x})
+    noise = np.random.default_rng(0).standard_normal(max(sizes))
+    parts = [1.0 + cell + noise[:size] - noise[:size].mean() for cell, size in enumerate(sizes)]
+    (found,) = sensitivities(Envelope(claim, parts_of([(cell, 0, part) for cell, part in enumerate(parts)])))
+    return parts, found.swings[0][1]
+
+
+def test_a_swing_between_the_same_runs_is_without_their_noise():
+    _, swing = swing_of((50, 50))
+    assert swing.change == pytest.approx(1.0)
     assert swing.reach == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_swing_between_other_numbers_of_runs_is_that_of_independent_ones():
+    """2.0639 is the quantile of the t distribution of 24 degrees of freedom."""
+    (low, high), swing = swing_of((25, 200))
+    assert swing.change == pytest.approx(1.0)
+    expected = 2.0639 * math.sqrt(low.var(ddof=1) / 25 + high.var(ddof=1) / 200)
+    assert swing.reach == pytest.approx(expected, rel=1e-4)

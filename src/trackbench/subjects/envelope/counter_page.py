@@ -13,7 +13,7 @@ from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, Counte
 #: How the state of a cell on other seeds is read.
 AGAIN = {
     "fails": "fails again",
-    "holds": "holds: the map was wrong, or the seeds differ",
+    "holds": "holds: not repeated",
     "undecided": "undecided: not shown to fail again",
 }
 

@@ -25,16 +25,16 @@ def margin_sentence(margin: AxisMargin, limits: Sequence[ClaimedLimit]) -> str:
 
 def holding(margin: AxisMargin) -> str:
     """For which values of the axis the requirement is met, with the band of each border."""
-    decided, axis = margin.decided, margin.axis
-    if not decided:
+    axis = margin.axis
+    if not margin.decided:
         return "at no value surely"
     spans = [*_spans(margin)]
     if spans:
         return " and ".join(spans)
-    first, last = min(decided), max(decided)
-    if decided[first] == "holds":
-        return f"everywhere from {_number(first)} to {axis.shown(last)}"
-    return f"nowhere from {_number(first)} to {axis.shown(last)}"
+    states = margin.states
+    held, total = [*states.values()].count("holds"), len(states)
+    share = f"all {total}" if held == total else f"{held or 'none'} of its {total}"
+    return f"in {share} cells from {_number(min(states))} to {axis.shown(max(states))}"
 
 
 def _spans(margin: AxisMargin) -> Iterator[str]:
@@ -53,8 +53,9 @@ def border(axis: MapAxis, crossing: Crossing) -> str:
     # One digit of the band, two where the first would be a 1.
     step = 10.0 ** math.floor(math.log10((high - low) / 2) - 0.3)
     if abs((high - point) - (point - low)) <= SYMMETRIC * (high - low):
-        half = step * math.ceil(max(high - point, point - low) / step - 1e-6)
-        return f"{_rounded(point, step)} ± {_rounded(half, step)} {axis.unit}".strip()
+        centre = _rounded(point, step)
+        half = step * math.ceil(max(high - float(centre), float(centre) - low) / step - 1e-6)
+        return f"{centre} ± {_rounded(half, step)} {axis.unit}".strip()
     return f"{_rounded(point, step)} {axis.unit}".strip() + f" ({_number(low)} to {_number(high)})"
 
 

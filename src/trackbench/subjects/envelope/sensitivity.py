@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.distributions import t_quantile
+from trackbench.base.types import Array
 from trackbench.subjects.envelope.axes import MapAxis, Value
 from trackbench.subjects.envelope.claim import ClaimCell, ClaimedLimit, Envelope
 from trackbench.subjects.envelope.margins import distance_from, lines_near_base
@@ -27,7 +28,7 @@ class Swing(NamedTuple):
     high: float
     """The values there."""
     reach: float | None
-    """Half of the 95 % interval of their difference, from the same runs; None of a single one."""
+    """Half of the 95 % interval of their difference; None of one run, and of choices, picked by their values."""
 
     @property
     def change(self) -> float:
@@ -91,13 +92,17 @@ def _swing(made: Envelope, number: int, place: int) -> Swing | None:
     (start, low), (stop, high) = valued[0], valued[-1]
     numbers = {cell.at: number for number, cell in enumerate(claim.cells)}
     parts = [made.values(numbers[cell.at], place) for cell in (start, stop)]
-    # The parts are of the same runs, as far as both go.
-    count = min(map(len, parts))
-    reach = None
-    if count > 1:
-        apart_by = parts[1][:count] - parts[0][:count]
-        reach = t_quantile(0.975, count - 1) * float(np.std(apart_by, ddof=1)) / count**0.5
+    reach = _reach(*parts) if axis.ordered and min(map(len, parts)) > 1 else None
     return Swing(start.at[number], stop.at[number], low, high, reach)
+
+
+def _reach(low: Array, high: Array) -> float:
+    """Half of the 95 % interval of the difference of two means: paired of the same runs, else of independent ones."""
+    if len(low) == len(high):
+        variance = np.var(high - low, ddof=1) / len(low)
+    else:
+        variance = np.var(low, ddof=1) / len(low) + np.var(high, ddof=1) / len(high)
+    return t_quantile(0.975, min(len(low), len(high)) - 1) * float(np.sqrt(variance))
 
 
 def _value(made: Envelope, cell: ClaimCell, place: int) -> float | None:

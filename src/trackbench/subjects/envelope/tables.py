@@ -52,7 +52,9 @@ def _sensitivity_table(item: Sensitivity, name: str) -> Table:
         (Column("axis", left=True), [Cell(axis.name) for axis, _ in item.swings]),
         (
             Column(
-                f"change{unit}", "From the start of the axis to its end, with the 95 % interval.", details="from, to"
+                f"change{unit}",
+                "From the start of the axis to its end, with the 95 % interval; of choices, least to largest.",
+                details="from, to",
             ),
             [_swing(axis, swing) for axis, swing in item.swings],
         ),
