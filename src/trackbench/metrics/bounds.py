@@ -79,6 +79,8 @@ class Sample(NamedTuple):
 def bound(interval: Interval, level: float, side: Side) -> float | None:
     """The value is beyond the bound with a probability of at most ``level``; None where no bound is calibrated.
 
+    Runs and scenes of weight 0, such as those without an event, do not count.
+
     Args:
         interval: a value and what each run, or scene, adds to it.
         level: the probability of an error, of this side alone.
@@ -86,11 +88,14 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
     """
     if unbounded(interval):
         return None
+    interval = interval.only(interval.telling)
     sample, low, high = Sample.of(interval), interval.at_least, interval.at_most
     if interval.counted == "rate" and interval.weight is not None:
         return float(rate_bound(sample, float(interval.weight.sum()) / interval.repeats, level, side))
     if _is_share(interval):
-        return low + (high - low) * float(share_bound(sample.scaled(low, 1 / (high - low)), level, side))
+        counts = interval.counted == "share" and interval.weight is not None
+        events = float(interval.weight.sum()) / interval.repeats if counts else np.inf  # type: ignore[union-attr]
+        return low + (high - low) * float(share_bound(sample.scaled(low, 1 / (high - low)), level, side, events))
     if low < interval.value and np.isfinite(low):
         sample = sample.scaled(low, 1.0)
         return low + float(positive_bound(sample, level, side, interval.power))
@@ -102,10 +107,14 @@ def bound(interval: Interval, level: float, side: Side) -> float | None:
 
 def unbounded(interval: Interval) -> str:
     """Why there is no bound; empty where there is one."""
+    there = interval.telling
+    interval = interval.only(there)
     parts, rate = interval.parts, interval.counted == "rate"
     fewest = (2 if rate else 1) * (FEWEST_SCENES if parts.scenes else max(FEWEST_RUNS, parts.fewest))
     if parts.number < fewest:
         what = "scenes" if parts.scenes else "runs"
+        if parts.number < len(there):
+            return f"{parts.number} of {len(there)} {what} count, and no bound holds with fewer than {fewest:g}"
         return parts.uncalibrated or f"no bound holds with fewer than {fewest:g} {what}"
     return ALL_THE_SAME if interval.constant and not (rate or _is_share(interval)) else ""
 
@@ -123,12 +132,17 @@ def difference(a: Interval, b: Interval, *, same_runs: bool) -> Interval:
         same_runs: whether the runs of ``a`` have the noise of those of ``b``, each the one in its place.
     """
     if same_runs:
-        influence = a.corrected - b.corrected
+        there = a.telling | b.telling
+        # As many as there were, so that each is still that of its run.
+        influence = np.zeros(len(there))
+        influence[there] = (a.only(there).corrected - b.only(there).corrected) / there.mean()
     else:
+        a, b = (item.only(item.telling) for item in (a, b))
         number = len(a.influence) + len(b.influence)
         parts = a.corrected * number / len(a.influence), -b.corrected * number / len(b.influence)
-        influence = np.concatenate(parts)
-    return Interval(a.value - b.value, influence, scenes=a.scenes, fewest=max(a.fewest, b.fewest), in_time=a.in_time)
+        influence, there = np.concatenate(parts), np.ones(number, dtype=bool)
+    both = Interval(a.value - b.value, influence, weight=there.astype(float), scenes=a.scenes, in_time=a.in_time)
+    return both._replace(fewest=max(a.fewest, b.fewest))
 
 
 def mean_bound(sample: Sample, level: float, side: Side) -> Array:
@@ -167,7 +181,7 @@ def positive_bound(sample: Sample, level: float, side: Side, power: float = 1.0)
     return np.asarray(sample.mean * (1 + above) ** power)
 
 
-def share_bound(sample: Sample, level: float, side: Side) -> Array:
+def share_bound(sample: Sample, level: float, side: Side, events: float = np.inf) -> Array:
     """Of a share: exact for that of independent trials (Clopper and Pearson 1934, "The use of confidence or fiducial
     limits illustrated in the case of the binomial").
 
@@ -175,10 +189,16 @@ def share_bound(sample: Sample, level: float, side: Side) -> Array:
     few runs (Korn and Graubard 1998, "Confidence intervals for proportions with small expected number of positive
     counts estimated from cluster samples"); and the bound away from the nearer end is at least that of a positive mean,
     since runs may differ more than such trials. Where all runs are the same, or few have a share at all, each run is
-    one trial.
+    one trial. There are never more trials than events.
+
+    Args:
+        sample: of the share.
+        level: one-sided.
+        side: of the bound.
+        events: that the share is of, where they are counted.
     """
     if side == "lower":
-        return 1 - share_bound(sample.mirrored.scaled(-1.0, 1.0), level, "upper")
+        return 1 - share_bound(sample.mirrored.scaled(-1.0, 1.0), level, "upper", events)
     share, number = np.clip(sample.mean, 0.0, 1.0), sample.number
     varies = sample.error > 0
     spread = np.where(varies, sample.error, 1.0)
@@ -186,7 +206,7 @@ def share_bound(sample: Sample, level: float, side: Side) -> Array:
     # So many runs would vary as much if the others had nothing.
     few = share**2 < -2 * np.log(level) * spread**2
     several = varies & ~few & (trials > number * (1 + 1e-6))
-    trials = np.where(several, trials * _known(level, number), np.minimum(trials, number))
+    trials = np.minimum(np.where(several, trials * _known(level, number), np.minimum(trials, number)), events)
     hits, misses = share * trials, (1 - share) * trials
     exact = np.where(misses > 0, beta_quantile(1 - level, hits + 1, np.maximum(misses, 1e-9)), 1.0)
     away = several & (share < 0.5)

@@ -127,6 +127,16 @@ class Interval(NamedTuple):
         """Whether every run, or scene, adds the same: nothing is known of how they differ."""
         return bool(np.abs(self.influence).max(initial=0.0) <= ROUNDING * abs(self.value))
 
+    def only(self, there: Mask) -> Interval:
+        """From some parts ``(parts,)`` alone, where all others have weight 0."""
+        weight = None if self.weight is None else self.weight[there]
+        return self._replace(influence=self.influence[there] * there.mean(), weight=weight)
+
+    @property
+    def telling(self) -> Mask:
+        """``(parts,)`` which have a weight; of the others, such as scenes without an event, the value tells nothing."""
+        return np.ones(len(self.influence), dtype=bool) if self.weight is None else self.weight > 0
+
     @property
     def parts(self) -> Parts:
         """The runs or scenes."""
@@ -187,10 +197,8 @@ class Interval(NamedTuple):
 
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
-        if self.sparse and self.weight is not None:
-            there = self.weight > 0
-            influence, weight = self.influence[there] * there.mean(), self.weight[there]
-            return self._replace(influence=influence, weight=weight, sparse=False).as_value(unit)
+        if self.sparse:
+            return self.only(self.telling)._replace(sparse=False).as_value(unit)
         ci95 = self.ci95
         reason = self.parts.uncalibrated or ALL_THE_SAME
         stated = {"unit": unit, "ci95": ci95, "reason": reason if ci95 is None else None}
