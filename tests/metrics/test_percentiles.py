@@ -62,5 +62,5 @@ def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:
         errors = np.hypot(*mean[rows]).reshape(instants, objects, runs)
         per_run = [np.percentile(errors[..., run][due[..., run]], 95) for run in range(runs)]
         assert found.values[name].value == pytest.approx(np.mean(per_run), rel=1e-12)
-        assert found.per_run(name, runs) == pytest.approx(per_run, rel=1e-12)
+        assert found.run_columns[f"{name}_per_run"] == pytest.approx(per_run, rel=1e-12)
         assert found.values[name].ci95 is not None

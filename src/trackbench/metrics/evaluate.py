@@ -39,8 +39,8 @@ class Evaluation:
     """By dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
     """Of those that are means, with what each independent part adds."""
-    own: dict[str, Interval | None] = field(default_factory=dict)
-    """By path, of those with sums of their own, what each run adds; None where it is no mean over runs."""
+    run_columns: dict[str, Array] = field(default_factory=dict)
+    """``(runs,)`` each, the columns of the table of runs of those with sums of their own."""
     broken: dict[str, str] = field(default_factory=dict)
     """By name, why a metric raised."""
 
@@ -49,11 +49,6 @@ class Evaluation:
         """What the built-in metrics of estimates are made of."""
         scores: Scores = self.sums[ESTIMATES.name]
         return scores
-
-    def per_run(self, path: str, runs: int) -> Array:
-        """``(runs,)`` values whose mean is a metric with sums of its own; NaN where it is no mean over runs."""
-        interval = self.own.get(path)
-        return np.full(runs, np.nan) if interval is None else interval.value + interval.influence
 
 
 def evaluate(
@@ -90,8 +85,8 @@ def evaluate(
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         charged = metric.without_charged(own_sums) if by_part else None
         for path, (value, interval) in values.items():
-            if metric.shared is None or metric.columns == (run_column(path),):
-                evaluation.own[path] = interval
+            if metric.shared is None or run_column(path) in metric.columns:
+                evaluation.run_columns |= metric.in_runs(path, own_sums, interval, len(scene))
             if interval is not None:
                 if not by_part:
                     interval = clustered(interval, scene, in_time=in_time)

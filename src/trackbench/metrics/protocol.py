@@ -354,6 +354,17 @@ class Metric(Config):
         """
         return () if self.shared is not None or self.per_sensor else (run_column(self.name),)
 
+    def in_runs(self, path: str, sums: Any, interval: Interval | None, runs: int) -> dict[str, Array]:
+        """``(runs,)`` each, what the table of runs holds of one with sums of its own, by column.
+
+        Args:
+            path: of its value, or of that of a sensor.
+            sums: the merged sums.
+            interval: of the value; None where it is no mean over runs.
+            runs: how many there are.
+        """
+        return {run_column(path): np.full(runs, np.nan) if interval is None else interval.value + interval.influence}
+
     def of_runs(self, *columns: Array) -> Interval | None:
         """The metric from its ``columns`` ``(runs,)`` of some runs; None where there is nothing to compare."""
         (values,) = columns
@@ -370,5 +381,6 @@ class Metric(Config):
 
 
 def run_column(path: str) -> str:
-    """Where the table of runs holds what each run adds to a metric with sums of its own; its mean is the metric."""
+    """Where the table of runs holds a metric with sums of its own. Its mean is the metric, unless a number of terms
+    is beside it."""
     return f"{path}_per_run"

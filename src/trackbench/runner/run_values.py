@@ -24,8 +24,8 @@ def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
     if not metric.columns:
         return None
     evaluation = evaluate(sums, np.zeros(runs, dtype=np.intp), [metric])
-    if metric.name in evaluation.own:
-        columns = [evaluation.per_run(metric.name, runs)]
+    if metric.columns[0] in evaluation.run_columns:
+        columns = [evaluation.run_columns[name] for name in metric.columns]
     elif metric.scores == "tracks":
         columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
     else:

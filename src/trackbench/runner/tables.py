@@ -13,7 +13,6 @@ from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.metrics import BlockScores, Evaluation
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
-from trackbench.metrics.protocol import run_column
 from trackbench.metrics.sums import ERROR, NIS
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record, mean
@@ -41,14 +40,14 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         for each in zip(*(other.sensors for other in work.scenes), strict=True)
     }
     evaluations, scores = evaluated.evaluations, evaluated.scores
-    own_paths = list(dict.fromkeys(path for item in evaluations.values() for path in item.own))
+    own_columns = list(dict.fromkeys(name for item in evaluations.values() for name in item.run_columns))
     block = next(block for block in blocks if block.recorded_scans is not None)
     assert block.recorded_scans is not None
     recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
     records: Records = {
         "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
         "nis": _nis_records(scores, times),
-        "runs": [_run_record(name, item, scores[name], work, own_paths) for name, item in evaluations.items()],
+        "runs": [_run_record(name, item, scores[name], work, own_columns) for name, item in evaluations.items()],
         "breakdown": [
             {"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)
         ],
@@ -71,7 +70,7 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
     }
     if work.over_stretches:
         records["stretches"] = [_stretch_record(name, item, scores[name]) for name, item in evaluations.items()]
-    more = {"runs": [run_column(path) for path in own_paths]}
+    more = {"runs": own_columns}
     return {name: LABELLED[name].written(parts, more.get(name, ())) for name, parts in records.items()}
 
 
@@ -163,14 +162,16 @@ def _bounds(name: str, dof: int, count: Array) -> Record:
     return {f"{name}_low": np.where(count > 0, low, np.nan), f"{name}_high": np.where(count > 0, high, np.nan)}
 
 
-def _run_record(name: str, evaluation: Evaluation, scores: BlockScores, work: Work, own_paths: Sequence[str]) -> Record:
+def _run_record(
+    name: str, evaluation: Evaluation, scores: BlockScores, work: Work, own_columns: Sequence[str]
+) -> Record:
     """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
-    return {**run_keys(name, work), **run_sums_record(evaluation, scores, own_paths)}
+    return {**run_keys(name, work), **run_sums_record(evaluation, scores, own_columns)}
 
 
-def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_paths: Sequence[str]) -> Record:
+def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Sequence[str]) -> Record:
     """What each run leaves."""
-    runs = len(scores.due)
+    missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))
         for row in ("nis", "count")
@@ -182,7 +183,7 @@ def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_paths: Sequ
         "due": scores.due,
         "diverged": scores.diverged,
         "repaired": scores.repaired,
-        **{run_column(path): evaluation.per_run(path, runs) for path in own_paths},
+        **{name: evaluation.run_columns.get(name, missing) for name in own_columns},
     }
 
 

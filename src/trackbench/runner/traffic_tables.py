@@ -10,7 +10,6 @@ import pyarrow as pa
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import UNKNOWN_ORIGIN, Array, Indices, Scan, Truth
 from trackbench.metrics import Evaluation
-from trackbench.metrics.protocol import run_column
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS, TRACKS, run_sums
 from trackbench.metrics.traffic.events import STATES
 from trackbench.metrics.traffic.track_quality import BINS
@@ -134,13 +133,14 @@ def _run_records(evaluations: Mapping[str, Evaluation], work: Work) -> list[Reco
     """The total and the count of each metric in each run, for paired comparisons."""
     built_in = TRACK_METRICS | DETECTION_METRICS
     paths = dict.fromkeys(path for item in evaluations.values() for path in item.intervals)
+    own_columns = dict.fromkeys(column for item in evaluations.values() for column in item.run_columns)
     records: list[Record] = []
     for name, evaluation in evaluations.items():
         record = {**run_keys(name, work), "count": 1.0}
         for path in (path for path in paths if path in built_in):
             record |= zip(built_in[path].columns, run_sums(evaluation.sums[TRACKS.name], path), strict=True)
-        for path in (path for path in paths if path not in built_in):
-            record[run_column(path)] = evaluation.per_run(path, len(work.scene_of_run))
+        missing = np.full(len(work.scene_of_run), np.nan)
+        record |= {column: evaluation.run_columns.get(column, missing) for column in own_columns}
         records.append(record)
     return records
 

@@ -72,6 +72,15 @@ def test_the_mean_is_that_of_the_runs_in_the_table(noisy: Result):
     assert rows["warn_delay.fcw_per_run"].mean() == pytest.approx(noisy["slow"].metrics["warn_delay.fcw"].value)
 
 
+def test_each_run_in_the_table_has_its_own_error(noisy: Result):
+    rows = noisy.tables.runs.to_pandas().query("tracker == 'slow'")
+    delay, error, count = (
+        rows[name] for name in ("warn_delay.fcw_per_run", "warn_error.fcw_per_run", "warn_error.fcw_count")
+    )
+    assert (count == 1).all()
+    assert error.tolist() == pytest.approx(delay.abs().tolist())
+
+
 def test_blocks_of_runs_merge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noisy: Result):
     monkeypatch.setattr("trackbench.runner.work.BATCH_SIZE", 7)
     result = result_of(tmp_path, BRAKING, SIGMA="0.5", AZIMUTH="0.2")

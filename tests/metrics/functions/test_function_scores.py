@@ -103,3 +103,21 @@ def test_without_any_event_there_is_a_reason():
         assert metric(name, sums).value is None
         assert "event" in metric(name, sums).reason
     assert metric("false_warnings", sums).value == 0.0
+
+
+def test_runs_tell_a_metric_by_their_own_values():
+    truth = decided((2, 6), None, (2, 6), (2, 6))
+    sums = scores(truth, decided((2.5, 6), None, (2.0, 6), (1.8, 6)))
+    (error,) = [
+        item for item in function_metrics({"f": ForwardCollisionWarning()}, hidden=False) if "warn_err" in item.name
+    ]
+    interval = error.finish(sums)
+    assert isinstance(interval, Interval)
+    values, count = error.in_runs(error.name, sums, interval, 4).values()
+    np.testing.assert_allclose(values, [0.5, np.nan, 0.0, 0.2], atol=1e-9)
+    assert count.tolist() == [1, 0, 1, 1]
+    again = error.of_runs(values, count)
+    assert again is not None
+    assert again.value == pytest.approx(interval.value)
+    np.testing.assert_allclose(again.influence, interval.influence)
+    assert error.of_runs(values[1:2], count[1:2]) is None

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.functions import FUNCTIONS, Function
 from trackbench.metrics.count_intervals import Counted
 from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
@@ -43,12 +44,27 @@ class FunctionMetric(Metric):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return (run_column(self.name),)
+        """Its value in each run, and how many terms it is of."""
+        return run_column(self.name), f"{self.name}_count"
+
+    def in_runs(self, path: str, sums: FunctionScores, interval: Interval | None, runs: int) -> dict[str, Array]:
+        values, count = np.full(runs, np.nan), np.zeros(runs)
+        if interval is not None:
+            count = sums.of(self.count)
+            np.divide(sums.of(self.total), count, out=values, where=count > 0)
+        return dict(zip(self.columns, (np.sqrt(values) if self.squared else values, count), strict=True))
+
+    def of_runs(self, *columns: Array) -> Interval | None:
+        value, count = columns
+        total = np.where(count > 0, value**2 if self.squared else value, 0.0) * count
+        return self._over_runs(total, count)
 
     def finish(self, sums: FunctionScores) -> Outcome:
-        total, count = sums.of(self.total), sums.of(self.count)
+        return self._over_runs(sums.of(self.total), sums.of(self.count)) or self.no_value(self.missing)
+
+    def _over_runs(self, total: Array, count: Array) -> Interval | None:
         if not count.sum() > 0:
-            return self.no_value(self.missing)
+            return None
         value = ratio(total, count, at_least=self.at_least, at_most=self.at_most)
         value = root(value) if self.squared else value
         return value._replace(counted=self.counted, sparse=self.counted is None)
