@@ -267,15 +267,9 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]], *, in_time: b
     scenes, index = np.unique(scene, return_inverse=True)
     if len(scenes) == 1:
         return interval
-    weight = np.ones(len(index)) if interval.weight is None else interval.weight
-    influence = np.bincount(index, interval.influence) * len(scenes) / len(index)
-    return interval._replace(
-        influence=influence,
-        weight=np.bincount(index, weight).astype(float),
-        scenes=True,
-        in_time=in_time,
-        repeats=len(index) / len(scenes),
-    )
+    of_runs, repeats = np.ones(len(index)) if interval.weight is None else interval.weight, len(index) / len(scenes)
+    influence, weight = np.bincount(index, interval.influence) / repeats, np.bincount(index, of_runs).astype(float)
+    return interval._replace(influence=influence, weight=weight, scenes=True, in_time=in_time, repeats=repeats)
 
 
 class Contrast(NamedTuple):
