@@ -98,12 +98,33 @@ def test_a_sobol_start_fills_half_of_the_cells() -> None:
     )
     axes = [MapAxis(name, item) for name, item in config.axes.items()]
 
-    points = start_points(axes, config)
+    points = start_points(axes, config, [None, 0.5])
 
     assert len(points) == 32
     # A net of base 2: each half and each quarter of an axis has its share.
     for number in (0, 1):
         assert sum(float(point[number]) < 0.25 for point in points) == 8
+
+
+@pytest.mark.parametrize("design", ["grid", "sobol"])
+@pytest.mark.parametrize(
+    ("cells", "own", "added"),
+    [
+        (64, [0.3, 0.7], True),
+        (64, [0.3, None], False),
+        (64, [0.3, 1.2], False),
+        (64, [0.25, 0.5], False),
+        (25, [0.3, 0.7], False),
+    ],
+    ids=["inside", "no value", "outside", "a level", "no room"],
+)
+def test_the_scenario_is_a_cell(design: str, cells: int, own: list[float | None], added: bool) -> None:
+    config, axes = square(design=design, cells=cells)
+
+    points, others = start_points(axes, config, own), start_points(axes, config, [None, None])
+
+    # A Sobol sequence has room for it, and no levels.
+    assert points == others + [tuple(own)] * (added or (design == "sobol" and own in ([0.25, 0.5], [0.3, 0.7])))
 
 
 @pytest.mark.parametrize("design", ["grid", "sobol"])
@@ -117,7 +138,9 @@ def test_the_map_is_refined_at_the_border_alone(design: str) -> None:
         }
     )
     axes = [MapAxis(name, item) for name, item in config.axes.items()]
-    states = {point: {"kf": "fails" if float(point[0]) > 0.6 else "holds"} for point in start_points(axes, config)}
+    states = {
+        point: {"kf": "fails" if float(point[0]) > 0.6 else "holds"} for point in start_points(axes, config, [0.5, 0.5])
+    }
 
     points = refined(axes, states, 100, 1 / 32, design)
 

@@ -19,8 +19,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 def test_badge(small_envelope: Envelope, tmp_path: Path, cli: Callable[..., Any]) -> None:
     claim = small_envelope.claim
     save_envelope(small_envelope, tmp_path)
-    counts, version = claim.counts("kf"), claim.versions["trackbench"]
-    share = f"in {counts['holds']} of 12 cells ({100 * counts['undecided'] / 12:.0f} % undecided)"
+    counts, version, total = claim.counts("kf"), claim.versions["trackbench"], len(claim.cells)
+    share = f"in {counts['holds']} of {total} cells ({100 * counts['undecided'] / total:.0f} % undecided)"
 
     done = cli("envelope", "badge", "small-envelope", "--svg", "badge.svg")
 

@@ -67,6 +67,11 @@ def test_a_scenario_that_fails_counts_from_the_nearest_cell_that_holds() -> None
     assert faces(SQUARE, lambda q, r: 2.0 if q > 0.45 else 0.5, base=[6, 0.5]) == {"q high": (5, 0.5)}
 
 
+def test_a_scenario_that_is_no_cell_is_not_said_to_fail() -> None:
+    base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0 if q > 0.45 else 0.5}, base=[12, 0.5]), "ekf")
+    assert base.note.startswith("the cell nearest to the scenario fails")
+
+
 def test_where_nothing_holds_the_scenario_stays_the_base() -> None:
     base = base_of(claim_of(SQUARE, {"ekf": lambda q, r: 2.0}, base=[6, 0.5]), "ekf")
     assert (base.at, base.note) == ((6, 0.5), "no cell holds: distances are from the scenario itself")

@@ -90,6 +90,10 @@ CONTRADICTIONS: dict[str, Callable[[Tree], object]] = {
     "added": lambda tree: tree["cells"][CELL].update(added=True),
     "place": lambda tree: tree["cells"][CELL].update(point=[0.11]),
     "cell left out": lambda tree: tree["cells"].pop(CELL),
+    "cell of the scenario left out": lambda tree: tree.update(
+        cells=[cell for cell in tree["cells"] if cell["point"] != tree["base"]]
+    ),
+    "base": lambda tree: tree.update(base=[0.31]),
     "cell twice": lambda tree: tree["cells"].append(tree["cells"][CELL]),
     "confidence": lambda tree: tree.update(confidence=0.99),
     "spent error": lambda tree: tree.update(spent=tree["spent"] / 2),

@@ -29,7 +29,6 @@ from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
 from trackbench.subjects.envelope.audited_log import audited_log
 from trackbench.subjects.envelope.axes import overrides
-from trackbench.subjects.envelope.base_point import base_point
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -150,7 +149,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         command=command,
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
         limits=[ClaimedLimit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
-        base=base_point(task.loaded, task.axes),
+        base=task.base,
         cells=[_cell(task, cell) for cell in cells],
         parts_hash=hash_of(parts),
     )

@@ -145,19 +145,35 @@ def overrides(axes: Sequence[MapAxis], point: Point) -> list[str]:
     return [f"{key}={json.dumps(value)}" for key, value in changed.items()]
 
 
-def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
-    """Where the map starts: every combination of the levels, or a scrambled Sobol sequence.
+def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[Value | None]) -> list[Point]:
+    """Where the map starts: at most so many points as it may have cells.
+
+    They are every combination of the levels, or a scrambled Sobol sequence, and the scenario's own point, where it has
+    a value of each axis that the axis takes.
+
+    Args:
+        axes: of the map.
+        config: the block.
+        own: by axis the scenario's own value; None where it has none.
 
     Source of the sequence: Owen (1998), "Scrambling Sobol' and Niederreiter-Xing points".
     """
-    if config.design == "grid":
-        return list(product(*(axis.values for axis in axes)))
+    points = _grid(axes) if config.design == "grid" else _sobol(axes, config)
+    inside = [value for axis, value in zip(axes, own, strict=True) if value is not None and axis.takes(value)]
+    points += [tuple(inside)] if len(inside) == len(axes) else []
+    return list(dict.fromkeys(points))[: config.cells]
+
+
+def _grid(axes: Sequence[MapAxis]) -> list[Point]:
+    return list(product(*(axis.values for axis in axes)))
+
+
+def _sobol(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
     # Half of the cells are kept for the border.
     count = max(2, config.cells // 2)
     sobol = scipy_function("scipy.stats", "qmc", "Sobol")(len(axes), rng=0)
     shares = sobol.random_base2(math.ceil(math.log2(count)))[:count]
-    points = [tuple(map(from_share, axes, row)) for row in shares]
-    return list(dict.fromkeys(points))
+    return [tuple(map(from_share, axes, row)) for row in shares]
 
 
 def shares(axes: Sequence[MapAxis], points: Sequence[Point]) -> Array:

@@ -30,7 +30,8 @@ def _own_value(loaded: Scenario, axis: MapAxis) -> Value | None:
             return None
         numbers.append((number - offset) / factor)
     alike = bool(numbers) and max(numbers) - min(numbers) <= 1e-9 * max(map(abs, numbers))
-    return float(numbers[0]) if alike else None
+    # Without the rounding of what the keys are linked by.
+    return float(f"{numbers[0]:.12g}") if alike else None
 
 
 def _is_set(loaded: Scenario, changes: Mapping[str, Any]) -> bool:

@@ -141,6 +141,8 @@ class Claim(ResultModel):
             raise ValueError(f"envelope.{'.'.join(map(str, error['loc']))}: {error['msg']}") from None
         if not self.extents or not self.limits:
             raise ValueError("it has no looks or no limits")
+        if len(self.base) != len(axes):
+            raise ValueError("base has other axes than the claim")
         for number, cell in enumerate(self.cells):
             inside = len(cell.point) == len(axes) and all(map(MapAxis.takes, axes, cell.point))
             if not inside or [*cell.trackers] != trackers:

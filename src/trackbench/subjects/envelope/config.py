@@ -160,7 +160,8 @@ envelope:
     cells: int = Field(200, ge=2, le=10_000, description="Most cells, those added near borders included.")
     design: Literal["grid", "sobol"] = Field(
         "grid",
-        description="Where it starts: every combination of levels, or a Sobol sequence of cells / 2 points.",
+        description="Where it starts, beside the scenario itself: every combination of levels, or a Sobol sequence of "
+        "cells / 2 points.",
     )
     resolution: Annotated[float, Field(gt=0, le=0.5)] = Field(
         1 / 32, description="Share of a continuous axis down to which the map is refined near a border."

@@ -71,7 +71,7 @@ def _design(claim: Claim) -> Iterator[Discrepancy]:
     if len(cells) < len(claim.cells):
         yield Discrepancy("the claim", "a cell stands there twice")
     seen: dict[Point, dict[str, State]] = {}
-    points, added = start_points(axes, config), False
+    points, added = start_points(axes, config, claim.base), False
     while points:
         for point in points:
             cell = cells.get(point)

@@ -25,7 +25,7 @@ class Facing(NamedTuple):
 def base_of(claim: Claim, tracker: str) -> BasePoint:
     """The scenario's own point; the nearest cell that holds where the scenario fails, or is not shown to hold.
 
-    The cell nearest to a point says whether it holds.
+    Where the scenario is no cell of the map, the nearest cell says whether it holds.
     """
     axes, notes = claim.axes, []
     own = tuple(
@@ -34,11 +34,13 @@ def base_of(claim: Claim, tracker: str) -> BasePoint:
     )
     if unknown := [axis.name for axis, value in zip(axes, claim.base, strict=True) if value is None]:
         notes.append(f"the scenario has no value of {' and '.join(unknown)}, of which the middle one is taken")
-    state = _nearest(axes, own, claim.cells).trackers[tracker].state
+    nearest = _nearest(axes, own, claim.cells)
+    state = nearest.trackers[tracker].state
     holding = [cell for cell in claim.cells if cell.trackers[tracker].state == "holds"]
     if state != "holds" and holding:
         what = "fails" if state == "fails" else "is undecided"
-        notes.append(f"the scenario itself {what}: distances are from the nearest cell that holds")
+        which = "the scenario itself" if nearest.at == tuple(claim.base) else "the cell nearest to the scenario"
+        notes.append(f"{which} {what}: distances are from the nearest cell that holds")
         own = _nearest(axes, own, holding).at
     elif state != "holds":
         notes.append("no cell holds: distances are from the scenario itself")

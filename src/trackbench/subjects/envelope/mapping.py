@@ -143,7 +143,7 @@ class EnvelopeMap:
             TrackbenchError: the processes that make the runs died.
         """
         config = self.task.config
-        points, added = start_points(self.task.axes, config), False
+        points, added = start_points(self.task.axes, config, self.task.base), False
         while points:
             self.make_cells(points, added, progress)
             states = {point: cell.states for point, cell in self.cells.items()}

@@ -9,7 +9,8 @@ from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.truth import source_of
-from trackbench.subjects.envelope.axes import MapAxis, Point, axes_of, named, overrides
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, named, overrides
+from trackbench.subjects.envelope.base_point import base_point
 from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
 from trackbench.truth.config.filed import TracksConfig
@@ -25,6 +26,11 @@ class EnvelopeTask(NamedTuple):
     requirements: tuple[Requirement, ...]
     extents: tuple[Extent, ...]
     """Of the looks."""
+
+    @property
+    def base(self) -> list[Value | None]:
+        """By axis the scenario's own value; None where it has none."""
+        return base_point(self.loaded, self.axes)
 
     @property
     def trackers(self) -> list[str]:
