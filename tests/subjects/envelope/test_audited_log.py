@@ -10,8 +10,8 @@ from tests.support.recorded_log import Errors, write_log
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.document.markdown import to_markdown
-from trackbench.subjects.envelope.audited_log import AuditedLog, audited_log
-from trackbench.subjects.envelope.axes import axes_of
+from trackbench.subjects.envelope.audited_log import AuditedLog, audited_log, surrounding
+from trackbench.subjects.envelope.axes import axes_of, start_points
 from trackbench.subjects.envelope.config import EnvelopeConfig
 from trackbench.subjects.envelope.report import envelope_document
 
@@ -117,9 +117,11 @@ def test_no_audit_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"q": 1.1}, "are inside the envelope of ekf, by the nearest cell (q 1 m, r 1 deg)"),
-        ({"q": 2.9}, "are outside the envelope of ekf, by the nearest cell (q 3 m, r 1 deg)"),
-        ({"q": 2.1}, "are undecided for ekf"),
+        ({"q": 1.1}, "are inside the envelope of ekf: it holds in the 2 cells around"),
+        ({"q": 2.9}, "are outside the envelope of ekf: it fails in the 2 cells around"),
+        # Nearer to 1.5, which holds, than to 2.
+        ({"q": 1.6}, "are not decided for ekf: of the 2 cells around 1 holds, 0 fails, 1 undecided"),
+        ({"q": 1.1}, "only the axes were compared"),
         ({"q": 0.5}, "lie outside the map: q 0.5 m is below 1 m"),
     ],
 )
@@ -135,6 +137,27 @@ def test_the_page_says_whether_the_log_is_inside(values, says):
     assert says in to_markdown(document).replace("\n", " ").replace("\\", "")
     labels = {entry.label for figure in document.figures for entry in figure.legend}
     assert ("sensors of my log" in labels) == (values["q"] >= 1)
+
+
+def test_the_points_around_are_the_corners_that_were_tried():
+    ways = axes(
+        q={"key": "sensors.radar.range_sigma_m", "from": 0, "to": 4, "levels": 3},
+        n={"key": "sensors.radar.rate_hz", "values": [5, 10, 20]},
+        kind={"key": "truth.world", "choices": ["ideal", "human"]},
+    )
+    grid = start_points(ways, EnvelopeConfig.model_validate({"axes": {axis.name: axis.config for axis in ways}}))
+    own = {"q": 1.5, "n": 7, "kind": "human"}
+    corners = [(q, n, "human") for q in (0, 2) for n in (5, 10)]
+    assert surrounding(own, ways, grid) == corners
+    assert len(surrounding({**own, "kind": None}, ways, grid)) == 8
+    assert surrounding({**own, "n": 10.0}, ways, grid) == [(0, 10, "human"), (2, 10, "human")]
+    # A value of some corners does not split the box, but is in it; a value of all of them does.
+    assert surrounding(own, ways, [*grid, (1, 5, "human")]) == [*corners, (1, 5, "human")]
+    split = [(1, 5, "human"), (1, 10, "human")]
+    assert set(surrounding(own, ways, [*grid, *split])) == {*split, *(c for c in corners if c[0] == 2)}
+    # Beyond the map, and where a corner was not tried, nothing is around.
+    assert surrounding({**own, "n": 30}, ways, grid) == []
+    assert surrounding(own, ways, [point for point in grid if point != corners[0]]) == []
 
 
 def test_an_audit_that_says_nothing_leaves_nothing(cli, tmp_path):

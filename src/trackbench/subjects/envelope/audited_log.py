@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -103,11 +104,32 @@ def outside(log: AuditedLog, axes: Sequence[MapAxis]) -> str:
     return ""
 
 
-def nearest_point(values: Mapping[str, Value | None], axes: Sequence[MapAxis], points: Sequence[Point]) -> Point:
-    """The point of the map that is nearest to some values; an axis without one does not count."""
+def surrounding(values: Mapping[str, Value | None], axes: Sequence[MapAxis], points: Sequence[Point]) -> list[Point]:
+    """The points of a map around some values: those between the next values below and above on each axis.
 
-    def apart(point: Point) -> float:
-        measured = [(axis, values[axis.name], value) for axis, value in zip(axes, point, strict=True)]
-        return math.hypot(*(axis.distance(own, value) for axis, own, value in measured if own is not None))
+    Where a point near a border has brought a value for which not all corners were tried, it is between the levels at
+    which the map started. An axis without a value counts in full. There are none where the map has no such corners.
+    """
+    tried = [{point[number] for point in points} for number in range(len(axes))]
+    known = set(points)
+    for steps in (tried, [set(axis.values) for axis in axes]):
+        sides = [_next_to(axis, values[axis.name], own) for axis, own in zip(axes, steps, strict=True)]
+        if all(sides) and all(corner in known for corner in product(*sides)):
+            return [point for point in points if all(map(_within, axes, point, sides))]
+    return []
 
-    return min(points, key=apart)
+
+def _next_to(axis: MapAxis, value: Value | None, steps: Iterable[Value]) -> list[Value]:
+    """Of some values of an axis the nearest on both sides of one, or that itself; all where there is none."""
+    ordered = sorted(steps, key=axis.share)
+    if value is None or value in ordered:
+        return ordered if value is None else [value]
+    if not axis.reaches(value):
+        return []
+    share = axis.share(value)
+    above = next(place for place, step in enumerate(ordered) if axis.share(step) > share)
+    return ordered[above - 1 : above + 1]
+
+
+def _within(axis: MapAxis, value: Value, sides: Sequence[Value]) -> bool:
+    return axis.share(sides[0]) <= axis.share(value) <= axis.share(sides[-1])

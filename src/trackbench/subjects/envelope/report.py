@@ -8,8 +8,8 @@ from pathlib import Path
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
 from trackbench.document.palette import tracker_colours, tracker_styles
-from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, nearest_point, outside
-from trackbench.subjects.envelope.claim import Claim, Envelope, read_envelope
+from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
+from trackbench.subjects.envelope.claim import STATES, Claim, Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections, worst_section
 from trackbench.subjects.envelope.suites import suite_sentences
 from trackbench.subjects.envelope.tables import cells_table, margins_table, sensitivity_tables
@@ -103,11 +103,21 @@ def log_sentences(claim: Claim, log: AuditedLog) -> Iterator[str]:
         yield f"the sensors of {log.name} ({values}) lie outside the map: {beyond}"
         return
     cells = claim.by_point()
-    point = nearest_point(log_values(log, claim.own_values), axes, [*cells])
-    at = ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point, strict=True))
-    for tracker, state in cells[point].trackers.items():
-        where = {"holds": "inside the envelope of", "fails": "outside the envelope of", "undecided": "undecided for"}
-        yield f"the sensors of {log.name} ({values}) are {where[state.state]} {tracker}, by the nearest cell ({at})"
+    around = [cells[point] for point in surrounding(log_values(log, claim.own_values), axes, [*cells])]
+    near = counted(len(around), "cell") + " around"
+    for tracker in claim.trackers:
+        states = {cell.trackers[tracker].state for cell in around}
+        if states == {"holds"}:
+            text = f"are inside the envelope of {tracker}: it holds in the {near}"
+        elif states == {"fails"}:
+            text = f"are outside the envelope of {tracker}: it fails in the {near}"
+        else:
+            counts = ", ".join(
+                f"{sum(cell.trackers[tracker].state == state for cell in around)} {state}" for state in STATES
+            )
+            text = f"are not decided for {tracker}: " + (f"of the {near} {counts}" if around else "no cells lie around")
+        yield f"the sensors of {log.name} ({values}) {text}"
+    yield "only the axes were compared: whatever else the log and its sensors have otherwise is not in this"
 
 
 def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:
