@@ -69,7 +69,10 @@ class Blocks:
             weights = np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), DRAWS)
             drawn = finish(np.asarray(sums @ weights.T, dtype=np.float64))
             drawn = np.where(np.isfinite(drawn), drawn, np.nan)
-            spreads.append((np.nanstd(drawn, axis=1, ddof=1) * np.sqrt(count / (count - 1)), count - 1))
+            several = np.isfinite(drawn).sum(axis=1) > 1
+            spread = np.full(len(drawn), np.nan)
+            spread[several] = np.nanstd(drawn[several], axis=1, ddof=1)
+            spreads.append((spread * np.sqrt(count / (count - 1)), count - 1))
         result = []
         for i, of in enumerate(value.tolist()):
             finite = [(float(sigma[i]), freedom) for sigma, freedom in spreads if np.isfinite(sigma[i])]

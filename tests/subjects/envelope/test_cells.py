@@ -11,6 +11,7 @@ import pytest
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.metrics.intervals import Interval
+from trackbench.subjects.envelope.api import envelope_of
 from trackbench.subjects.envelope.cells import Extent, _by_repetition
 from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.task import task_of
@@ -110,6 +111,7 @@ def test_a_tracker_that_cannot_go_on_fails(made_map: Callable[..., EnvelopeMap])
     for cell in made.cells.values():
         assert cell.states == {"kf": "fails"}
         assert "no more" in cell.trackers["kf"].cause
+    assert "no more" in envelope_of(made, "").claim.failures["kf"]
 
 
 class Broken:

@@ -15,7 +15,7 @@ import pytest
 from trackbench.base.errors import InputError
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Envelope, hash_of
 from trackbench.subjects.envelope.files import save_envelope
-from trackbench.subjects.envelope.replay import drawn, verify
+from trackbench.subjects.envelope.replay import WITHOUT_PARTS, drawn, verify
 
 Tree = dict[str, Any]
 #: The cell that is edited: not near the border, so that its state does not decide which others there are.
@@ -156,3 +156,12 @@ def test_the_files_that_a_scenario_names_must_be_those_of_the_claim(folder: Path
 
     with pytest.raises(InputError, match=r"my_tracker\.py.*--beside"):
         verify(folder)
+
+
+def test_a_claim_alone_is_verified_but_for_the_values_of_its_runs(folder: Path) -> None:
+    (folder / PARTS).unlink()
+
+    alone = verify(folder / CLAIM, seed=1)
+
+    assert alone.passed
+    assert alone.notes == (WITHOUT_PARTS,)

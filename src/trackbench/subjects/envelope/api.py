@@ -170,6 +170,7 @@ def _tracker(tracker: TrackerCell) -> TrackerState:
     return TrackerState(
         state=tracker.state,
         cause=tracker.cause,
+        failed=tracker.failed,
         scenes=tracker.extent.scenes,
         runs=tracker.extent.runs,
         looks=tracker.looks,

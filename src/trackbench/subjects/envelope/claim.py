@@ -67,6 +67,8 @@ class TrackerState(ResultModel):
     state: State
     cause: str
     """Why it fails, or cannot be decided, where that is not a limit."""
+    failed: bool = False
+    """Whether the tracker could not go on."""
     scenes: int
     runs: int
     """Of each scene."""
@@ -180,6 +182,14 @@ class Claim(ResultModel):
         """By state, the number of cells."""
         states = [cell.trackers[tracker].state for cell in self.cells]
         return {state: states.count(state) for state in STATES}
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """By tracker, why it could not go on in the first cell in which it could not; empty where it always could."""
+        return {
+            name: next((cell.trackers[name].cause for cell in self.cells if cell.trackers[name].failed), "")
+            for name in self.trackers
+        }
 
     def by_point(self) -> dict[Point, ClaimCell]:
         """The cells by their values of the axes."""

@@ -8,9 +8,11 @@ import click
 from rich.console import Console
 
 from trackbench.api.scenario import load
+from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import engine_option, github_option, isolation_options, names_in, out_option, write_suites
+from trackbench.cli.run import FAILED_TRACKER
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -75,11 +77,12 @@ def envelope_command(
       trackbench envelope my.yaml --set envelope.cells=60 --workers 2
 
     \b
-    Exit status: 0 the map is made, 2 bad input, 4 cannot write
+    Exit status: 0 the map is made, 2 bad input, 3 a tracker could not go on,
+    4 cannot write
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
-    from trackbench.subjects.envelope.files import claim_text, looks_of, require_out, save_envelope
+    from trackbench.subjects.envelope.files import claim_text, folder_of, looks_of, require_out, save_envelope
     from trackbench.subjects.envelope.junit import suite_of_claim
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
@@ -88,6 +91,8 @@ def envelope_command(
     loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
     name = loaded.config.name
     require_out(name, out)
+    if folder_of(name, out).resolve() in loaded.path.resolve().parents:
+        raise InputError("is in the folder that would be replaced: give another --out", file=loaded.path)
     if junit is not None:
         require_file(junit, "--junit")
     store = looks_of(name, out)
@@ -106,3 +111,4 @@ def envelope_command(
     else:
         print_document(envelope_summary(made), Console())
         click.echo(f"\n{folder}/: envelope.html, envelope.md, claim.json, parts.parquet")
+    raise click.exceptions.Exit(FAILED_TRACKER if any(made.claim.failures.values()) else 0)

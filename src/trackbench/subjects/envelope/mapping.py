@@ -57,6 +57,8 @@ class TrackerCell:
     state: State = "undecided"
     cause: str = ""
     """Why it fails, or cannot be decided, where that is not a limit."""
+    failed: bool = False
+    """Whether it could not go on."""
 
 
 @dataclass
@@ -295,4 +297,4 @@ def _reason(evaluation: Evaluation, path: str) -> str:
 
 
 def _fail(tracker: TrackerCell, failure: Failure) -> None:
-    tracker.state, tracker.cause = "fails", str(failure)
+    tracker.state, tracker.cause, tracker.failed = "fails", str(failure), True

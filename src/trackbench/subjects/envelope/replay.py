@@ -20,12 +20,23 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.shipped import find_scenario
 from trackbench.subjects.envelope.api import EnvelopePlan, envelope_of, map_of
-from trackbench.subjects.envelope.claim import CLAIM, CellValue, Claim, Envelope, place_of_cell, read_envelope
+from trackbench.subjects.envelope.claim import (
+    CLAIM,
+    PARTS,
+    CellValue,
+    Claim,
+    Envelope,
+    parts_of,
+    place_of_cell,
+    read_claim,
+    read_envelope,
+)
 from trackbench.subjects.envelope.consistency import Discrepancy, contradictions
 from trackbench.subjects.envelope.named_files import require_same
 
 #: Share of the cells that are replayed.
 SHARE = 0.1
+WITHOUT_PARTS = f"there is no {PARTS} beside the claim: values were not held against those of their runs"
 #: Values that differ by less, relative to the larger, are equal.
 EQUAL = 1e-9
 
@@ -91,7 +102,7 @@ def verify(
     Raises:
         InputError: there is no claim, it cannot be read, or a file that it names is another.
     """
-    made = read_envelope(place, hashed=False)
+    made = read_envelope(place, hashed=False) if _has_parts(place) else Envelope(read_claim(place), parts_of([]))
     claim = made.claim
     seed = secrets.randbits(32) if seed is None else seed
     loaded = _scenario(claim, place, beside)
@@ -115,8 +126,12 @@ def verify(
         seed,
         tuple(place_of_cell(claim.axes, cell.at) for cell in cells),
         tuple(dict.fromkeys(problems)),
-        tuple(_versions(claim, replayed.claim)),
+        (*_versions(claim, replayed.claim), *([] if len(made.parts) else [WITHOUT_PARTS])),
     )
+
+
+def _has_parts(place: Path) -> bool:
+    return ((place if place.is_dir() else place.parent) / PARTS).is_file()
 
 
 def drawn(cells: int, seed: int) -> list[int]:

@@ -28,6 +28,8 @@ def headlines(claim: Claim) -> Iterator[str]:
             f"{tracker}: {limits} holds in {counts['holds']} of {counted(total, 'cell')}, "
             f"fails in {counts['fails']}, {share}"
         )
+        if failure := claim.failures[tracker]:
+            yield f"{tracker}: could not go on: {failure}"
 
 
 def claim_sentence(claim: Claim) -> str:
