@@ -45,6 +45,14 @@ def test_the_lead_is_the_nearest_in_the_path_and_its_headway_the_time_to_its_rea
     assert active(FollowingDistance(headway_s=(25.0 - LENGTHS) / 20.0 + 0.01), *cars)
 
 
+def test_a_lead_is_no_farther_than_the_range():
+    function = FollowingDistance(range_m=100.0)
+    assert function.decide(ego(), objects([LENGTHS + 99.9, 0, 20, 0])).object == 0
+    assert function.decide(ego(), objects([LENGTHS + 100.1, 0, 20, 0])).object == -1
+    assert function.decide(ego(40.0), objects([LENGTHS + 100.1, 0, 20, 0])).object == -1
+    assert FollowingDistance().decide(ego(), objects([400.0, 0, 20, 0])).object == -1
+
+
 def test_the_lead_in_a_curve_is_on_the_arc_not_straight_ahead():
     radius, angle = 100.0, 0.4
     ahead = [radius * np.sin(angle), radius * (1 - np.cos(angle)), 0.0, 0.0]
@@ -71,6 +79,21 @@ def test_a_car_beside_is_in_the_way_and_one_that_is_past_is_not():
     assert active(LaneChange(), [0.0, 3.5, 20.0, 0.0])
     assert active(LaneChange(), [LENGTHS - 0.1, 3.5, 20.0, 0.0])
     assert not active(LaneChange(), [LENGTHS + 0.1, 3.5, 20.0, 0.0])
+    for speed in (10.0, 20.0, 30.0):
+        assert active(LaneChange(), [0.1 - LENGTHS, 3.5, speed, 0.0])
+        assert np.isnan(LaneChange().decide(ego(), objects([0.0, 3.5, speed, 0.0])).quantity)
+
+
+def test_only_a_car_behind_that_approaches_would_have_to_brake():
+    near = [-LENGTHS - 19.0, 3.5]
+    assert active(LaneChange(), [*near, 20.1, 0.0])
+    assert not active(LaneChange(), [*near, 19.9, 0.0])
+    assert not active(LaneChange(), [*near, 10.0, 0.0])
+    # With a covariance the border is where it does not approach too.
+    covariance = np.diag([0.01, 0.01, 1.0, 0.01])
+    decide = LaneChange().decide
+    assert decide(ego(), objects([*near, 20.1, 0.0], covariance=covariance)).active
+    assert not decide(ego(), objects([*near, 19.9, 0.0], covariance=covariance)).active
 
 
 def test_a_cut_in_is_expected_the_horizon_before_it_is_in_the_path():
@@ -96,6 +119,8 @@ NEAR_BORDER = [
     (CutIn(), [25.0, 2.8, 18.0, -1.0], 0.005),
     (EmergencyBraking(), [30.0, 0.5, 2.0, 0.0], 0.01),
     (LaneChange(), [-40.0, 3.0, 28.0, 0.0], 0.01),
+    (LaneChange(), [-15.0, 3.5, 20.1, 0.0], 0.01),
+    (LaneChange(), [-5.0, 3.5, 15.0, 0.0], 0.01),
 ]
 
 

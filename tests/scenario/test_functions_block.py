@@ -55,6 +55,36 @@ def test_a_bad_block_gives_its_line_and_the_remedy(
     assert message(tmp_path, functions, *changes).startswith(f"{LINES + 2}: {expected}")
 
 
+SLOW = """
+name: slow
+truth: {source: scripted, duration_s: 4, rate_hz: 20, observer: {start: {speed_mps: 20}},
+  objects: {lead: {start: {x: 40}}}}
+sensors:
+  fast: {type: radar, rate_hz: 20, range_sigma_m: 1, azimuth_sigma_deg: 1, range_rate_sigma_mps: 1}
+  slow: {type: radar, rate_hz: 5, range_sigma_m: 1, azimuth_sigma_deg: 1, range_rate_sigma_mps: 1}
+trackers: {ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 4, sensors: SENSORS}}
+functions: {fcw: {use: forward_collision_warning}}
+"""
+
+
+def test_the_fastest_sensor_that_is_read_measures_often(tmp_path: Path):
+    file = tmp_path / "slow.yaml"
+    for sensors, settings, key in (
+        ("[slow]", (), "slow"),
+        ("[slow]", ("sensors.slow.rate_hz=4",), "slow"),
+        ("[fast, slow]", ("sensors.fast.rate_hz=5", "sensors.slow.rate_hz=2"), "fast"),
+    ):
+        file.write_text(SLOW.replace("SENSORS", sensors), encoding="utf-8")
+        with pytest.raises(InputError, match=f"sensors.{key}.rate_hz.* use 10 or more") as raised:
+            load_scenario(file, settings)
+        assert len(str(raised.value).splitlines()) == 1
+    for sensors, settings in (("[slow]", ("sensors.slow.rate_hz=10",)), ("[fast, slow]", ())):
+        file.write_text(SLOW.replace("SENSORS", sensors), encoding="utf-8")
+        load_scenario(file, settings)
+    file.write_text(SLOW.replace("SENSORS", "[slow]").split("functions:")[0], encoding="utf-8")
+    load_scenario(file)
+
+
 def test_an_expectation_names_the_metrics_of_the_functions(tmp_path: Path):
     expect = ("metric: position_rmse", "metric: warn_delays.fcw")
     assert "there is no metric 'warn_delays.fcw'; did you mean 'warn_delay.fcw'?" in message(tmp_path, FCW, expect)

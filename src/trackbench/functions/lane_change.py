@@ -16,10 +16,12 @@ from trackbench.functions.protocol import Decision, Ego, Function, Objects, Quan
 class LaneChange(Function):
     """Holds a lane change back while a car behind or beside in the next lane would have to brake too hard for it.
 
-    A lane change is critical where the gap d to a car behind is below v t_g + c t_b + c^2 / (2 a): the ego's speed v
-    times the time gap that is left, what the closing speed c (0 if negative) covers before the car brakes, and what it
-    covers while it brakes at a. A car that is not yet past the ego counts too. The car has to overlap the path of the
-    ego, moved by one lane, in width. The probability is that of the margin, to first order, times that of the overlap.
+    A lane change is critical where a car behind approaches and its gap d is below v t_g + c t_b + c^2 / (2 a): the
+    ego's speed v times the time gap that is left, what the closing speed c > 0 covers before the car brakes, and what
+    it covers while it brakes at a. It is critical too where a car is beside, at any speed, not yet past the ego; no
+    deceleration is stated of that one. The car has to overlap the path of the ego, moved by one lane, in width. The
+    probability is the larger of those of both cases times that of the overlap; the first is the smaller one of those
+    of the margin, to first order, and of c > 0.
 
     Source: UN Regulation No. 79, paragraph 5.6.4.7: a = 3 m/s^2, t_b = 0.4 s, t_g = 1 s.
     """
@@ -40,7 +42,10 @@ class LaneChange(Function):
         margin = closing**2 / (2.0 * self.deceleration_mps2) - left
         approaches = closing > 0
         by_speed = approaches * (self.reaction_s + closing / self.deceleration_mps2)
-        critical = probability_positive(margin, place.variance((1.0, 0.0, by_speed, 0.0)))
+        too_near = probability_positive(margin, place.variance((1.0, 0.0, by_speed, 0.0)))
+        closes = probability_positive(place.speed - ego.speed, place.variance((0.0, 0.0, 1.0, 0.0)))
+        beside = probability_positive(-gap, place.variance((1.0, 0.0, 0.0, 0.0)))
+        critical = np.maximum(beside, np.minimum(too_near, closes))
         behind = objects.there & (place.along < place.lengths)
-        required = required_deceleration(closing, left)
+        required = np.where(gap > 0, required_deceleration(closing, left), np.nan)
         return decision(behind & (within > 0.5), behind * within * critical, self.probability, -margin, required)

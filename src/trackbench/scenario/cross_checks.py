@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Two times that differ by less are the same, s: a difference of times is not exact.
 ROUNDING = 1e-9
+#: Functions decide at the instants of the sensors, of which the fastest has at least this rate, Hz.
+SLOWEST_DECISIONS = 10.0
 
 
 def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
@@ -42,6 +44,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     yield from _identities(scenario)
     yield from _made_elsewhere(scenario)
     yield from _functions(scenario)
+    yield from _decisions(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -134,6 +137,23 @@ def _functions(scenario: ScenarioConfig) -> Iterator[Problem]:
         elif type(getattr(truth, "observer", None)) is FixedObserver:
             remedy = EGO.get(truth.source, f"{truth.source} has none; use {' or '.join(EGO)}")
             yield Problem(("functions", name), f"the observer is a fixed point, and a function needs an ego: {remedy}")
+
+
+def _decisions(scenario: ScenarioConfig) -> Iterator[Problem]:
+    """That functions decide often enough: between the instants of the sensors neither the truth nor a tracker does."""
+    each = [tracker.sensors for tracker in scenario.trackers.values()]
+    read = {name for sensors in each for name in (scenario.sensors if sensors is None else sensors)}
+    rates = {name: sensor.rate_hz for name, sensor in scenario.sensors.items() if name in read}
+    known = {name: rate for name, rate in rates.items() if rate is not None}
+    if not scenario.functions or not known or len(known) < len(rates):
+        return
+    fastest = max(known, key=lambda name: known[name])
+    if known[fastest] < SLOWEST_DECISIONS:
+        why = "functions decide when a sensor measures, so that a slower one is never late"
+        message = (
+            f"{known[fastest]:g} Hz, and no sensor that is read is faster: {why}; use {SLOWEST_DECISIONS:g} or more"
+        )
+        yield Problem(("sensors", fastest, "rate_hz"), message)
 
 
 def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
