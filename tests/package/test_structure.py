@@ -15,7 +15,7 @@ LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 97_300
+MOST_LINES = 97_400
 MOST_FILES = 590
 
 

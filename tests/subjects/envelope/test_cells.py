@@ -136,3 +136,46 @@ def test_what_cannot_be_decided_is_refused(changes: dict[str, Any], key: str) ->
         task_of(small(**changes))
 
     assert caught.value.key == key
+
+
+RADAR = {
+    "type": "radar",
+    "rate_hz": 4,
+    "range_sigma_m": 0.3,
+    "azimuth_sigma_deg": 0.5,
+    "range_rate_sigma_mps": 0.2,
+    "detection_probability": 0.9,
+}
+
+
+def seen_at_times(made_map: Callable[..., EnvelopeMap], probability: float, seed: int) -> Any:
+    """The cell of a tracker that gives what the radar sees, whose position is far better than is required."""
+    made = made_map(
+        truth={"source": "scripted", "duration_s": 8, "rate_hz": 4, "objects": {"lead": {"start": {"x": 40}}}},
+        sensors={"radar": RADAR},
+        trackers={"raw": {"use": "raw"}},
+        score={"settle_s": 0},
+        monte_carlo={"runs": 50, "seed": seed},
+        expect=[{"tracker": "raw", "metric": "position_rmse", "below": 8}],
+        cells=2,
+        axes={"p": {"key": "sensors.radar.detection_probability", "values": [probability, 1]}},
+    )
+    return made.cells[(probability,)].trackers["raw"]
+
+
+def test_a_coverage_that_may_be_enough_is_no_proof_that_a_cell_fails(made_map: Callable[..., EnvelopeMap]) -> None:
+    # With a probability of .6 it is .944 to .955, depending on the noise.
+    trackers = [seen_at_times(made_map, 0.6, seed) for seed in range(1, 5)]
+    below = [item for item in trackers if item.coverage.interval.value < 0.95]
+
+    assert 0 < len(below) < 4
+    assert {item.state for item in trackers} == {"holds", "undecided"}
+    assert all(item.state == "undecided" and "not shown to be more than 5 %" in item.cause for item in below)
+
+
+def test_a_coverage_that_is_shown_to_be_too_small_fails(made_map: Callable[..., EnvelopeMap]) -> None:
+    tracker = seen_at_times(made_map, 0.2, 1)
+
+    assert tracker.state == "fails"
+    assert tracker.coverage.high < 0.95
+    assert "of the estimates are missing" in tracker.cause

@@ -9,10 +9,12 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
+from tests.support.claims import claim_of
+from tests.support.claims import envelope_of as made_of
 
 from trackbench.base.errors import InputError
 from trackbench.subjects.envelope.api import envelope_of
-from trackbench.subjects.envelope.claim import Envelope
+from trackbench.subjects.envelope.claim import CellValue, Envelope
 from trackbench.subjects.envelope.diff import EnvelopeDiff, diff
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.mapping import EnvelopeMap
@@ -78,6 +80,26 @@ def test_an_improvement_loses_nothing(before: Envelope, envelope: Callable[..., 
 
     assert found.passed
     assert found.of("gained")
+
+
+@pytest.mark.parametrize(("low", "high", "outcome"), [(0.9, 0.945, "not shown"), (0.7, 0.85, "lost")])
+def test_a_smaller_coverage_is_lost_where_it_is_shown_to_be_smaller(low: float, high: float, outcome: str) -> None:
+    axes = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 2}}
+    claim = claim_of(axes, {"ekf": lambda _: 0.5})
+    maps = []
+    for state, bounds in (("holds", (0.93, 0.98)), ("fails", (low, high))):
+        coverage = CellValue(state=state, value=sum(bounds) / 2, low=bounds[0], high=bounds[1])
+        cells = [
+            cell.model_copy(
+                update={
+                    "trackers": {"ekf": cell.trackers["ekf"].model_copy(update={"state": state, "coverage": coverage})}
+                }
+            )
+            for cell in claim.cells
+        ]
+        maps.append(made_of(claim.model_copy(update={"cells": cells})))
+
+    assert {item.outcome for item in diff(*maps).changes} == {outcome}
 
 
 def test_what_cannot_be_compared_is_refused(before: Envelope, envelope: Callable[..., Envelope]) -> None:

@@ -175,6 +175,7 @@ def _tracker(tracker: TrackerCell) -> TrackerState:
         runs=tracker.extent.runs,
         looks=tracker.looks,
         values=[_value(item) for item in tracker.judged],
+        coverage=tracker.coverage and _value(tracker.coverage),
     )
 
 

@@ -17,9 +17,10 @@ from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
-from trackbench.metrics.intervals import Interval
+from trackbench.metrics.intervals import Interval, clustered, ratio
 from trackbench.metrics.protocol import Field
 from trackbench.metrics.registry import by_path
+from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
 from trackbench.runner.block import failures_and_outcomes, run_blocks
 from trackbench.runner.labelled_run import LabelledOutcome
@@ -191,7 +192,11 @@ def _sums_of(outcome: Any) -> MetricSums:
     return sums
 
 
-def coverage_of(runs: Runs) -> float | None:
-    """Share of the estimates that are due and were given; None with hidden identities."""
+def coverage_of(runs: Runs, claim: Claim) -> Interval | None:
+    """Share of the estimates that are due and were given, with what each independent part adds; None with hidden
+    identities, and where none is due."""
     scores = runs.sums.get(ESTIMATES.name)
-    return None if scores is None else float(scores.coverage)
+    if scores is None or not scores.due.sum() > 0:
+        return None
+    share = ratio(scores.errors.per_run[ERROR["given"]], scores.due, at_least=0.0, at_most=1.0)
+    return clustered(share, runs.scene) if claim == "traffic like these" else _by_repetition(share, runs.run)

@@ -75,6 +75,8 @@ class TrackerState(ResultModel):
     looks: int
     values: list[CellValue]
     """By requirement on the tracker, in their order."""
+    coverage: CellValue | None = None
+    """The share of the estimates, held against the least of the scenario; None where it is not needed."""
 
 
 class ClaimCell(ResultModel):

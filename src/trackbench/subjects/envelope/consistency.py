@@ -94,7 +94,8 @@ def _of_tracker(claim: Claim, tracker: TrackerState, cell: ClaimCell) -> Iterato
     expected = together(states)
     if tracker.cause and tracker.state == "holds":
         yield f"holds, and yet {tracker.cause}"
-    elif tracker.state != expected and not (tracker.cause and tracker.state == "fails"):
+    # What is missing may make it worse than its values are.
+    elif tracker.state != expected and not (tracker.cause and together([expected, tracker.state]) == tracker.state):
         yield f"is said to be {tracker.state}, and its values say {expected}"
     if tracker.cause and not tracker.looks:
         return

@@ -155,7 +155,7 @@ def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: st
         outcome = "gained"
     text = "; ".join(_values(claims[1].limits_of(name), states)) or states[1].cause
     if (was, now) == ("holds", "fails"):
-        shown = states[1].cause or _is_worse(before, after, places, name, level, paired)
+        shown = _is_worse(before, after, places, name, level, paired) or _is_missing(*states)
         outcome = "lost" if shown else "not shown"
     return CellChange(cells[1].at, place_of_cell(claims[1].axes, cells[1].at), name, was, now, outcome, paired, text)
 
@@ -175,6 +175,16 @@ def _same_runs(before: Envelope, after: Envelope, places: tuple[int, int], name:
     alike = (mine.scenes, mine.runs, mine.looks) == (its.scenes, its.runs, its.looks)
     kind = (claims[0].seed, claims[0].claim) == (claims[1].seed, claims[1].claim)
     return alike and kind and a.measurements[: mine.looks] == b.measurements[: its.looks]
+
+
+def _is_missing(before: TrackerState, after: TrackerState) -> bool:
+    """Whether a tracker cannot go on any more, or is shown to give a smaller share of the estimates than before."""
+    if any(value.state == "fails" for value in after.values):
+        return False
+    old, new = before.coverage, after.coverage
+    if new is None or new.state != "fails":
+        return True
+    return old is not None and old.low is not None and new.high is not None and new.high < old.low
 
 
 def _is_worse(

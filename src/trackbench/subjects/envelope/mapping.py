@@ -54,6 +54,8 @@ class TrackerCell:
     looks: int = 0
     judged: tuple[CellDecision | None, ...] = ()
     """By requirement, in the order of the scenario; None where there is no value."""
+    coverage: CellDecision | None = None
+    """Of the share of the estimates, held against the least of the scenario; None where it is not needed."""
     state: State = "undecided"
     cause: str = ""
     """Why it fails, or cannot be decided, where that is not a limit."""
@@ -253,19 +255,22 @@ class EnvelopeMap:
         tracker = cell.trackers[name]
         requirements = self.task.of(name)
         own = tracker.runs.evaluated(metrics, self.task.config.claim)
-        tracker.judged = tuple(
-            self._judged(cell, item, own, metrics, tracker.looks, len(requirements)) for item in requirements
-        )
+        coverage = coverage_of(tracker.runs, self.task.config.claim) if min_coverage else None
+        # It is one more requirement, by which the cell may fail.
+        number = len(requirements) + (coverage is not None)
+        tracker.judged = tuple(self._judged(cell, item, own, metrics, tracker.looks, number) for item in requirements)
         reasons = [
             decision.reason if decision else _reason(own, item.metric)
             for item, decision in zip(requirements, tracker.judged, strict=True)
         ]
         tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
-        coverage = coverage_of(tracker.runs)
-        if coverage is not None and coverage < min_coverage:
-            tracker.state, tracker.cause = "fails", f"{100 * (1 - coverage):.0f} % of the estimates are missing"
-        else:
-            tracker.state = together(item.state if item else "undecided" for item in tracker.judged)
+        tracker.state = together(item.state if item else "undecided" for item in tracker.judged)
+        if coverage is not None:
+            level = self._spending.at(tracker.looks - 1)
+            tracker.coverage = decide(coverage, min_coverage, "above", level, number)
+            worse = together([tracker.state, tracker.coverage.state])
+            if coverage.value < min_coverage and worse != tracker.state:
+                tracker.state, tracker.cause = worse, _missing(tracker.coverage, min_coverage)
 
     def _judged(
         self,
@@ -294,6 +299,12 @@ def _reason(evaluation: Evaluation, path: str) -> str:
     """Why there is no value of a path; that of a statistic without any stands at its name."""
     value = evaluation.values.get(path) or evaluation.values.get(path.rpartition(".")[0])
     return (value and value.reason) or ""
+
+
+def _missing(coverage: CellDecision, least: float) -> str:
+    """What a coverage below the least says of a cell."""
+    missing = f"{100 * (1 - coverage.interval.value):.2g} % of the estimates are missing"
+    return missing if coverage.state == "fails" else f"{missing}, not shown to be more than {100 * (1 - least):.2g} %"
 
 
 def _fail(tracker: TrackerCell, failure: Failure) -> None:
