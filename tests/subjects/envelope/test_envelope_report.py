@@ -107,6 +107,12 @@ def test_a_sobol_design_says_why_it_has_no_margins():
     assert "design: grid" in to_markdown(envelope_document(few))
 
 
+@pytest.mark.parametrize("retune", [True, False])
+def test_the_page_says_that_trackers_are_tuned_in_each_cell(retune):
+    text = to_markdown(envelope_document(made("q", retune=retune)))
+    assert ("tuned in each cell" in " ".join(text.split())) == retune
+
+
 def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):
     folder = save_envelope(made("q", "r"), tmp_path)
     done = cli("report", folder, "--format", "html", "--out", "again.html")

@@ -79,6 +79,11 @@ def test_where_nothing_holds_it_is_said() -> None:
     assert [*suite_sentences(claim)] == ["kf: holds with no suite, at any cost"]
 
 
+def test_an_undecided_suite_may_hold() -> None:
+    claim = claim_of({"rate": AXES["rate"]}, {"kf": lambda rate: 1.0 if rate > 0.5 else 2.0})
+    assert [*suite_sentences(claim)] == ["kf: no suite is shown to hold, 1 undecided"]
+
+
 def test_without_costs_there_are_no_suites() -> None:
     assert cheapest_suites(claim_of({"speed": AXES["speed"]}, {"kf": lambda speed: 0.5})) == []
 

@@ -40,9 +40,10 @@ def claim_sentence(claim: Claim) -> str:
     many = f"{counted(scenes, 'scene')}, up to {counted(runs, 'run')} of each"
     if not these:
         many = f"up to {counted(scenes, 'scene')}, {counted(runs, 'run')} of each"
+    tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many})."
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{tuned}"
     )
 
 

@@ -37,10 +37,12 @@ class CheapestSuite(NamedTuple):
     tracker: str
     """Empty of all trackers together."""
     suites: tuple[SensorSuite, ...]
-    """Those of the least cost, which may be several; none where no suite holds."""
+    """Those of the least cost, which may be several; none where no suite is shown to hold."""
     cheaper: SensorSuite | None
     """The dearest of the suites that cost less, none of which is shown to hold."""
     cheaper_state: str
+    undecided: int
+    """Of all suites those that neither hold nor fail."""
 
 
 def priced_axes(claim: Claim) -> list[MapAxis]:
@@ -68,7 +70,8 @@ def suite_sentences(claim: Claim) -> Iterator[str]:
     for cheapest in cheapest_suites(claim):
         who = cheapest.tracker or "all trackers"
         if not cheapest.suites:
-            yield f"{who}: holds with no suite, at any cost"
+            shown = f"no suite is shown to hold, {cheapest.undecided} undecided" if cheapest.undecided else ""
+            yield f"{who}: {shown or 'holds with no suite, at any cost'}"
             continue
         first, *tied = cheapest.suites
         cells = "in its cell" if len(first.cells) == 1 else f"in all its {len(first.cells)} cells"
@@ -109,4 +112,5 @@ def _cheapest(name: str, suites: Sequence[SensorSuite], trackers: Sequence[str])
         tuple(suite for suite in holding if suite.cost == least),
         cheaper[-1] if cheaper else None,
         states[cheaper[-1].values] if cheaper else "",
+        [*states.values()].count("undecided"),
     )
