@@ -14,10 +14,11 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import tracker_styles
 from trackbench.document.terminal import print_document
+from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.map_figures import map_figure
-from trackbench.subjects.envelope.report import envelope_document, envelope_summary, headlines
+from trackbench.subjects.envelope.report import claim_sentence, envelope_document, envelope_summary, headlines
 from trackbench.subjects.envelope.tables import MOST_CELLS, cells_table
 
 AXES = {
@@ -111,6 +112,34 @@ def test_a_sobol_design_says_why_it_has_no_margins():
 def test_the_page_says_that_trackers_are_tuned_in_each_cell(retune):
     text = to_markdown(envelope_document(made("q", retune=retune)))
     assert ("tuned in each cell" in " ".join(text.split())) == retune
+
+
+def with_cells(claim, **changes):
+    """The claim whose tracker has other entries in every cell."""
+    cells = [
+        cell.model_copy(
+            update={"trackers": {name: own.model_copy(update=changes) for name, own in cell.trackers.items()}}
+        )
+        for cell in claim.cells
+    ]
+    return claim.model_copy(update={"cells": cells})
+
+
+def test_the_claim_says_how_rare_a_kind_of_run_the_first_decided_cells_may_lack():
+    claim = with_cells(made("q").claim, looks=1, runs=25)
+    # One look of 25 runs of 400 spends a sixteenth: -log(1e-4 / 16) / 25.
+    assert "the 25 runs that decided the first cells may lack one that makes up 48 % of all" in claim_sentence(claim)
+    later = with_cells(claim, looks=2, runs=400)
+    assert "the 400 runs that decided the first cells may lack one that makes up 2.3 % of all" in claim_sentence(later)
+    assert "may lack" not in claim_sentence(with_cells(claim, state="undecided"))
+
+
+def test_the_headline_says_where_a_cell_is_undecided_because_every_run_is_the_same():
+    claim = made("q").claim
+    (head,) = headlines(with_cells(claim, state="undecided", cause=ALL_THE_SAME))
+    assert head.endswith("100 % undecided, of which 5 cells because every run is the same")
+    (head,) = headlines(with_cells(claim, state="undecided"))
+    assert head.endswith("100 % undecided")
 
 
 def test_a_saved_envelope_is_written_again_by_report(cli, tmp_path: Path):

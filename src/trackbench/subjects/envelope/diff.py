@@ -157,6 +157,7 @@ def _change(before: Envelope, after: Envelope, places: tuple[int, int], name: st
     if (was, now) == ("holds", "fails"):
         shown = _is_worse(before, after, places, name, level, paired) or _is_missing(*states)
         outcome = "lost" if shown else "not shown"
+        text = states[1].cause or text
     return CellChange(cells[1].at, place_of_cell(claims[1].axes, cells[1].at), name, was, now, outcome, paired, text)
 
 
@@ -179,12 +180,12 @@ def _same_runs(before: Envelope, after: Envelope, places: tuple[int, int], name:
 
 def _is_missing(before: TrackerState, after: TrackerState) -> bool:
     """Whether a tracker cannot go on any more, or is shown to give a smaller share of the estimates than before."""
-    if any(value.state == "fails" for value in after.values):
-        return False
-    old, new = before.coverage, after.coverage
-    if new is None or new.state != "fails":
+    if after.failed:
         return True
-    return old is not None and old.low is not None and new.high is not None and new.high < old.low
+    old, new = before.coverage, after.coverage
+    if old is None or new is None or old.low is None or new.high is None:
+        return False
+    return new.state == "fails" and new.high < old.low
 
 
 def _is_worse(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
 from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
 from trackbench.subjects.envelope.claim import STATES, Claim, Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections, worst_section
@@ -24,6 +26,9 @@ def headlines(claim: Claim) -> Iterator[str]:
         counts, total = claim.counts(tracker), len(claim.cells)
         limits = " and ".join(limit.text.removeprefix(f"{tracker} ") for limit in claim.limits_of(tracker))
         share = f"{100 * counts['undecided'] / total:.0f} % undecided"
+        states = [cell.trackers[tracker] for cell in claim.cells]
+        if same := sum(item.state == "undecided" and ALL_THE_SAME in item.cause for item in states):
+            share += f", of which {counted(same, 'cell')} because every run is the same"
         yield (
             f"{tracker}: {limits} holds in {counts['holds']} of {counted(total, 'cell')}, "
             f"fails in {counts['fails']}, {share}"
@@ -33,7 +38,7 @@ def headlines(claim: Claim) -> Iterator[str]:
 
 
 def claim_sentence(claim: Claim) -> str:
-    """What is claimed, of which population and how surely."""
+    """What is claimed, of which population, how surely, and what it rests on."""
     scenes, runs = claim.extents[-1]
     trackers = "" if len(claim.trackers) == 1 else " for any tracker"
     these = claim.claim == "these scenes"
@@ -43,7 +48,24 @@ def claim_sentence(claim: Claim) -> str:
     tuned = " The process noise of each built-in tracker is tuned in each cell." if claim.config.retune else ""
     return (
         f"With {100 * claim.confidence:g} % confidence none of the {counted(len(claim.cells), 'cell')} is decided "
-        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{tuned}"
+        f"wrongly{trackers}. It is a claim about {claim.claim} ({many}).{_rests_on(claim)}{tuned}"
+    )
+
+
+def _rests_on(claim: Claim) -> str:
+    """Which share of runs, or scenes, may be of a kind that the cells that were decided first have not seen: minus the
+    logarithm of the error that the look spends, over their number. Empty where no cell is decided."""
+    decided = [item for cell in claim.cells for item in cell.trackers.values() if item.state != "undecided"]
+    looks = min((item.looks for item in decided if item.looks), default=0)
+    if not looks:
+        return ""
+    scenes = claim.claim == "traffic like these"
+    word, number = ("scene" if scenes else "run"), claim.extents[looks - 1][0 if scenes else 1]
+    totals = [0, *(each * runs for each, runs in claim.extents)]
+    share = -math.log(claim.spent * (totals[looks] - totals[looks - 1]) / totals[-1]) / number
+    return (
+        f" It takes for granted that no kind of {word} is rarer than what they can show: the {counted(number, word)} "
+        f"that decided the first cells may lack one that makes up {100 * share:.2g} % of all."
     )
 
 

@@ -17,7 +17,8 @@ _PAGES = {
         (
             "confidence",
             "The error is spent over all cells, trackers and looks: with 95 % confidence no cell of the whole map is "
-            "decided wrongly. Nothing is claimed between cells: the border there is interpolated.",
+            "decided wrongly, if no kind of run is rarer than the runs can show. Nothing is claimed between cells: the "
+            "border there is interpolated.",
         ),
     ),
     "undecided": (
@@ -27,6 +28,12 @@ _PAGES = {
             "or there is no value. It is neither holds nor fails; the headline says which share of cells is so.",
         ),
         ("to decide more", "Raise `runs: {most: ...}`: bounds are half as far apart with four times as many runs."),
+        (
+            "every run is the same",
+            "There is no bound where all runs have the same value, however far it is from the limit, and further runs "
+            "decide nothing. The headline says of how many cells. Their values are in the table of cells; a limit on a "
+            "share or a rate, such as `missed_warnings`, is decided there too.",
+        ),
     ),
     "margin": (
         (
