@@ -123,3 +123,20 @@ def test_a_function_of_ones_own_is_scored_and_alone_has_no_value_if_it_raises(
     else:
         assert 0 < metrics["distance_error.near"].value < 5
         assert metrics["missed_warnings.near"].value == 0
+
+
+def test_with_hidden_identities_one_that_raises_has_no_value_either(
+    tmp_path: Path, write_module: Callable[[Path, str], str]
+):
+    module = write_module(tmp_path, OWN.replace("WRONG", "raise ValueError('no')"))
+    text = SLOW.replace("SENSORS", "[fast], associate: {method: gnn}").replace(
+        "{fcw:", f"{{near: {{use: '{module}:Near'}}, fcw:"
+    )
+    file = tmp_path / "hidden.yaml"
+    file.write_text(f"{text}sensing: {{identities: hidden}}\nmonte_carlo: {{runs: 2}}\n", encoding="utf-8")
+    loaded = load_scenario(file)
+    result = run(loaded, truths_of(loaded))
+    metrics = result["ekf"].metrics
+    assert metrics["distance_error.near"].reason == "ValueError: no"
+    assert metrics["missed_warnings.fcw"].value == 0
+    assert set(result.to_pandas("decisions")["function"]) == {"fcw"}

@@ -8,7 +8,8 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.functions.protocol import NO_OBJECT as NO_COLUMN
-from trackbench.metrics.functions import functions_among
+from trackbench.metrics.evaluate import MetricSums
+from trackbench.metrics.functions import functions_among, functions_at_work
 from trackbench.metrics.functions.sums import (
     Decisions,
     FunctionScores,
@@ -44,7 +45,7 @@ def function_records(work: Work, evaluated: Evaluated, decided: Mapping[str, Dec
     sums = {
         (tracker, label): item.sums[FunctionSums(label, function).name]
         for tracker, item in evaluated.evaluations.items()
-        for label, function in functions.items()
+        for label, function in functions_at_work(work.metrics, item.sums).items()
     }
     return {
         "decisions": [
@@ -56,8 +57,9 @@ def function_records(work: Work, evaluated: Evaluated, decided: Mapping[str, Dec
     }
 
 
-def decisions_on_estimates(work: Work, recorded: RecordedEstimates) -> Decided:
-    """With known identities, what each function decides in the recorded run on a tracker's estimates."""
+def decisions_on_estimates(work: Work, recorded: RecordedEstimates, sums: MetricSums) -> Decided:
+    """With known identities, what each function decides in the recorded run on a tracker's estimates. ``sums``: of
+    its metrics."""
     scene = work.scenes[work.recorded_scene]
     truth, instants = scene.truth, scene.instants()
     column = min(work.recorded_run, truth.px.shape[2] - 1)
@@ -66,7 +68,7 @@ def decisions_on_estimates(work: Work, recorded: RecordedEstimates) -> Decided:
     states = np.swapaxes(state, 1, 2)[..., None], truth.alive[instants].T[..., None]
     return {
         label: decisions_of_estimates(function, scene.bodies(instants), *states, mean, covariance, np.isfinite(mean[0]))
-        for label, function in functions_among(work.metrics).items()
+        for label, function in functions_at_work(work.metrics, sums).items()
     }
 
 

@@ -14,7 +14,7 @@ from trackbench.driving.faults import TrackFault, fault_of
 from trackbench.driving.remote import start
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.evaluate import MetricSums, accumulators
-from trackbench.metrics.functions import functions_among
+from trackbench.metrics.functions import functions_at_work
 from trackbench.metrics.functions.sums import Decisions, decisions_of_run
 from trackbench.metrics.traffic import (
     Associations,
@@ -215,7 +215,6 @@ class HiddenRun(TrackerRun[Tracks]):
         with_truth, count = scene.truth.known, len(piece.runs)
         share = count / self._batch.runs
         outcome = TrafficScores(TrafficSums(), np.zeros(count), share * self._seconds, self._timed * count)
-        functions = functions_among(self._work.metrics)
         summing = accumulators([item for item in self._work.metrics if with_truth or item.without_truth])
         options = TrafficScoreOptions(self._work.cutoff or 5.0, self._work.switch_costs)
         ends, counted = self._stretches()
@@ -243,6 +242,7 @@ class HiddenRun(TrackerRun[Tracks]):
             if run == recorded:
                 outcome.recorded, outcome.taken = history, self._detections_taken(part.first + run)
                 outcome.predicted = self._predicted[part.first + run]
+                functions = functions_at_work(self._work.metrics, sums)
                 outcome.decided = {label: decisions_of_run(function, tracked) for label, function in functions.items()}
         outcome.metrics = {name: item.close(sums[name]) for name, item in summing.items()}
         return outcome

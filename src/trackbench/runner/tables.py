@@ -65,7 +65,9 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
         "roads": road_records(truth),
         **_mode_records(work, blocks, list(evaluations)),
         **function_records(
-            work, evaluated, {name: decisions_on_estimates(work, estimates) for name, estimates in recorded.items()}
+            work,
+            evaluated,
+            {name: decisions_on_estimates(work, item, evaluations[name].sums) for name, item in recorded.items()},
         ),
     }
     if work.over_stretches:

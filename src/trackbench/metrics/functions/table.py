@@ -11,6 +11,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.functions import FUNCTIONS, Function
 from trackbench.metrics.count_intervals import Counted
+from trackbench.metrics.evaluate import Broken
 from trackbench.metrics.functions.sums import FunctionScores, FunctionSums
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction, Field, Metric, Outcome, run_column
@@ -162,6 +163,12 @@ def published_metrics() -> list[FunctionMetric]:
 def functions_among(metrics: Iterable[Metric]) -> dict[str, Function]:
     """The functions of these metrics, by their names."""
     return {metric.label: metric.function for metric in metrics if isinstance(metric, FunctionMetric)}
+
+
+def functions_at_work(metrics: Iterable[Metric], sums: Mapping[str, Any]) -> dict[str, Function]:
+    """Those of ``functions_among`` that have not raised, by the sums of a tracker."""
+    every = functions_among(metrics)
+    return {name: each for name, each in every.items() if not isinstance(sums[FunctionSums(name, each).name], Broken)}
 
 
 def _kinds(function: Function) -> list[type[FunctionMetric]]:
