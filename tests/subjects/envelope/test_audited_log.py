@@ -1,6 +1,7 @@
 """Where a log's sensors lie on a map."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.document.markdown import to_markdown
 from trackbench.subjects.envelope.audited_log import AuditedLog, audited_log, surrounding
-from trackbench.subjects.envelope.axes import axes_of, start_points
+from trackbench.subjects.envelope.axes import axes_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
 from trackbench.subjects.envelope.report import envelope_document
 
@@ -145,7 +146,7 @@ def test_the_points_around_are_the_corners_that_were_tried():
         n={"key": "sensors.radar.rate_hz", "values": [5, 10, 20]},
         kind={"key": "truth.world", "choices": ["ideal", "human"]},
     )
-    grid = start_points(ways, EnvelopeConfig.model_validate({"axes": {axis.name: axis.config for axis in ways}}))
+    grid = [*product(*(axis.values for axis in ways))]
     own = {"q": 1.5, "n": 7, "kind": "human"}
     corners = [(q, n, "human") for q in (0, 2) for n in (5, 10)]
     assert surrounding(own, ways, grid) == corners

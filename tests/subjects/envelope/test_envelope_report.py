@@ -41,7 +41,7 @@ def made(*axes, trackers=("ekf",), **more):
     [
         ("q", ["ekf"], ["line-q-position-rmse"]),
         (["q", "world"], ["ekf", "imm"], ["line-q-position-rmse"]),
-        (["world"], ["ekf"], []),
+        (["world"], ["ekf"], ["line-world-position-rmse"]),
         ("qr", ["ekf"], ["map-ekf-q-r", "line-q-position-rmse", "line-r-position-rmse"]),
         (
             ["q", "r", "world"],
@@ -75,6 +75,41 @@ def test_the_area_that_holds_is_that_of_the_triangles_between_cells_that_hold():
     patches = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
     spans = [(round(p.get_path().get_extents().x0, 6), round(p.get_path().get_extents().x1, 6)) for p in patches]
     assert spans == [(1.0, 1.5), (2.5, 3.0), (2.5, 3.0), (1.5, 2.5)]
+
+
+def test_the_values_of_choices_are_drawn_above_their_names():
+    document = envelope_document(made("world", trackers=["ekf", "imm"], base=["human"]))
+    (figure,) = document.figures
+    (panel,) = matplotlib_figure(figure).axes
+    assert [tick.get_text() for tick in panel.get_xticklabels()] == ["ideal", "human"]
+    dots = {(float(x), float(y)) for line in panel.lines if line.get_marker() == "o" for x, y in line.get_xydata()}
+    dots |= {(float(x), float(y)) for line in panel.lines if line.get_marker() == "x" for x, y in line.get_xydata()}
+    assert dots == {(x + aside, float(np.exp(x - own))) for x in (0, 1) for aside, own in ((-0.125, 0.4), (0.125, 0.7))}
+    (mark,) = (line for line in panel.lines if line.get_marker() == "^")
+    assert mark.get_xdata() == [1]
+    assert "## Margins" not in to_markdown(document)
+
+
+def test_values_of_both_signs_are_on_one_linear_axis_in_all_panels():
+    """In the ideal world all values are positive, over two decades; in the other there is one below 0."""
+    ways = {name: AXES[name] for name in ("q", "world")}
+    claim = claim_of(ways, {"ekf": lambda x, world: -0.5 if world and x > 0.9 else 0.01 * 10 ** (2 * x)})
+    (figure,) = envelope_document(envelope_of(claim)).figures
+    panels = matplotlib_figure(figure).axes
+    assert [panel.get_yscale() for panel in panels] == ["linear", "linear"]
+    assert len({panel.get_ylim() for panel in panels}) == 1
+    assert panels[0].get_ylim()[0] < -0.525
+    assert panels[0].get_ylim()[1] > 1.05
+
+
+def test_nothing_lies_on_the_edge_of_a_panel():
+    for figure in envelope_document(made("q", "r", base=[1.0, 10.0])).figures:
+        for panel in matplotlib_figure(figure).axes:
+            (left, right), (bottom, top) = panel.get_xlim(), panel.get_ylim()
+            for line in panel.lines:
+                if line.get_marker() in ("o", "x", "^") and line.get_clip_on():
+                    x, y = line.get_xydata().T
+                    assert ((x > left) & (x < right) & (y > bottom) & (y < top)).all(), figure.name
 
 
 def test_at_most_nine_slices_are_shown_with_that_of_the_scenario():

@@ -197,7 +197,7 @@ def _paint_cells(panel: Axes, part: Slice, tracker: str) -> None:
             x, y = _scaled(part, part.places[(states == state) & (added == later)]).T
             panel.plot(
                 x, y, linestyle="none", marker=marker, markersize=size * smaller, color=INK, markerfacecolor=face,
-                markeredgewidth=0.7,
+                markeredgewidth=0.7, clip_on=False, zorder=3,
             )  # fmt: skip
 
 
@@ -207,7 +207,10 @@ def _finish(panel: Axes, part: Slice, marks: Sequence[_Mark]) -> None:
         if mark.part is part:
             x, y = mark.at
             look: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 2.0} if mark.mark == "ring" else {}
-            panel.plot([x], [y], linestyle="none", marker=MARKERS[mark.mark][0], markersize=9, color=INK, **look)
+            panel.plot(
+                [x], [y], linestyle="none", marker=MARKERS[mark.mark][0], markersize=9, color=INK, clip_on=False,
+                zorder=4, **look,
+            )  # fmt: skip
     panel.set_xlim(*part.across.ends)
     panel.set_ylim(*part.up.ends)
     if part.across.config.scale == "log":

@@ -79,7 +79,8 @@ def envelope_document(made: Envelope) -> Document:
     first = tuple(figure for figures in maps[:shown] for figure in figures) or lines
     blocks: list[Block] = [*_headline(claim)]
     blocks += [Row(first)] if first else []
-    blocks += [Section("Margins", (*_margins(claim), *([Row(lines)] if maps and lines else [])))]
+    margins = (*_margins(claim), *([Row(lines)] if maps and lines else []))
+    blocks += [Section("Margins", margins)] if margins else []
     blocks += [Section("Sensitivity", tuple(sensitivity_tables(made)))]
     blocks += [*counter_sections(claim), *worst_section(claim), *_suites(claim)]
     blocks += [Section("Further pairs of axes", tuple(map(Row, maps[shown:])))] if maps[shown:] else []
