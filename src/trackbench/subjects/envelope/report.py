@@ -64,7 +64,7 @@ def _rests_on(claim: Claim) -> str:
     totals = [0, *(each * runs for each, runs in claim.extents)]
     share = -math.log(claim.spent * (totals[looks] - totals[looks - 1]) / totals[-1]) / number
     return (
-        f" It takes for granted that no kind of {word} is rarer than what they can show: the {counted(number, word)} "
+        f" It takes for granted that no kind of {word} is rarer than the {word}s can show: the {counted(number, word)} "
         f"that decided the first cells may lack one that makes up {100 * share:.2g} % of all."
     )
 
