@@ -99,3 +99,13 @@ def test_a_missing_warning_counts_as_no_less_than_the_latest_one(length: int):
     assert not late.missing[0]
     assert never.missing[0]
     assert never.delay[0] >= late.delay[0] - 1e-9
+
+
+def test_so_many_scans_are_the_same_delay_wherever_they_are():
+    time = np.cumsum(np.full(200, 0.05)) - 0.05
+    delays = set()
+    for start in range(0, 150, 7):
+        truth, own = (np.zeros((200, 1), dtype=bool) for _ in range(2))
+        truth[start : start + 20], own[start + 3 : start + 20] = True, True
+        delays |= set(answers(spans(truth, time), spans(own, time), time, np.array([np.inf])).delay.tolist())
+    assert delays == {0.15}

@@ -10,6 +10,8 @@ from trackbench.base.types import SAME_TIME, Array, Indices, Mask
 
 #: Shorter gaps in an activity do not end it, s; and what is so near to an event answers it.
 TOLERANCE = 0.5
+#: Of a delay, s.
+DECIMALS = 9
 
 
 class Spans(NamedTuple):
@@ -79,7 +81,9 @@ def answers(events: Spans, own: Spans, time: Array, impact: Array) -> Answers:
     going_on = np.append(False, (events.run[1:] == events.run[:-1]) & (begins[1:] < end[:-1]))
     answered = np.where(going_on, np.append(0.0, ends[events.stop[:-1]]), answered)
     latest = np.minimum(ends[events.stop] + TOLERANCE, impact[events.run])
-    delay = np.maximum(np.where(missing, latest, answered) - ends[events.start], -TOLERANCE)
+    # Times are sums of periods: so many scans are the same delay wherever they are.
+    delay = np.round(np.where(missing, latest, answered) - ends[events.start], DECIMALS)
+    delay = np.maximum(delay, -TOLERANCE)
     near = np.searchsorted(end, own_begin - reach)
     early, over = np.append(begin, np.inf)[near] > own_begin + reach, np.append(first, 0)[near] >= own_stop
     return Answers(delay, missing, early | over)
