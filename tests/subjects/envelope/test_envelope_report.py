@@ -112,6 +112,26 @@ def test_nothing_lies_on_the_edge_of_a_panel():
                     assert ((x > left) & (x < right) & (y > bottom) & (y < top)).all(), figure.name
 
 
+def test_a_panel_without_a_border_says_why():
+    ways = {name: AXES[name] for name in ("q", "r", "world")}
+    values = {
+        "good": lambda x, y, world: 0.5 + x + world,
+        "open": lambda x, y, world: 0.99,
+        "part": lambda x, y, world: 0.5 if x < 0.5 else 0.99,
+        "poor": lambda x, y, world: 2.0 - 1.5 * (1 - world),
+        "edge": lambda x, y, world: 1.0 - 1e-15 if x + y == 2 else 2.0,
+    }
+    document = envelope_document(envelope_of(claim_of(ways, values)))
+    figure = next(figure for figure in document.figures if figure.name == "borders-q-r")
+    texts = {axes.get_title(loc="left"): axes.texts[0].get_text() for axes in matplotlib_figure(figure).axes}
+    both = "open: not decided\npart: not all decided\n"
+    edge = "\nedge: not all decided"
+    assert texts == {
+        "world ideal": f"{both}poor: all hold{edge}",
+        "world human": f"good: none holds\n{both}poor: none holds{edge}",
+    }
+
+
 def test_at_most_nine_slices_are_shown_with_that_of_the_scenario():
     document = envelope_document(made("q", "r", "n", "m", base=[1.5, 1.0, 5.0, 100.0]))
     figure = next(figure for figure in document.figures if figure.name == "map-ekf-q-r")

@@ -84,8 +84,15 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
 
     def paint(canvas: Canvas) -> None:
         for panel, part in zip(_panels(canvas, parts), parts, strict=False):
+            unseen = []
             for style in styles:
-                _paint_line(panel, part, border_of(part, claim, style.name), style.colour, style)
+                border = border_of(part, claim, style.name)
+                _paint_line(panel, part, border, style.colour, style)
+                # A border of no length runs through a cell at the edge whose value is that of the limit.
+                if np.ptp(border.segments, axis=1).sum() < 1e-9 and (said := _all_alike(part.states(style.name))):
+                    unseen.append(f"{shortened(style.name, WIDTH / _BESIDE - 140, 8)}: {said}")
+            # Bottom left, and in ink: it is read on every band.
+            panel.text(0.04, 0.06, "\n".join(unseen), transform=panel.transAxes, fontsize=8, color=INK, zorder=5)
             _finish(panel, part, marks)
         _label(canvas, parts)
 
@@ -100,6 +107,14 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
         legend=(*lines, *_mark_legend(marks)),
         tooltips={style.key: style.name for style in styles},
     )
+
+
+def _all_alike(states: Sequence[State]) -> str:
+    """What is said of cells between which there is no border; empty where they lie on one line and differ."""
+    words = {"holds": "all hold", "fails": "none holds", "undecided": "not decided"}
+    if len(found := set(states)) == 1:
+        return words[states[0]]
+    return "" if {"holds", "fails"} <= found else "not all decided"
 
 
 class _Mark(NamedTuple):
