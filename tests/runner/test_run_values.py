@@ -47,6 +47,17 @@ def test_scores_of_tracks_of_each_run_are_those_of_the_run_alone() -> None:
     np.testing.assert_allclose(values, np.sqrt(total / count), rtol=1e-12)
 
 
+def test_the_error_of_a_function_in_each_run_is_its_delay() -> None:
+    loaded = tb.load("functions/euro_ncap_braking", runs=RUNS)
+    sums, result = by_run(loaded, "ekf_cv_quiet", loaded.config.own_metrics)
+    metric = next(metric for metric in loaded.config.own_metrics if metric.name == "warn_error.lead")
+    values = run_values(metric, sums, RUNS)
+    delay = result.to_pandas("runs").query("tracker == 'ekf_cv_quiet'")["warn_delay.lead_per_run"]
+    assert values is not None
+    np.testing.assert_allclose(values, delay.abs(), atol=1e-9)
+    assert len({*values.round(6)}) > 1
+
+
 def test_a_metric_of_no_runs_has_no_values() -> None:
     loaded = tb.load("lidar_only", runs=RUNS)
     tracker = next(iter(loaded.config.trackers))
