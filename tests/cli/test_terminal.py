@@ -72,12 +72,12 @@ def examples() -> Iterator[str]:
 
 @pytest.mark.parametrize("line", sorted(set(examples())))
 def test_every_example_is_a_command_that_is_understood(line: str) -> None:
-    inner = re.search(r"\$\((.*?)\)", line)
-    words = shlex.split(re.split(r"\s[>|]\s", inner[1] if inner else line)[0], comments=True)
+    quoted = re.search(r"\$\((.*?)\)", line)
+    words = shlex.split(re.split(r"\s[>|]\s", quoted[1] if quoted else line)[0], comments=True)
     words = words[words.index("trackbench") + 1 :]
     command: click.Command = root
-    while isinstance(command, click.Group):
-        command = command.get_command(click.Context(command), words.pop(0))
+    while isinstance(command, click.Group) and (inner := command.get_command(click.Context(command), words[0])):
+        command, words = inner, words[1:]
     command.make_context("trackbench", words).close()
 
 

@@ -153,7 +153,9 @@ class Commands(click.Group):
         self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
+        # Without the empty line of a section, so that all of it fits a screen of 24 lines.
+        formatter.write_heading("Commands")
+        with formatter.indentation():
             formatter.write_dl([(name, COMMANDS[name].summary) for name in self.list_commands(ctx)])
 
 

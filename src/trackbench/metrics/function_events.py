@@ -72,9 +72,9 @@ def function_events(
     Raises:
         InputError: the scenario has no such function.
     """
-    known = function_labels(path for item in result.summary.trackers for path in item.metrics)
-    if function not in known:
-        hint = nearest(function, known) if known else "it has none"
+    labels = function_labels(path for item in result.summary.trackers for path in item.metrics)
+    if function not in labels:
+        hint = nearest(function, labels) if labels else "it has none"
         raise InputError(f"no function {function!r} in this run; {hint}", key="--function")
     table = result.tables.if_there("function_events")
     if not table.num_rows:

@@ -69,11 +69,11 @@ def _numbers(result: Result, label: str) -> Table:
     trackers = result.scored
     metrics = {item.name: item for item in result.summary.score.metrics}
     own = [path for path in metrics if path.rpartition(".")[2] == label and path in trackers[0].metrics]
-    known = {f"{stem}.{label}": (heading, scale) for stem, heading, scale in _COLUMNS}
+    columns_of = {f"{stem}.{label}": (heading, scale) for stem, heading, scale in _COLUMNS}
 
     def cells(path: str) -> TableColumn:
         metric = metrics[path]
-        heading, scale = known.get(path, (path.partition(".")[0].replace("_", " ") + unit_of(metric.unit), 1.0))
+        heading, scale = columns_of.get(path, (path.partition(".")[0].replace("_", " ") + unit_of(metric.unit), 1.0))
         return Column(heading, metric.meaning, details=INTERVAL), values(trackers, path, scale=scale)
 
     delays = [(column, _details(trackers, f"warn_delay.{label}", name)) for name, column in _OF_DELAY.items()]

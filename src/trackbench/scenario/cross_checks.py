@@ -144,14 +144,14 @@ def _decisions(scenario: ScenarioConfig) -> Iterator[Problem]:
     each = [tracker.sensors for tracker in scenario.trackers.values()]
     read = {name for sensors in each for name in (scenario.sensors if sensors is None else sensors)}
     rates = {name: sensor.rate_hz for name, sensor in scenario.sensors.items() if name in read}
-    known = {name: rate for name, rate in rates.items() if rate is not None}
-    if not scenario.functions or not known or len(known) < len(rates):
+    stated = {name: rate for name, rate in rates.items() if rate is not None}
+    if not scenario.functions or not stated or len(stated) < len(rates):
         return
-    fastest = max(known, key=lambda name: known[name])
-    if known[fastest] < SLOWEST_DECISIONS:
+    fastest = max(stated, key=lambda name: stated[name])
+    if stated[fastest] < SLOWEST_DECISIONS:
         why = "functions decide when a sensor measures, so that a slower one is never late"
         message = (
-            f"{known[fastest]:g} Hz, and no sensor that is read is faster: {why}; use {SLOWEST_DECISIONS:g} or more"
+            f"{stated[fastest]:g} Hz, and no sensor that is read is faster: {why}; use {SLOWEST_DECISIONS:g} or more"
         )
         yield Problem(("sensors", fastest, "rate_hz"), message)
 

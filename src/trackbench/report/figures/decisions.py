@@ -104,8 +104,8 @@ def _in_words(spans: Sequence[tuple[float, float]]) -> str:
 
 def _said(shown: Sequence[TrackerStyle], events: Sequence[FunctionEvent]) -> str:
     """What was wrong of each tracker."""
-    said = []
+    sentences = []
     for style in shown:
         own = [f"{event.word} by {fixed(event.wrong_s, 2)} s" for event in events if event.tracker == style.name]
-        said.append(f"{style.name}: {', '.join(own) or 'nothing wrong'}.")
-    return " ".join(said)
+        sentences.append(f"{style.name}: {', '.join(own) or 'nothing wrong'}.")
+    return " ".join(sentences)

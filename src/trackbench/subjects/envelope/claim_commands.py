@@ -91,7 +91,8 @@ def diff_command(before: Path, after: Path, junit: Path | None, github: bool, as
       trackbench envelope diff before/highway-envelope after/highway-envelope
 
     \b
-    Exit status: 0 no cell is lost, 1 one is, 2 bad input or not comparable, 4 cannot write
+    Exit status: 0 no cell is lost, 1 one is, 2 bad input or not comparable,
+    4 cannot write
     """
     from trackbench.subjects.envelope.claim import read_envelope
     from trackbench.subjects.envelope.diff import diff
