@@ -112,7 +112,7 @@ def surrounding(values: Mapping[str, Value | None], axes: Sequence[MapAxis], poi
     """
     tried = [{point[number] for point in points} for number in range(len(axes))]
     own_points = set(points)
-    for steps in (own_points, [set(axis.values) for axis in axes]):
+    for steps in (tried, [set(axis.values) for axis in axes]):
         sides = [_next_to(axis, values[axis.name], own) for axis, own in zip(axes, steps, strict=True)]
         if all(sides) and all(corner in own_points for corner in product(*sides)):
             return [point for point in points if all(map(_within, axes, point, sides))]
