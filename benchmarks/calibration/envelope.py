@@ -129,7 +129,7 @@ def _blair() -> Iterator[Claim]:
         inside.append(found.holds(truth))
         if seed < REPEATS // 4:
             # As many cells, spread evenly, with equal shares of the same runs.
-            fixed = border(made(blair(25, 25, max(10, runs_of(adaptive) // 25)), seed), "kf")
+            fixed = border(made(blair(25, 25, max(25, runs_of(adaptive) // 25)), seed), "kf")
             wider.append(found.decades / fixed.decades)
     what = f"border of a constant-velocity filter over the manoeuvre index (Blair), limit {LIMIT} sigma"
     yield rate(what, inside, 0.92, 1)
