@@ -42,11 +42,6 @@ class Requirement(NamedTuple):
     other: str | None = None
     """Where it must be better than another tracker: the limit is that of the difference, 0."""
 
-    def __str__(self) -> str:
-        if self.other is not None:
-            return f"{self.tracker} {self.metric} better than {self.other}"
-        return f"{self.tracker} {self.metric} {self.direction} {self.limit:g}"
-
 
 class Extent(NamedTuple):
     """How far the runs of a cell go: runs of each of its scenes."""
@@ -109,7 +104,6 @@ class LookResult(NamedTuple):
 
     sums: dict[str, MetricSums]
     failures: dict[str, Failure]
-    seconds: float
     measurements: bytes
     """A hash of them."""
 
@@ -182,9 +176,8 @@ def make_runs(work: Work, names: Collection[str], pieces: Sequence[BlockRuns]) -
     blocks = [block for group in work.groups(pieces) for block in run_blocks(work, group)]
     failures, outcomes = failures_and_outcomes(work.trackers, blocks)
     sums = {name: merge_sums([_sums_of(item) for item in items], work.metrics) for name, items in outcomes.items()}
-    seconds = sum(item.seconds for items in outcomes.values() for item in items)
     digest = hashlib.sha256(b"".join(each for block in blocks for each in block.digests)).digest()
-    return LookResult(sums, failures, seconds, digest)
+    return LookResult(sums, failures, digest)
 
 
 def _sums_of(outcome: Any) -> MetricSums:

@@ -75,10 +75,8 @@ class MapCell:
     """Those that they are held against alone."""
     added: bool = False
     """Whether it was put near a border, and was not where the map started."""
-    seconds: float = 0.0
     measurements: list[bytes] = field(default_factory=list)
     """Of each look, the hash of the measurements of its runs."""
-
     metrics: tuple[Metric, ...] = ()
     """That its runs are scored by."""
 
@@ -132,7 +130,7 @@ class EnvelopeMap:
         self._executor, self._isolation, self._engine = executor, isolation, engine
         self._store = store or Store(None, "")
         self._retune = retune
-        numbers = tuple(extent.scenes * extent.runs for extent in task.extents)
+        numbers = tuple(extent.parts for extent in task.extents)
         self._spending = Spending(1.0 - task.config.confidence, task.config.cells * len(task.trackers), numbers)
         self._truths: OrderedDict[str, list[LoadedTruth]] = OrderedDict()
 
@@ -237,7 +235,6 @@ class EnvelopeMap:
         cell, result = begun.cell, begun.result.result()
         if not begun.kept:
             self._store.save(cell.point, look, result)
-        cell.seconds += result.seconds
         cell.measurements.append(result.measurements)
         for name in begun.names:
             tracker = cell.trackers.get(name) or cell.others[name]
