@@ -63,6 +63,8 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         for name, write in files.items():
             (temporary / name).parent.mkdir(parents=True, exist_ok=True)
             write(temporary / name)
+            if not (temporary / name).exists():
+                raise OutputError(f"cannot write {folder}: {name} was not written")
         written = [f"{name} {(temporary / name).stat().st_size / 1000:.0f} kB" for name in sorted(files)]
         tell_written(folder, {name: temporary / name for name in files})
         with locked(folder.parent):
