@@ -1,7 +1,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
+GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md docs/glossary.md
 
 .PHONY: help demo test test-all test-long fuzz doctor-rates real-faults calibration radar worlds gym lint types contracts docs install benchmark pins same-numbers printed tuned drivers envelopes reference recorded clean $(GENERATED)
 
@@ -97,6 +97,9 @@ docs/sensor-presets.md: $(VENV)/.installed
 
 docs/command-line.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.cli.docs > $@
+
+docs/glossary.md: $(VENV)/.installed
+	$(BIN)/python -m trackbench.cli.explain > $@
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.speed

@@ -56,6 +56,7 @@ MENU = {
     ],
     "Tools": [
         "command-line",
+        "glossary",
         "execution",
         "fused-engine",
         "tune",

@@ -18,6 +18,7 @@ from tests.support.browser import shown_by_browser
 from tests.support.places import DOCS, ROOT
 
 from trackbench.cli.docs import command_line_markdown
+from trackbench.cli.explain import glossary
 from trackbench.sensing.docs import presets_markdown
 
 LOADED = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}
@@ -154,11 +155,15 @@ def test_every_equation_is_drawn(site: Path, page: str) -> None:
 
 @pytest.mark.parametrize(
     ("page", "made", "module"),
-    [("command-line", command_line_markdown, "cli"), ("sensor-presets", presets_markdown, "sensing")],
+    [
+        ("command-line", command_line_markdown, "cli.docs"),
+        ("glossary", glossary, "cli.explain"),
+        ("sensor-presets", presets_markdown, "sensing.docs"),
+    ],
 )
 def test_the_generated_pages_are_up_to_date(page: str, made: Callable[[], str], module: str) -> None:
     shown = (DOCS / f"{page}.md").read_text(encoding="utf-8")
-    assert shown == made(), f"run: python -m trackbench.{module}.docs > docs/{page}.md"
+    assert shown == made(), f"run: python -m trackbench.{module} > docs/{page}.md"
 
 
 @pytest.mark.docs_pages

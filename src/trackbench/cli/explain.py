@@ -1,4 +1,4 @@
-"""``trackbench explain``: the page of a term that a table, a report or an examination uses."""
+"""``trackbench explain``: the page of a term. ``python -m trackbench.cli.explain`` prints docs/glossary.md of them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,25 @@ import inspect
 import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from itertools import product
+from itertools import chain, product
+from pathlib import Path
 
 import click
+import yaml
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.subjects import TermPage, offered, resolve
+from trackbench.cli.listing import rows
 
 WIDTH = 80
+#: Of what a scenario can name, by the heading of its list.
+LISTED = {
+    "filters": "filter",
+    "motion-models": "motion model",
+    "sensor-effects": "sensor effect",
+    "functions": "function",
+    "worlds": "world",
+}
 #: What computes a metric, by the first part of its name: its docstring has the formula and the source.
 FORMULAS = {
     "rmse": "trackbench.metrics.built_in.basic:RootMeanSquare",
@@ -32,31 +43,42 @@ FORMULAS = {
 }
 #: Those whose parts have the formula of the whole.
 FAMILIES = {"deta": "hota", "assa": "hota", "motp": "mota"}
-#: Of the other columns of a table.
-TABLE = {
-    "group": "The letters beside a metric. Between trackers that share a letter no difference beyond the stated margin "
-    "is shown, at 95 % for all pairs together. Those without a common letter differ.",
-    "/ref": "The error over that of the reference: the filter that knows the sensors' noise and assumes white "
-    "acceleration, on the same measurements.",
-}
+#: What the glossary leaves to the terminal.
+LEFT_OUT = {"how", "needs", "finds", "found by"}
+GLOSSARY = """\
+# Glossary
+
+<!-- Made by `python -m trackbench.cli.explain`. Change cli/vocabulary.yaml and docstrings, not this page. -->
+
+Every word that a table, a report or an examination uses, in alphabetical order. `trackbench explain TERM` prints the
+same, and of a fault and a check how it is found."""
 
 
 def terms() -> dict[str, list[TermPage]]:
     """Every term, by subject."""
-    own = {"metrics": list(_metrics()), "verdicts": list(_verdicts()), "tables": list(_table())}
+    vocabulary = yaml.safe_load(Path(__file__).with_name("vocabulary.yaml").read_text(encoding="utf-8"))
+    plain = {group: (group.removesuffix("s"), words.items()) for group, words in vocabulary.items()}
+    plain |= {what: (kind, rows(what)) for what, kind in LISTED.items()}
+    own = {group: [TermPage(name, ((kind, text),)) for name, text in of] for group, (kind, of) in plain.items()}
+    own |= {"metrics": list(_metrics()), "verdicts": list(_verdicts())}
     return own | {name: list(resolve(target)()) for name, target in offered("terms")}
 
 
 def _metrics() -> Iterator[TermPage]:
+    from trackbench.metrics.functions import published_metrics
     from trackbench.metrics.registry import METRICS, metric_paths
 
     own = list(METRICS.loaded().values())
-    fields = metric_paths(metric for metric in own if metric.scores == "estimates")
+    fields = metric_paths([*published_metrics(), *(metric for metric in own if metric.scores == "estimates")])
     of_tracks = metric_paths((metric for metric in own if metric.scores == "tracks"), hidden=True)
     of_tracks += metric_paths(hidden=True, truth=False)
     lines: dict[str, dict[str, str]] = {}
     for hidden, entry in [*product([False], fields), *product([True], of_tracks)]:
-        unit = f" [{entry.unit}]" if entry.unit not in ("", "1") else ""
+        notes = [
+            *[entry.unit] * (entry.unit not in ("", "1")),
+            *([f"{entry.better} is better"] if entry.better else []),
+        ]
+        unit = f" [{', '.join(notes)}]" if notes else ""
         name = entry.name.partition(".")[0]
         where = "with hidden identities: " if hidden and entry.name in lines.get(name, {}) else ""
         lines.setdefault(name, {})[entry.name + " " * bool(where)] = f"{where}{entry.meaning}{unit}"
@@ -91,10 +113,6 @@ def _verdicts() -> Iterator[TermPage]:
     yield TermPage("diverged", ((diverged.name, diverged.meaning),))
 
 
-def _table() -> Iterator[TermPage]:
-    return (TermPage(name, (("in a table", text),)) for name, text in TABLE.items())
-
-
 def page(term: TermPage) -> str:
     """A term for a terminal of 80 columns."""
     lines = [term.name]
@@ -115,10 +133,28 @@ def _contents(subjects: dict[str, list[TermPage]]) -> Iterator[str]:
         yield from ["", *_wrapped(f"{subject}: {', '.join(term.name for term in of)}")]
 
 
+def glossary() -> str:
+    """All terms as one page."""
+    subjects = terms()
+    owners = {text: term.name for term in reversed(subjects["metrics"]) for _, text in term.page}
+    pages: dict[str, list[TermPage]] = {}
+    for term in chain.from_iterable(subjects.values()):
+        pages.setdefault(term.name.lower(), []).append(term)
+    sections = [GLOSSARY]
+    for name, same in sorted(pages.items(), key=lambda item: item[0].strip("/")):
+        sections.append(f"## {same[0].name}")
+        for heading, text in dict.fromkeys(entry for term in same for entry in term.page if entry[0] not in LEFT_OUT):
+            label = f"`{heading}`: " if heading.startswith(name) else f"*{heading}*: "
+            owner = owners[text] if heading == "formula" else name
+            words = " ".join(text.split()) if owner == name else f"that of [{owner}](#{owner})"
+            sections.append(label * (heading not in ("term", name)) + words)
+    return "\n\n".join(sections) + "\n"
+
+
 @click.command("explain")
 @click.argument("term", required=False)
 def explain_command(term: str | None) -> None:
-    """Print the page of a term: a fault, a check, a metric or a verdict.
+    """Print the page of a term: of the field, a metric, a verdict, a fault, a check.
 
     Without one, all terms by subject.
 
@@ -140,3 +176,7 @@ def explain_command(term: str | None) -> None:
 def _nearest(term: str, subjects: Iterable[Iterable[TermPage]]) -> str:
     hint = nearest(term.lower(), [entry.name for of in subjects for entry in of])
     return hint if hint.startswith("did") else "`trackbench explain` lists them"
+
+
+if __name__ == "__main__":
+    print(glossary(), end="")

@@ -115,7 +115,7 @@ def _metrics() -> Iterator[Row]:
     from trackbench.metrics.functions import published_metrics
     from trackbench.metrics.registry import METRICS, metric_paths
 
-    def rows(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
+    def of(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
         for metric in metrics:
             yield metric.name, where + metric.meaning + (f" [{metric.unit}]" if metric.unit not in ("", "1") else "")
 
@@ -123,10 +123,10 @@ def _metrics() -> Iterator[Row]:
         yield name, f"failed: {reason}"
     own = METRICS.loaded().values()
     of_estimates = [metric for metric in own if metric.scores == "estimates"]
-    yield from rows(metric_paths([*published_metrics(), *of_estimates]))
+    yield from of(metric_paths([*published_metrics(), *of_estimates]))
     of_tracks = [metric for metric in own if metric.scores == "tracks"]
-    yield from rows(metric_paths(of_tracks, hidden=True), "hidden identities: ")
-    yield from rows(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
+    yield from of(metric_paths(of_tracks, hidden=True), "hidden identities: ")
+    yield from of(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
 
 
 def _worlds() -> Iterable[Row]:
@@ -167,12 +167,17 @@ Example:
 """
 
 
+def rows(what: str) -> Iterable[Row]:
+    """Names and descriptions of one of ``LISTS``."""
+    return (_CORE[what] if what in _CORE else resolve(_OF_SUBJECTS[what].target))()
+
+
 @click.command("list", help=_HELP)
 @click.argument("what", type=NearestChoice(LISTS), metavar="WHAT")
 def list_command(what: str) -> None:
     """Show what a scenario or an option can name."""
     table = click.HelpFormatter(width=shutil.get_terminal_size().columns)
-    table.write_dl((_CORE[what] if what in _CORE else resolve(_OF_SUBJECTS[what].target))())
+    table.write_dl(list(rows(what)))
     click.echo(table.getvalue(), nl=False)
 
 

@@ -10,15 +10,24 @@ _PAGES = {
     "envelope": (
         ("a map", "The points at which a tracker meets its requirement, over the axes of the `envelope:` block."),
         (
-            "cells",
-            "Each point that was run is a cell, and is holds, fails or undecided. Runs are added to a cell until it is "
-            "decided or its budget is spent; new cells are put between neighbours that differ.",
-        ),
-        (
             "confidence",
             "The error is spent over all cells, trackers and looks: with 95 % confidence no cell of the whole map is "
             "decided wrongly, if no kind of run is rarer than the runs can show. Nothing is claimed between cells: the "
             "border there is interpolated.",
+        ),
+    ),
+    "cell": (
+        (
+            "in a map",
+            "A point that was run, and is holds, fails or undecided. Runs are added until it is decided or its budget "
+            "is spent; new cells are put between neighbours that differ.",
+        ),
+    ),
+    "claim": (
+        (
+            "file",
+            "`claim.json`: every cell of a map, and what is needed to make it again. `trackbench envelope --verify` "
+            "replays a tenth of the cells.",
         ),
     ),
     "undecided": (
