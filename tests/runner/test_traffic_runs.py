@@ -304,7 +304,7 @@ def test_what_a_tracker_loads_at_first_is_not_timed(scenario: Path, write_module
 
 def test_where_nothing_was_due_nobody_is_ranked(scenario: Path, cli: Callable[..., Any]) -> None:
     done = cli("run", scenario, "--set", "sensors.radar.max_range_m=2", "--set", "sensors.lidar.max_range_m=2")
-    assert "NOT RANKED gnn: no object was ever due" in done.out
+    assert "gnn     NOT RANKED: no object was ever due" in done.out
     assert "GOSPA" not in done.out
     page = Path("results/lanes/report.md").read_text(encoding="utf-8")
     assert "**No object was ever due: none came into a sensor's view" in page

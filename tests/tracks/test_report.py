@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -79,11 +80,27 @@ def test_the_terminal_has_room(traffic_result: Result, nees: float, capsys: pyte
     print_summary(changed, Console(width=80))
     lines = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 and line == line.rstrip() and line for line in lines)
-    names = [line.split()[0] for line in lines[2:6]]
+    first = next(i for i, line in enumerate(lines) if line.startswith("tracker")) + 1
+    rows = lines[first : first + 4]
+    names = [line.split()[0] for line in rows]
     assert sorted(names) == ["gnn", "naive", "oracle*", "pmb"]
     # An oracle is in no group.
-    assert [len(line.split()) for line in lines[2:6]] == [10 if name == "oracle*" else 11 for name in names]
-    assert lines[-1] == "group: no difference over 1 % or 5 mm shown between those that share a letter"
+    assert [len(line.split()) for line in rows] == [10 if name == "oracle*" else 11 for name in names]
+    assert lines[first + 4] == "group: no difference over 1 % or 5 mm shown between those that share a letter"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_columns_that_do_not_fit_go_on_below(traffic_result: Result, width: int) -> None:
+    def printed(columns: int) -> list[str]:
+        output = io.StringIO()
+        print_summary(traffic_result, Console(file=output, width=columns))
+        return output.getvalue().splitlines()
+
+    lines = printed(width)
+    assert all(len(line) <= width for line in lines)
+    headings = [line.split()[1:] for line in lines if line.startswith("tracker")]
+    (wide,) = [line.split()[1:] for line in printed(200) if line.startswith("tracker")]
+    assert [word for part in headings for word in part] == wide
 
 
 def test_marks_of_the_figures_are_those_of_their_legends(document: Document) -> None:

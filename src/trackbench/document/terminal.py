@@ -86,12 +86,16 @@ def _say(console: Console, text: Text) -> None:
 
 
 def print_hanging(console: Console, mark: str | Text, text: Text) -> None:
-    """A text behind a mark; its further lines begin below its first."""
-    lead = Text.assemble(mark)
-    room = max(console.width - lead.cell_len, 1)
-    for number, line in enumerate(text.wrap(console, room)):
+    """Print a text behind a mark; its further lines begin below its first."""
+    for line in hanging(console, Text.assemble(mark), text):
+        console.print(line, highlight=False)
+
+
+def hanging(console: Console, mark: Text, text: Text) -> Iterator[Text]:
+    """The lines of a text behind a mark, which begin below each other."""
+    for number, line in enumerate(text.wrap(console, max(console.width - mark.cell_len, 1))):
         line.rstrip()
-        console.print(Text.assemble(Text(" " * lead.cell_len) if number else lead, line), highlight=False)
+        yield Text.assemble(Text(" " * mark.cell_len) if number else mark, line)
 
 
 def _item(item: Item) -> Text:

@@ -8,9 +8,10 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.document.terminal import STYLE, print_hanging
+from trackbench.document.terminal import STYLE, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, reach, short
+from trackbench.report.functions import function_tables
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
@@ -27,7 +28,8 @@ from trackbench.report.sentences import (
     value_and_limit,
 )
 from trackbench.report.tables import OUTCOME_TONE, TONE, metric_of
-from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.report.verdict import verdict_of_run
+from trackbench.results import Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = {
@@ -103,22 +105,8 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
             for mean, word, style in zip(means, words, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
-    ends = _ends(metrics, places) if path == "position_rmse" else [""] * len(metrics)
+    ends = intervals_in_short(metrics, places) if path == "position_rmse" else [""] * len(metrics)
     return [Text(f"{short(m.value, places)} {end}".rstrip()) for m, end in zip(metrics, ends, strict=True)]
-
-
-def _ends(metrics: Sequence[MetricValue], places: int) -> list[str]:
-    """Half of each interval, or its ends: to the first digit of the longest of their shorter halves, or of the end."""
-    known = [(metric.value, metric.ci95) for metric in metrics]
-    shorter = [min(value - ends[0], ends[1] - value) for value, ends in known if value is not None and ends]
-    least = decimals([max(shorter, default=None)], 1)
-    written = []
-    for value, ends in known:
-        half = reach(value, ends, places)
-        if ends and half[:1] not in ("±", ""):
-            half = reach(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")
-        written.append(half)
-    return written
 
 
 def _notes_on_tracks(result: Result) -> list[str]:
@@ -149,21 +137,20 @@ _MOST_LETTERS = 12
 
 
 def print_summary(result: Result, console: Console) -> None:
-    """The ranked table, what it leaves out, the expectations, and the trackers that failed."""
-    console.print(title(result), highlight=False)
+    """The verdict, the ranked table with those that are not ranked, what it leaves out, and what was not met."""
+    print_hanging(console, "", Text(verdict_of_run(result), "bold"))
+    print_hanging(console, "", Text(run_in_words(result), "dim"))
     listed = result.listed
-    if listed.scored:
-        for row in _table_lines(listed, console.width):
-            console.print(row, highlight=False, soft_wrap=True)
-        if listed is not result:
-            console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
-        for note in filter(None, [*_notes(result), drawing_random(result)]):
-            begin = len(note) - len(note.lstrip()) + 2
-            print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
-    _print_failed_trackers(result, console)
-    if result.summary.expectations:
-        console.print(Text(expectations_met(result.summary.expectations)), style="bold", highlight=False)
-        _print_missed(result, console)
+    for row in _table_lines(listed, console):
+        console.print(row, highlight=False, soft_wrap=True)
+    if listed is not result:
+        console.print(f"{len(result.scored) - len(listed.scored)} more: result.json", highlight=False)
+    for note in filter(None, [*_notes(result), drawing_random(result)] if listed.scored else []):
+        begin = len(note) - len(note.lstrip()) + 2
+        print_hanging(console, Text(note[:begin], "dim"), Text(note[begin:], "dim"))
+    for table in function_tables(result):
+        print_table(table, console)
+    _print_missed(result, console)
 
 
 def print_outcome(result: Result, console: Console) -> None:
@@ -175,10 +162,14 @@ def print_outcome(result: Result, console: Console) -> None:
 
 def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
-        label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NOT RANKED ", STYLE["warn"])
-        print_hanging(
-            console, Text(*label), Text(f"{tracker.name}: {result.why_unscored(tracker)}{_errors_of(tracker)}")
-        )
+        label, why = _unranked(result, tracker)
+        print_hanging(console, Text.assemble(label, " "), Text(f"{tracker.name}: {why}"))
+
+
+def _unranked(result: Result, tracker: TrackerResult) -> tuple[Text, str]:
+    """A label and the reason."""
+    label = Text("FAILED", STYLE["bad"]) if tracker.failed else Text("NOT RANKED", STYLE["warn"])
+    return label, f"{result.why_unscored(tracker)}{_errors_of(tracker)}"
 
 
 def _errors_of(tracker: TrackerResult) -> str:
@@ -198,39 +189,59 @@ def _print_missed(result: Result, console: Console) -> None:
             print_hanging(console, mark, Text(value_and_limit(item)))
 
 
-def title(result: Result) -> Text:
-    """The scenario's name, and what was run."""
-    summary, truth = result.summary, result.summary.truth
-    what = f"{runs_in_words(result)}, {truth.vehicles}, {duration(result)}"
-    return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
+def run_in_words(result: Result) -> str:
+    """What was run."""
+    summary = result.summary
+    return f"{runs_in_words(result)}, {summary.truth.vehicles}, {duration(result)}, seed {summary.seed}"
 
 
-def _table_lines(result: Result, width: int) -> Iterator[Text]:
-    """The table; a name that its column has no room for stands on a line of its own."""
-    left = ("group", "NEES") if result.summary.identities == "known" else ("group",)
-    columns = track_values(result)
-    if result.summary.truth.known and not _too_many_groups(shown := standing(result)):
+def _table_lines(result: Result, console: Console) -> Iterator[Text]:
+    """The table, in parts below each other where the console has no room for its columns; below it the trackers that
+    are not ranked. A name that its column has no room for stands on a line of its own."""
+    columns = track_values(result) if result.scored else []
+    if columns and result.summary.truth.known and not _too_many_groups(shown := standing(result)):
         columns.insert(1, (shown.short, list(map(Text, shown.cells))))
-    widths = [max(len(heading), *(cell.cell_len for cell in cells)) for heading, cells in columns]
-    room = width - sum(1 + each for each in widths)
-    names = [Text(tracker.name + "*" * tracker.is_reference, style="bold") for tracker in result.scored]
-    widths.insert(0, max(len("tracker"), *(len(name) if len(name) <= room else 0 for name in names)))
-    sides = ["left", *("left" if heading in left else "right" for heading, _ in columns)]
+    names = [tracker.name + "*" * tracker.is_reference for tracker in result.scored]
+    every = [*names, *(tracker.name for tracker in result.unscored)]
+    parts: list[list[tuple[str, int, list[Text]]]] = [[]]
+    least = len("tracker")
+    for heading, cells in columns:
+        wide = max(len(heading), *(cell.cell_len for cell in cells))
+        if least + sum(1 + each for _, each, _ in parts[-1]) + 1 + wide > console.width:
+            parts.append([])
+        parts[-1].append((heading, wide, cells))
+    room = console.width - max((sum(1 + wide for _, wide, _ in part) for part in parts), default=0)
+    if not columns:
+        room //= 2
+    first = max([least, *(len(name) for name in every if len(name) <= room)])
+    left = {"group", "NEES"} if result.summary.identities == "known" else {"group"}
 
-    def line(cells: Iterable[Text]) -> Text:
-        aligned = [cell.copy() for cell in cells]
-        for cell, side, wide in zip(aligned, sides, widths, strict=True):
-            cell.align("left" if side == "left" else "right", wide)
+    def line(name: Text, cells: Iterable[tuple[str, int, Text]]) -> Text:
+        aligned = [name.copy()]
+        aligned[0].align("left", first)
+        for heading, wide, cell in cells:
+            aligned.append(cell.copy())
+            aligned[-1].align("left" if heading in left else "right", wide)
         joined = Text(" ").join(aligned)
         joined.rstrip()
         return joined
 
-    yield line(Text(heading, style="dim") for heading in ("tracker", *(heading for heading, _ in columns)))
-    for i, name in enumerate(names):
-        fits = len(name) <= room
+    for part in parts if columns else ():
+        yield line(Text("tracker", "dim"), ((heading, wide, Text(heading, "dim")) for heading, wide, _ in part))
+        for i, name in enumerate(names):
+            if len(name) > room:
+                yield Text(name, "bold")
+            yield line(
+                Text(name if len(name) <= room else "", "bold"),
+                ((heading, wide, cells[i]) for heading, wide, cells in part),
+            )
+    for tracker in result.unscored:
+        fits = len(tracker.name) <= room
         if not fits:
-            yield name
-        yield line([name if fits else Text(), *(cells[i] for _, cells in columns)])
+            yield Text(tracker.name, "bold")
+        mark = Text((tracker.name if fits else "").ljust(first + 1), "bold")
+        label, why = _unranked(result, tracker)
+        yield from hanging(console, mark, Text.assemble(label, f": {why}"))
 
 
 def _too_many_groups(shown: Standing) -> bool:
@@ -270,19 +281,19 @@ def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
     if summary.identities == "hidden":
-        return [*_notes_on_tracks(result), *(_note_on_groups(result) if summary.truth.known else [])]
+        return [*(_note_on_groups(result) if summary.truth.known else []), *_notes_on_tracks(result)]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
-    ends = _ends([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
+    ends = intervals_in_short([metric_of(tracker, "position_rmse") for tracker in trackers], 0)
     sign = "± or ends" if any(end[:1] not in ("±", "") for end in ends) else "±"
     notes = [
+        f"/ref: times the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
+        *_note_on_groups(result),
         *(values_of_few_scenes(result) or [f"{sign}: 95 %, {basis_of_intervals(result)}"]),
-        f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *missing_estimates(result),
         *below_the_bound(result),
         *contradicted_starts(result),
     ]
-    notes += _note_on_groups(result)
     if any(tracker.is_reference for tracker in trackers):
         notes.append("*: a smoother, which knows later measurements too; no competitor")
     if summary.precision:

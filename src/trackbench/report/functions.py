@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.document import Cell, Column, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
 from trackbench.report.figures.decisions import strip_of_decisions
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, short
 from trackbench.report.tables import (
     INTERVAL,
     TRACKER,
@@ -18,7 +18,7 @@ from trackbench.report.tables import (
     unit_of,
     values,
 )
-from trackbench.results import Result, TrackerResult
+from trackbench.results import MetricValue, Result, TrackerResult
 
 #: The worst events of each function that are listed.
 LISTED = 5
@@ -79,6 +79,44 @@ def _numbers(result: Result, label: str) -> Table:
     delays = [(column, _details(trackers, f"warn_delay.{label}", name)) for name, column in _OF_DELAY.items()]
     mean, *others = map(cells, own)
     return tracker_table(f"{label}-decisions", trackers, [mean, *delays, *others])
+
+
+def function_tables(result: Result) -> Iterator[Table]:
+    """For a terminal: what all functions have, a row for each function and tracker; what single ones have."""
+    labels = function_labels(path for tracker in result.scored for path in tracker.metrics)
+    if not labels:
+        return
+    trackers = result.scored
+    rows = [(label, tracker) for label in labels for tracker in trackers]
+    common: list[TableColumn] = [
+        (Column("function", left=True), [Cell(label) for label, _ in rows]),
+        (TRACKER, [Cell(tracker.name, tracker=tracker.name) for _, tracker in rows]),
+    ]
+    for stem, heading, scale in _COLUMNS:
+        common.append((Column(heading), _in_short([metric_of(t, f"{stem}.{label}") for label, t in rows], scale)))
+    yield Table.of_columns("functions", common, "Functions on the tracks against those on the truth")
+    stems = {stem for stem, *_ in _COLUMNS}
+    single = [
+        (
+            Column(f"{label} {stem.replace('_', ' ')}{unit_of(item.unit)}"),
+            _in_short([metric_of(t, item.name) for t in trackers]),
+        )
+        for item in result.summary.score.metrics
+        for stem, _, label in [item.name.rpartition(".")]
+        if label in labels and stem not in stems and item.name in trackers[0].metrics
+    ]
+    if single:
+        yield tracker_table("function-errors", trackers, single)
+
+
+def _in_short(metrics: Sequence[MetricValue], scale: float = 1.0) -> list[Cell]:
+    numbers = [None if metric.value is None else scale * metric.value for metric in metrics]
+    places = decimals(numbers, 2)
+    written = zip(metrics, numbers, intervals_in_short(metrics, places, scale), strict=True)
+    return [
+        Cell(f"{short(number, places)} {ends}".rstrip(), reason=(m.reason or "") if number is None else "")
+        for m, number, ends in written
+    ]
 
 
 def _details(trackers: Sequence[TrackerResult], path: str, name: str) -> list[Cell]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from trackbench.results.metric_value import MetricValue
 from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
@@ -60,6 +61,23 @@ def reach(value: float | None, bounds: Sequence[float] | None, places: int) -> s
     if max(halves) > (1.0 + UNSYMMETRIC) * min(halves):
         return interval(bounds, places)
     return f"±{short(half_width(bounds), places)}"
+
+
+def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float = 1.0) -> list[str]:
+    """Half of each interval, or its ends: to the first digit of the longest of their shorter halves, or of the end."""
+    known = [
+        (None if m.value is None else scale * m.value, m.ci95 and (scale * m.ci95[0], scale * m.ci95[1]))
+        for m in metrics
+    ]
+    shorter = [min(value - ends[0], ends[1] - value) for value, ends in known if value is not None and ends]
+    least = decimals([max(shorter, default=None)], 1)
+    written = []
+    for value, ends in known:
+        half = reach(value, ends, places)
+        if ends and half[:1] not in ("±", ""):
+            half = reach(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")
+        written.append(half)
+    return written
 
 
 def in_brackets(bounds: Sequence[float] | None, places: int, of: str = "") -> str:

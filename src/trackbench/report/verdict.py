@@ -1,0 +1,95 @@
+"""What an engineer says aloud of a run: what went wrong, and who is best, how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from trackbench.base.errors import counted
+from trackbench.metrics.function_events import function_labels
+from trackbench.report.numbers import decimals, fixed, joined, margin_words, meaningful
+from trackbench.report.pairs import Pairs
+from trackbench.report.sentences import expectations_met
+from trackbench.report.tables import metric_of
+from trackbench.results import Result, TrackerResult
+
+#: More names than these are counted.
+NAMED = 3
+
+
+def verdict_of_run(result: Result) -> str:
+    """What went wrong, then who is best, how surely.
+
+    For example "highway: imm_three and imm_cv_ca have the smallest position error, 0.07 m; not shown to differ; all 8
+    expectations met".
+    """
+    expectations = result.summary.expectations
+    outcome = expectations_met(expectations)
+    outcome = outcome[0].lower() + outcome[1:] if expectations else ""
+    failed = _some([tracker.name for tracker in result.unscored if tracker.failed])
+    met = all(item.passed for item in expectations)
+    clauses = [failed and f"{failed} failed", "" if met else outcome, *_of_functions(result), _best(result)]
+    return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
+
+
+def _some(names: list[str]) -> str:
+    return joined(names) if len(names) <= NAMED else counted(len(names), "tracker")
+
+
+def _best(result: Result) -> str:
+    """Who has the smallest error, and than whom it is not shown to be smaller."""
+    summary, contenders = result.summary, result.contenders
+    if not contenders:
+        return "no tracker is ranked"
+    if not summary.truth.known:
+        return f"no truth, so {counted(len(contenders), 'tracker')} without a ranking"
+    what = "position error" if summary.identities == "known" else summary.headline_name
+    over = f"over {scenes} scenes " if (scenes := len(summary.truth.scenes)) else ""
+    best, *others = [tracker.name for tracker in contenders]
+    pairs = Pairs(result)
+    words = {name: pair.verdict for name in others if (pair := pairs.get(best, name))}
+    open_ = [name for name, word in words.items() if word != "better"]
+    if not words:
+        have = "has the smallest" if others else "has a"
+        return f"{over}{best} {have} {what}{',' if others else ' of'} {_error(contenders[:1], summary.headline)}"
+    tied = [best, *open_]
+    alike = len(tied) <= NAMED and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
+    if open_ and alike and {words[name] for name in open_} <= {"equivalent", "undecided"}:
+        error = _error([result[name] for name in tied], summary.headline)
+        same = all(words[name] == "equivalent" for name in open_)
+        how = f"equivalent within {margin_words(summary.score.margin, 'm')}" if same else "not shown to differ"
+        return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}"
+    whom = _than(open_ or [*words], len(words))
+    shown = f"not shown better than {whom}" if open_ else f"shown better than {whom}"
+    return f"{over}{best} has the smallest {what}, {_error(contenders[:1], summary.headline)}; {shown}"
+
+
+def _than(names: list[str], total: int) -> str:
+    if len(names) <= NAMED:
+        return joined(names)
+    return f"all {total} others" if len(names) == total else f"{len(names)} of {total} others"
+
+
+def _error(trackers: list[TrackerResult], path: str) -> str:
+    """ "0.07 m", or "0.07 to 0.09 m" of trackers that differ in what the interval of the best leaves a meaning."""
+    metrics = [metric_of(tracker, path) for tracker in trackers]
+    best = metrics[0]
+    places = max(meaningful(best.value, best.ci95), decimals([best.value], 1))
+    ends = dict.fromkeys(fixed(metric.value, places) for metric in (best, metrics[-1]))
+    return f"{' to '.join(ends)} m"
+
+
+def _of_functions(result: Result) -> Iterator[str]:
+    """Of the functions of which something is expected, who decides closest to the truth."""
+    expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
+    closest: dict[str, list[str]] = {}
+    for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
+        errors = {tracker.name: metric_of(tracker, f"warn_error.{label}").value for tracker in result.contenders}
+        known = {name: value for name, value in errors.items() if value is not None}
+        if label in expected and known:
+            least = min(known.values())
+            names = [name for name, value in known.items() if value == least]
+            of = "all trackers" if len(names) == len(errors) > 1 else _some(names)
+            closest.setdefault(of, []).append(f"{fixed(least, decimals([least], 1))} s ({label})")
+    if closest:
+        yield f"smallest RMS delay: {', '.join(f'{names} {joined(errors)}' for names, errors in closest.items())}"

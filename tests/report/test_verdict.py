@@ -1,0 +1,96 @@
+"""The first line of a run on a terminal, and the rows and functions below it."""
+
+from __future__ import annotations
+
+import io
+from itertools import combinations
+
+import pytest
+from rich.console import Console
+from tests.support.differences import with_differences
+from tests.support.example_result import make_result
+
+from trackbench.report.console import print_summary
+from trackbench.report.verdict import verdict_of_run
+from trackbench.results import ExpectationResult, Result
+
+
+def expectation(metric: str = "position_rmse", *, passed: bool = True) -> ExpectationResult:
+    return ExpectationResult(
+        tracker="ekf_cv", metric=metric, operator="below", limit=0.4, value=0.3, passed=passed, text=f"{metric} below"
+    )
+
+
+def result_where(names: list[str], verdicts: dict[tuple[str, str], str], *held: ExpectationResult) -> Result:
+    """Of the trackers ``names`` alone; the first of a pair is better unless ``verdicts`` say otherwise."""
+    whole = make_result()
+    pattern = whole.differences[0]
+    items = []
+    for a, b in combinations(names, 2):
+        word = verdicts.get((a, b), "different")
+        better = a if word == "different" else None
+        items.append(pattern.model_copy(update={"a": a, "b": b, "verdict": word, "better": better}))
+    trackers = [tracker for tracker in whole.summary.trackers if tracker.name in names]
+    update = {"trackers": trackers, "ranking": names, "expectations": list(held)}
+    return with_differences(whole.updated(**update), items)
+
+
+def said(result: Result) -> str:
+    """Without the scenario's name."""
+    return verdict_of_run(result).removeprefix(f"{result.name}: ")
+
+
+BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "sentence"),
+    [
+        ({}, "ukf_ctrv has the smallest position error, 0.382 m; shown better than ekf_ctrv and ekf_cv"),
+        (
+            {(BEST, NEXT): "undecided"},
+            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; not shown to differ",
+        ),
+        (
+            {(BEST, NEXT): "equivalent"},
+            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 1 % or 5 mm",
+        ),
+        # Two that differ from each other are not called alike, though neither is shown to differ from the best.
+        (
+            {(BEST, NEXT): "undecided", (BEST, THIRD): "undecided"},
+            "ukf_ctrv has the smallest position error, 0.382 m; not shown better than ekf_ctrv and ekf_cv",
+        ),
+    ],
+)
+def test_who_is_best_how_surely(verdicts: dict[tuple[str, str], str], sentence: str) -> None:
+    assert said(result_where([BEST, NEXT, THIRD], verdicts)) == sentence
+
+
+def test_a_single_tracker_is_called_best_of_nothing() -> None:
+    assert said(result_where([BEST], {})) == "ukf_ctrv has a position error of 0.382 m"
+
+
+def test_what_went_wrong_comes_first_and_what_went_right_last() -> None:
+    best = "ukf_ctrv has a position error of 0.382 m"
+    assert said(result_where([BEST], {}, expectation(), expectation())) == f"{best}; all 2 expectations met"
+    missed = result_where([BEST], {}, expectation(), expectation(passed=False))
+    assert said(missed) == f"1 of 2 expectations failed; {best}"
+    assert said(make_result()).startswith("mine failed; 1 of 2 expectations failed; ")
+
+
+def test_functions_are_in_the_verdict_only_where_something_is_expected_of_them() -> None:
+    names = [BEST, NEXT]
+    result = result_where(names, {})
+    pattern = result[BEST].position_rmse.model_copy(update={"unit": "s"})
+    trackers = []
+    for tracker in result.summary.trackers:
+        late = 0.1 + (tracker.name == NEXT)
+        own = {f"{stem}.aeb": pattern.model_copy(update={"value": late}) for stem in ("warn_delay", "warn_error")}
+        trackers.append(tracker.model_copy(update={"metrics": {**tracker.metrics, **own}}))
+    warned = result.updated(trackers=trackers)
+    assert "RMS delay" not in said(warned)
+    expected = warned.updated(expectations=[expectation("warn_error.aeb")])
+    assert said(expected).startswith("smallest RMS delay: ukf_ctrv 0.1 s (aeb); ukf_ctrv has")
+    output = io.StringIO()
+    print_summary(warned, Console(file=output, width=80))
+    assert sum(line.split()[:2] in (["aeb", name] for name in names) for line in output.getvalue().splitlines()) == 2
