@@ -72,7 +72,7 @@ MENU = {
         "projects/udacity-simulator",
         "projects/comma2k19",
     ],
-    "Python": ["python", "plug-ins", "gym", "api"],
+    "Python": ["python", "plug-ins", "own-metric", "gym", "api"],
     "For developers": ["developing"],
 }
 

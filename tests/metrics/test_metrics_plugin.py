@@ -431,7 +431,7 @@ def test_what_the_scorer_holds_cannot_be_changed(
 
 @pytest.mark.docs_pages
 def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "metrics.md", tmp_path) == 2
+    assert run_page(DOCS / "own-metric.md", tmp_path) == 3
     found = Result.load(tmp_path / "results" / "large_errors")
     assert found.summary.passed
     assert found["raw"].large_errors.value > 0.1

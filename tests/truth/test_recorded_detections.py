@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from tests.support.places import DOCS
 from tests.support.udacity import data_folder
 
 from trackbench.base.errors import InputError
@@ -337,10 +336,3 @@ def test_the_shipped_recording_of_a_real_radar_runs() -> None:
     found = run(loaded, truths)
     assert all(tracker.failed is None for tracker in found.summary.trackers)
     assert all((tracker.metrics["used_share"].value or 0) > 0.9 for tracker in found.summary.trackers)
-
-
-def test_every_metric_without_truth_is_on_the_page() -> None:
-    page = (DOCS / "traffic-metrics.md").read_text(encoding="utf-8")
-    section = page[page.index("## Without a truth") :]
-    for path, metric in DETECTION_METRICS.items():
-        assert f"| `{path}` | {metric.unit or '1'} | {metric.meaning} |" in section
