@@ -128,11 +128,9 @@ def page(seen: Sequence[Seen]) -> str:
     lines = [
         "# How often the doctor is right",
         "",
-        "Made by `make doctor-rates`. Every fault is injected into correct trackers: trackbench's own EKF",
-        "(constant velocity), UKF (constant turn rate and velocity) and KF, plain NumPy ones without anything of",
-        "trackbench, and ones made with FilterPy. An injected fault counts where its name is the first finding; of",
-        "a wrong measurement noise also the sensor and the factor, within a factor of two. A row is a fault, a",
-        "column the tracker it is in.",
+        "Made by `make doctor-rates`. Every fault (row) is injected into correct trackers (columns): plain NumPy ones,",
+        "ones made with FilterPy, and built-in ones. It counts where its name is the first finding; of a wrong",
+        "measurement noise also the sensor and the factor, within a factor of two.",
         "",
         *table(seen),
         "",
@@ -159,9 +157,8 @@ def correct_trackers(seen: Sequence[Seen]) -> list[str]:
     for one in seen:
         by_name[str(one.task.what)].append(one)
     lines = [
-        "The correct trackers, with the least and the largest mean NEES of position or velocity in any drive of any",
-        "examination; 2 is right, and 0.06 to 30 passes, in three drives with manoeuvres that a sound model need not",
-        "have up to 150 and 600:",
+        "The correct trackers, with the least and the largest mean NEES of position or velocity in any drive; 2 is",
+        "right. 0.06 to 30 passes, in three drives with manoeuvres up to 150 and 600:",
         "",
         "| tracker | nothing found | NEES |",
         "| --- | ---: | ---: |",

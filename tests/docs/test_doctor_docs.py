@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.support.places import DOCS, ROOT
-
-from trackbench.subjects.doctor.findings import known_faults
 
 PAGE = DOCS / "doctor.md"
 
@@ -27,12 +24,6 @@ def test_the_page_shows_the_files(fenced: Fenced) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
     examples = (DOCS / "examples").glob("sensor_fusion*")
     assert shown == {path.name: path.read_text(encoding="utf-8") for path in examples if path.is_file()}
-
-
-def test_every_fault_is_listed() -> None:
-    _, listed = PAGE.read_text(encoding="utf-8").split("\n## Faults that it names\n")
-    rows = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", listed, re.MULTILINE)
-    assert rows == [(name, known.title, known.where) for name, known in known_faults().items()]
 
 
 def test_the_readme_shows_what_the_page_shows(fenced: Fenced) -> None:
