@@ -84,10 +84,10 @@ def section(seen: Sequence[TrafficSeen]) -> list[str]:
     lines = [
         TITLE,
         "",
-        "The faults are in built-in trackers and in plain NumPy ones, each with a lidar and a radar. Held out are those",
-        "that were not tried before the checks were finished. When first tried, 48 of 50 of their faults (96 %) had the",
-        "right name first, and nothing was found in 15 of 16 sound ones. The three others changed the check of the gate,",
-        "so the counts below are no test of that check any more.",
+        "The faults are in built-in trackers and in plain NumPy ones, each with a lidar and a radar. Held out are",
+        "those that were not tried before the checks were finished. When first tried, 48 of 50 of their faults (96",
+        "%) had the right name first, and nothing was found in 15 of 16 sound ones. The three others changed the",
+        "check of the gate, so the counts below are no test of that check any more.",
         "",
         *table(seen),
     ]
