@@ -12,7 +12,7 @@ from sphinx.ext.napoleon import GoogleDocstring
 sys.path.insert(0, str(Path(__file__).parent / "site"))
 
 project = "trackbench"
-extensions = ["mathml", "myst_parser", "sphinx.ext.autodoc"]
+extensions = ["excerpts", "mathml", "myst_parser", "sphinx.ext.autodoc"]
 exclude_patterns = ["site"]
 
 #: The menu: by heading, the pages in their order.
@@ -94,8 +94,6 @@ html_css_files = ["trackbench.css"]
 html_copy_source = False
 html_use_index = False
 html_show_copyright = False
-# Excerpts would be fetched from the pages found, which a browser forbids to pages that are read from a disk.
-html_show_search_summary = False
 
 
 def setup(app: Sphinx) -> None:

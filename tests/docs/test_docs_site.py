@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -127,7 +129,47 @@ def test_a_search_finds_from_a_disk(site: Path, tmp_path: Path, query: str, page
     assert listed
     found = set(re.findall(r'<a href="([\w/-]+)\.html', listed[1]))
     assert page in found if page else found == set()
+    excerpts = [re.sub("<.*?>", "", text) for text in re.findall(r'<p class="context">(.*?)</p>', listed[1], re.DOTALL)]
+    assert bool(excerpts) == bool(page)
+    assert [text for text in excerpts if query.lower() not in text.lower()] == []
     assert console == []
+
+
+# Of each frame the blocks of code that are wider than they are shown, and how they let one see the rest.
+WIDE_CODE = """
+window.onload = () => {
+  const frames = [...document.querySelectorAll('iframe')].map(frame => {
+    const page = frame.contentDocument;
+    if (frame.title == 'print')
+      for (const sheet of page.styleSheets)
+        for (const rule of sheet.cssRules)
+          if (rule.media?.mediaText.startsWith('print')) rule.media.mediaText = 'all';
+    const wide = [...page.querySelectorAll('pre')].filter(code => code.scrollWidth > code.clientWidth + 1);
+    return {
+      inside: page.documentElement.scrollWidth <= frame.contentWindow.innerWidth,
+      code: [...new Set(wide.map(code => frame.contentWindow.getComputedStyle(code).overflowX))],
+    };
+  });
+  document.body.dataset.found = JSON.stringify(frames);
+};
+"""
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("page", ["doctor", "own-log"])
+def test_code_is_not_cut_off(site: Path, tmp_path: Path, page: str) -> None:
+    """On a desk and on paper long lines wrap; on a phone they scroll."""
+    frames = "".join(
+        f'<iframe title="{title}" src="{(site / page).as_uri()}.html" style="width:{width}px"></iframe>'
+        for title, width in (("desk", 1400), ("print", 700), ("phone", 390))
+    )
+    wrapper = tmp_path / "frames.html"
+    wrapper.write_text(f'<meta charset="utf-8">{frames}<script>{WIDE_CODE}</script>', encoding="utf-8")
+    dom, _ = shown_by_browser(tmp_path, wrapper, "--allow-file-access-from-files")
+    found = re.search('data-found="(.*?)"', dom)
+    assert found
+    wrapped, scrolling = {"inside": True, "code": []}, {"inside": True, "code": ["auto"]}
+    assert json.loads(unescape(found[1])) == [wrapped, wrapped, scrolling]
 
 
 @pytest.mark.browser
