@@ -13,17 +13,16 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
-from trackbench.compare import Comparison, compare, results_in
+from trackbench.compare import Comparison, compare, load, results_in
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
-from trackbench.document.palette import tracker_colours
+from trackbench.document.palette import TRACKER_COLOURS, tracker_styles
 from trackbench.report.comparison.document import batch_files, comparison_files, document
 from trackbench.report.comparison.figures import rank_figure
 from trackbench.report.numbers import reach
 from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20
-COLOURS = tracker_colours(["good", "fair", "poor", "mine"])
 REASON = "ValueError: matrix <3> is singular"
 
 
@@ -235,7 +234,7 @@ def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
         ("fair", "poor"): True,
         ("good", "poor"): True,
     }
-    assert rank_figure(found, COLOURS).alternative.endswith("Not shown to differ: fair and good")
+    assert rank_figure(found, tracker_styles(found.places)).alternative.endswith("Not shown to differ: fair and good")
 
 
 def test_one_scenario_claims_no_certainty() -> None:
@@ -272,7 +271,7 @@ def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
 
 def made(comparison: Comparison, folder: Path) -> dict[str, str]:
     """The files of a batch, by their paths."""
-    found = batch_files(comparison, folder, COLOURS)
+    found = batch_files(comparison, folder)
     return {path.relative_to(folder).as_posix(): content.decode() for path, content in found}
 
 
@@ -286,10 +285,18 @@ def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp
     assert found == made(compared, tmp_path)
 
 
-def test_a_tracker_keeps_the_colour_that_it_is_given(compared: Comparison) -> None:
-    page = to_html(document(compared, {**COLOURS, "good": "#123456"}))
-    assert page.count("#123456") > 2
-    assert tracker_colours(["good"])["good"] not in to_html(document(compared, dict.fromkeys(COLOURS, "#123456")))
+def test_trackers_have_the_colours_of_the_first_scenario_that_has_them(tmp_path: Path) -> None:
+    """``other`` has the place of ``poor`` in its scenario: the same colour, dashed."""
+    results = [scenario("one", {"good": 0.5, "poor": 0.9}), scenario("two", {"poor": 0.9, "other": 0.7, "good": 0.5})]
+    found = compare([results])
+    assert found.places == {"good": 0, "poor": 1, "other": 1}
+    (tmp_path / "comparison.json").write_text(json.dumps(found.json()), encoding="utf-8")
+    styles = {style.name: style for style in document(load(tmp_path / "comparison.json")).trackers}
+    colours = {name: TRACKER_COLOURS.index(style.colour) for name, style in styles.items()}
+    assert colours == {"good": 0, "poor": 1, "other": 1}
+    assert [name for name, style in styles.items() if style.line != "solid"] == ["other"]
+    earlier = {key: value for key, value in found.json().items() if key not in ("places", "passed")}
+    assert len({style.colour for style in document(Comparison.model_validate(earlier)).trackers}) == 3
 
 
 def test_the_page_links_to_the_reports(tmp_path: Path) -> None:

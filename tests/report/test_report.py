@@ -22,7 +22,7 @@ from tests.support.example_result import (
 )
 
 from trackbench.document.html import to_html
-from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
+from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import Pairs
@@ -224,14 +224,14 @@ def test_a_metric_of_a_plug_in_has_its_column() -> None:
     assert "5.400 to 5.600" in page.text
 
 
-def test_trackers_keep_the_colours_of_their_batch() -> None:
-    names = ["other", *(tracker["name"] for tracker in make_summary()["trackers"])]
-    colours = tracker_colours(names)
-    alone, batch = (to_html(result_document(make_result(), given)) for given in (None, colours))
-    first = make_summary()["trackers"][0]["name"]
-    for text, expected in ((alone, TRACKER_COLOURS[0]), (batch, TRACKER_COLOURS[1])):
-        assert f'style="--mark: {expected}"></span>{first}</label>' in text
-    assert colours["other"] not in batch.partition("<main>")[2].partition("<figure")[0]
+def test_a_tracker_has_the_colour_of_its_place_in_the_scenario() -> None:
+    """A result of an earlier version does not say it: then that of its place in the result."""
+    summary = make_summary()
+    first = summary["trackers"][0]
+    for place, expected in ((None, TRACKER_COLOURS[0]), (9, TRACKER_COLOURS[9])):
+        first["place"] = place
+        page = to_html(result_document(Result.from_json(summary, make_tables())))
+        assert f'style="--mark: {expected}"></span>{first["name"]}</label>' in page
 
 
 def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:

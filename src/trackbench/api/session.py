@@ -17,7 +17,6 @@ from trackbench.base.errors import InputError
 from trackbench.base.execution import InProcess, Task
 from trackbench.base.subjects import offered, resolve
 from trackbench.base.types import Progress
-from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
@@ -62,7 +61,7 @@ def run(prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listene
         from trackbench.report.comparison.document import batch_files
 
         comparison = compare([results_in(plan.out, finished)])
-        for file, content in batch_files(comparison, plan.out, batch.colours):
+        for file, content in batch_files(comparison, plan.out):
             results.write_bytes(file, content)
         listener.compared(comparison, plan.out / "comparison.md")
     return finished
@@ -113,18 +112,13 @@ def _require_distinct(scenarios: Sequence[Scenario]) -> None:
 _Writer = Callable[[Path], None]
 
 
-def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
-    """The report of a run, by the name of the file.
-
-    Args:
-        result: of the run.
-        colours: of its trackers.
-    """
+def pages(result: Result) -> dict[str, str]:
+    """The report of a run, by the name of the file."""
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown
     from trackbench.report.result import result_document
 
-    document = result_document(result, colours)
+    document = result_document(result)
     return {"report.html": to_html(document), "report.md": to_markdown(document)}
 
 
@@ -133,7 +127,6 @@ def _save(
     folder: Path,
     pages: Mapping[str, str],
     progress: Progress,
-    colours: Mapping[str, str],
     left_out: Collection[str],
 ) -> Result:
     """Write the folder of a run with everything that is in it.
@@ -143,7 +136,6 @@ def _save(
         folder: its name; an earlier result under it is replaced.
         pages: the report, by the name of the file.
         progress: called with the number of files written and of all.
-        colours: of its trackers.
         left_out: the files of subjects that are not written.
 
     Returns:
@@ -152,26 +144,25 @@ def _save(
     Raises:
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
-    result, artifacts = with_artifacts(result, pages, colours, left_out)
+    result, artifacts = with_artifacts(result, pages, left_out)
     result.save(folder, _counted(artifacts, progress))
     return result
 
 
 def with_artifacts(
-    result: Result, pages: Mapping[str, str], colours: Mapping[str, str], left_out: Collection[str] = ()
+    result: Result, pages: Mapping[str, str], left_out: Collection[str] = ()
 ) -> tuple[Result, dict[str, Callable[[Path], None]]]:
     """The result, which names all files of its folder, and what writes those beside its numbers.
 
     Args:
         result: of the run.
         pages: the report, by the name of the file.
-        colours: of its trackers.
         left_out: the files of subjects that are not written.
     """
     artifacts: dict[str, _Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
     for file, offer in offered("artifacts"):
         if file not in left_out:
-            artifacts[file] = partial(resolve(offer.target), result, colours=colours)
+            artifacts[file] = partial(resolve(offer.target), result)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     return result.updated(
         artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files}
@@ -212,7 +203,6 @@ class _Batch:
 
     def __init__(self, prepared: Sequence[Prepared], plan: RunPlan, executor: Executor, listener: Listener) -> None:
         self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
-        self.colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
         self._alone = len(prepared) == 1
         # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
         one_by_one = isinstance(executor, InProcess) or listener.observes
@@ -274,7 +264,7 @@ class _Batch:
         if self._plan.out is None:
             return _Computed(place, result, None)
         executor = InProcess() if self._alone else self._executor
-        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
+        return _Computed(place, result, executor.submit(Task(pages, result, None)))
 
     def _ended(self, computed: _Computed) -> Result:
         place, result, made = computed
@@ -283,6 +273,6 @@ class _Batch:
             name = result.summary.scenario.name
             folder = self._plan.out / name
             with self._listener.progress(f"{place}writing {name}", "files") as advance:
-                result = _save(result, folder, made.result(), advance, self.colours, self._plan.left_out)
+                result = _save(result, folder, made.result(), advance, self._plan.left_out)
         self._listener.end(result, folder)
         return result

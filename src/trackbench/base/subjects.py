@@ -48,7 +48,7 @@ class Subject:
     """By the main file of a folder, for ``trackbench report``: a function from that file to a Document, and what to
     know of its formats."""
     artifacts: Mapping[str, Offer] = field(default_factory=dict)
-    """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it, and what it is."""
+    """By the file in the folder of a run: a function ``(result, path)`` that writes it, and what it is."""
     replays: Mapping[str, str] = field(default_factory=dict)
     """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
     blocks: Mapping[str, str] = field(default_factory=dict)

@@ -15,7 +15,6 @@ from trackbench import results
 from trackbench.base.errors import InputError, counted
 from trackbench.base.subjects import kind_of, offered, resolve
 from trackbench.cli.options import FAILED_EXPECTATION, NearestChoice, github_option, write_suites
-from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:
     from trackbench.document import Document
@@ -98,8 +97,7 @@ def _document(run: Path) -> Document:
     runs = find(run)
     if len(runs.entries) == 1:
         return result_document(runs.entries[0].result)
-    every = (tracker.name for entry in runs.entries for tracker in entry.result.summary.trackers)
-    return document(compare([runs]), tracker_colours(every), times=True)
+    return document(compare([runs]), times=True)
 
 
 def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:

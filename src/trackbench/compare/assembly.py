@@ -24,7 +24,7 @@ from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
 from trackbench.compare.reproduce import commands
 from trackbench.compare.worlds import orders
 from trackbench.metrics import Metric
-from trackbench.results import Result
+from trackbench.results import Result, merged_places
 
 
 @one_blas_thread()
@@ -84,8 +84,11 @@ def compare(
     if not comparisons:
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
     first, *others = comparisons
+    shown = {name for own in chosen.values() for name in own}
+    places = merged_places(entry.result for item in sets for entry in item.entries)
     update = {
         "other_groups": others,
+        "places": {name: place for name, place in places.items() if name in shown},
         "without_truth": without_truth,
         "notes": [*notes, *first.notes],
         "commands": commands(sets, metrics, trackers, limits),

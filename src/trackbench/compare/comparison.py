@@ -258,6 +258,9 @@ class Comparison(ResultModel):
     """What a reader must know beside the numbers."""
     worlds: list[OrderInWorlds] = Field(default_factory=list)
     """Of one set, scenarios in several worlds: every pair of trackers."""
+    places: dict[str, int] = Field(default_factory=dict)
+    """By tracker, its place in the first scenario that has it, from which it has its colour; those of all groups stand
+    in the first."""
     without_truth: list[str] = Field(default_factory=list)
     """Scenarios that are not compared, for they have no truth."""
     commands: list[str] = Field(default_factory=list)
@@ -292,7 +295,7 @@ class Comparison(ResultModel):
         for group in (values, *values["other_groups"]):
             for score in group["scores"]:
                 score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
-            for name in ("worlds", "commands"):
+            for name in ("worlds", "commands", "places"):
                 if not group[name]:
                     del group[name]
         return {**values, "passed": self.passed}

@@ -21,7 +21,18 @@ class TrackerStyle:
     name: str
     colour: str
     line: Any = "solid"
-    """A matplotlib line style; where colours repeat, they do with another one."""
+    """A matplotlib line style; where colours repeat, they do with another one and a marker."""
+    marker: str = ""
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """What matplotlib draws its lines with."""
+        return {"color": self.colour, "linestyle": self.line, "marker": self.marker, "markevery": 0.1, "gid": self.key}
+
+    @property
+    def dot(self) -> dict[str, Any]:
+        """What matplotlib draws its points with."""
+        return {"color": self.colour, "linestyle": "none", "marker": self.marker or "o", "gid": self.key}
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ other under simulated protanopia and deuteranopia. All are readable on a dark an
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -46,14 +47,6 @@ OBSERVER_COLOUR = "#5A87C6"
 BOUND_COLOUR = "#8A9099"
 
 
-def tracker_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each tracker, in the order in which they first appear; repeats after eighteen.
-
-    Those of a batch of scenarios get theirs together, so that a tracker looks the same in all reports and recordings.
-    """
-    return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
-
-
 def mode_colours(names: Iterable[str]) -> dict[str, str]:
     """A colour for each mode, in the order in which they first appear; repeats after six."""
     return {name: MODE_COLOURS[i % len(MODE_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
@@ -64,15 +57,39 @@ def sensor_colours(names: Iterable[str]) -> dict[str, str]:
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
-_LINES = ("solid", (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1.5)))
+#: By the name of a tracker.
+Styles = Mapping[str, TrackerStyle]
+_LINES = (("solid", ""), ((0, (6, 1.5, 1.5, 1.5)), "s"), ((0, (1.5, 1.5)), "^"))
 
 
-def tracker_styles(colours: Mapping[str, str]) -> dict[str, TrackerStyle]:
-    """By name, from :func:`~trackbench.document.palette.tracker_colours`; a repeated colour has another line."""
-    return {
-        name: TrackerStyle(f"t{i}", name, colour, _LINES[i // len(TRACKER_COLOURS) % len(_LINES)])
-        for i, (name, colour) in enumerate(colours.items())
-    }
+def tracker_styles(places: Mapping[str, int] | Sequence[str]) -> Styles:
+    """By name, from the place of each tracker in its scenario; a colour that is taken has another line and marker.
+
+    Args:
+        places: by name, from 0; names alone are in their places.
+    """
+    if not isinstance(places, Mapping):
+        places = {name: place for place, name in enumerate(places)}
+    styles: dict[str, TrackerStyle] = {}
+    used = Counter[str]()
+    for number, (name, place) in enumerate(places.items()):
+        colour = TRACKER_COLOURS[place % len(TRACKER_COLOURS)]
+        styles[name] = TrackerStyle(f"t{number}", name, colour, *_LINES[used[colour] % len(_LINES)])
+        used[colour] += 1
+    return styles
+
+
+def tracker_colours(places: Mapping[str, int] | Sequence[str]) -> dict[str, str]:
+    """For recordings, which have no dashes: as the styles, but a colour that is taken gives way to the first free one.
+
+    Args:
+        places: as for the styles.
+    """
+    colours = {name: style.colour for name, style in tracker_styles(places).items() if style.line == "solid"}
+    free = [colour for colour in TRACKER_COLOURS if colour not in colours.values()] or TRACKER_COLOURS
+    others = [name for name in places if name not in colours]
+    given = colours | {name: free[i % len(free)] for i, name in enumerate(others)}
+    return {name: given[name] for name in places}
 
 
 def tracker_figure(

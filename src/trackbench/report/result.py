@@ -20,7 +20,7 @@ from trackbench.document import (
     Tone,
     TrackerStyle,
 )
-from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, LEAST_COVERAGE, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
@@ -60,15 +60,10 @@ from trackbench.report.sentences import (
 from trackbench.results import Result, TrackerResult, sensor_words
 
 
-def result_document(result: Result, colours: Mapping[str, str] | None = None) -> Document:
-    """The report of a run.
-
-    Args:
-        result: of the run.
-        colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
-    """
+def result_document(result: Result) -> Document:
+    """The report of a run."""
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
-    styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
+    styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
     blocks = [
         Section("Verdict", tuple(_verdict(result, trackers))),

@@ -14,7 +14,7 @@ from trackbench.results.folder import (
     write_text,
 )
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
-from trackbench.results.result import MOST_DRAWN, Result, summary_of
+from trackbench.results.result import MOST_DRAWN, Result, merged_places, summary_of
 from trackbench.results.scenario_summary import TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
 from trackbench.results.tables import Tables
@@ -45,6 +45,7 @@ __all__ = [
     "TruthSummary",
     "by_value",
     "difference_table",
+    "merged_places",
     "require_file",
     "require_replaceable",
     "require_writable",

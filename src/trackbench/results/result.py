@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -58,6 +58,12 @@ class Result:
     def __iter__(self) -> Iterator[str]:
         """The names of the trackers, in the order of the scenario."""
         return (entry.name for entry in self.summary.trackers)
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """By tracker, its place in the scenario file, from which it has its colour."""
+        trackers = enumerate(self.summary.trackers)
+        return {tracker.name: i if tracker.place is None else tracker.place for i, tracker in trackers}
 
     @property
     def name(self) -> str:
@@ -206,6 +212,14 @@ class Result:
             raise InputError(f"not a readable result: {error}", file=file) from error
         summary = summary_of(raw, file)
         return cls(summary, Tables({}, file.parent, summary.layout))
+
+
+def merged_places(results: Iterable[Result]) -> dict[str, int]:
+    """By tracker, its place in the first of some results that has it."""
+    places: dict[str, int] = {}
+    for result in results:
+        places |= {name: place for name, place in result.places.items() if name not in places}
+    return places
 
 
 def _instead(folder: Path) -> str:

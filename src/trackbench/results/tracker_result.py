@@ -124,6 +124,9 @@ class TrackerResult(ResultModel):
     """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
 
     name: str
+    place: int | None = None
+    """Its place in the scenario file, from 0, which gives its colour; None in results of earlier versions: its place
+    in the result."""
     describe: str
     association: str | None = None
     """How a built-in tracker of several objects associates; None of any other."""

@@ -78,8 +78,9 @@ def assemble(
         for name, config in work.trackers.items()
     }
     trackers = [
-        _tracker(work, name, scores, engines.get(name), random=name in random, first_velocity=first[name])
-        for name in work.trackers
+        _tracker(work, name, scores, engines.get(name), place=place, random=name in random, first_velocity=first[name])
+        for name, place in loaded.places.items()
+        if name in work.trackers
     ]
     reference = None if hidden else _reference(scenario.score.reference.acceleration_sigma_mps2, work)
     too_good = {tracker.name for tracker in trackers if tracker.is_too_good(reference)}

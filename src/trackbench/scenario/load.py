@@ -40,6 +40,11 @@ class Scenario:
     selected: tuple[str, ...] = ()
     """The trackers that were selected of those in the file; empty where all are there."""
 
+    @property
+    def places(self) -> dict[str, int]:
+        """By tracker, also one that was not selected, its place in the file, from 0."""
+        return {name: place for place, name in enumerate(self.document.value["trackers"])}
+
     def __repr__(self) -> str:
         runs = counted(self.config.monte_carlo.runs, "run")
         return f"<scenario {self.config.name}: {counted(len(self.config.trackers), 'tracker')}, {runs}>"

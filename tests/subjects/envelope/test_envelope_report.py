@@ -70,7 +70,7 @@ def test_each_map_has_its_figures_and_can_be_read_in_every_format(axes, trackers
 def test_the_area_that_holds_is_that_of_the_triangles_between_cells_that_hold():
     """Cells that hold up to q = 2, and fail from 2.5: half of the map holds, a quarter is in the band."""
     claim = claim_of({"q": AXES["q"], "r": AXES["r"]}, {"ekf": lambda x, y: 0.5 + x})
-    figure = map_figure(claim, (0, 1), *tracker_styles({"ekf": "#000000"}).values())
+    figure = map_figure(claim, (0, 1), *tracker_styles(["ekf"]).values())
     axes = matplotlib_figure(figure).axes[0]
     patches = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
     spans = [(round(p.get_path().get_extents().x0, 6), round(p.get_path().get_extents().x1, 6)) for p in patches]

@@ -23,7 +23,6 @@ from trackbench.runner.run import run
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.subjects.recording import live, painter
-from trackbench.subjects.recording.contents import colours_of
 from trackbench.subjects.recording.live import Live, LiveRun
 from trackbench.subjects.recording.painter import Painter
 from trackbench.truth import LoadedTruth
@@ -140,8 +139,8 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return read_file(tmp_path / f"{name}.rrd")
 
-    colours = tracker_colours(["other", "raw", "ekf"])
-    about = LiveRun("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
+    colours = tracker_colours(["raw", "ekf"])
+    about = LiveRun("tiny", colours, ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
     whole = draw("whole", [[about, result]])

@@ -131,7 +131,7 @@ def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path
 
 
 def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
-    for name, colour in tracker_colours(tracker.name for tracker in result.summary.trackers).items():
+    for name, colour in tracker_colours(list(result)).items():
         expected = [int(colour[1:] + "FF", 16)]
         assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
         assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected

@@ -8,6 +8,7 @@ from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import ComparedResult, OverallChange
 from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Status, Table, Tone
+from trackbench.document.palette import Styles
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, short
@@ -27,7 +28,7 @@ def lead(comparison: Comparison) -> str:
     return " ".join(sentences)
 
 
-def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str]) -> Iterator[Block]:
+def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
     """The results, the differences by metric, and the limits."""
     several = len(comparison.scenarios) > 1
     if several:
@@ -44,7 +45,7 @@ def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[
             )
         )
     for metric, items in comparison.by_metric():
-        yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, colours, metric, items)))
+        yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, styles, metric, items)))
     yield from reproduction(comparison)
     if comparison.gates:
         yield Section("Limits", (*_gates(comparison),))
@@ -52,16 +53,14 @@ def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[
         yield Section("Scenarios", (_scenarios(comparison, reports),))
 
 
-def _section(
-    comparison: Comparison, colours: Mapping[str, str], metric: str, items: Sequence[PairDifference]
-) -> Iterator[Block]:
+def _section(comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
     table = _differences(comparison, metric, items)
     explained = Paragraph(_explanation(items, len(comparison.differences)))
-    figure = difference_figure(metric, items, _labels(comparison, items), colours)
+    figure = difference_figure(metric, items, _labels(comparison, items), styles)
     figures = () if all(item.identical for item in items) else (figure,)
     if several:
         yield from (*figures, Section("Each difference", (table, explained), folded=True))

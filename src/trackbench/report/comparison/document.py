@@ -10,14 +10,13 @@ from trackbench.compare import Comparison
 from trackbench.document import Block, Document, Item, Items, Paragraph, Section, named_apart
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
-from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.document.palette import Styles, tracker_styles
 from trackbench.report.comparison import differences, ranking
 from trackbench.results import to_json
 
 
 def document(
     comparison: Comparison,
-    colours: Mapping[str, str] | None = None,
     *,
     reports: Mapping[str, str] | None = None,
     times: bool = False,
@@ -26,12 +25,11 @@ def document(
 
     Args:
         comparison: what was found.
-        colours: of its trackers, by name; in the order in which they first appear unless given.
         reports: path of the report of each result, relative to the document, by the result's label.
         times: whether times of computing are in it, which are others on each machine.
     """
-    colours = colours or tracker_colours(comparison.trackers)
-    parts = [_group_text(group, colours, reports or {}, times=times) for group in comparison.groups]
+    styles = tracker_styles(comparison.places or comparison.trackers)
+    parts = [_group_text(group, styles, reports or {}, times=times) for group in comparison.groups]
     title, lead, blocks = parts[0]
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
@@ -44,7 +42,7 @@ def document(
         title=title,
         lead=lead,
         blocks=(*blocks, *_notes(comparison)),
-        trackers=tuple(tracker_styles(colours).values()),
+        trackers=tuple(styles.values()),
     )
 
 
@@ -52,14 +50,12 @@ def document(
 _GroupText = tuple[str, str, tuple[Block, ...]]
 
 
-def _group_text(
-    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
-) -> _GroupText:
+def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
-        blocks = ranking.blocks(comparison, colours, reports, times=times)
+        blocks = ranking.blocks(comparison, styles, reports, times=times)
         again = differences.reproduction(comparison)
         return "Comparison of trackers", ranking.lead(comparison), (*blocks, *again)
-    blocks = differences.blocks(comparison, colours, reports)
+    blocks = differences.blocks(comparison, styles, reports)
     return f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks)
 
 
@@ -94,28 +90,26 @@ def without_truth(comparison: Comparison) -> Iterator[str]:
 ENDINGS = (*DOCUMENT_ENDINGS, ".json")
 
 
-def batch_files(comparison: Comparison, folder: Path, colours: Mapping[str, str]) -> Iterator[tuple[Path, bytes]]:
-    """A page, the same as Markdown with its figures, and the data; ``colours`` are those of its trackers.
+def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, bytes]]:
+    """A page, the same as Markdown with its figures, and the data.
 
     The Markdown and the data have neither times nor links, so they are the same on every machine and can be kept.
     """
-    yield from comparison_files(comparison, folder / "comparison.html", colours)
-    yield from comparison_files(comparison, folder / "comparison.json", colours)
-    for name, content in files(document(comparison, colours), "markdown", "comparison"):
+    yield from comparison_files(comparison, folder / "comparison.html")
+    yield from comparison_files(comparison, folder / "comparison.json")
+    for name, content in files(document(comparison), "markdown", "comparison"):
         yield folder / name, content()
 
 
-def comparison_files(
-    comparison: Comparison, path: Path, colours: Mapping[str, str] | None = None
-) -> Iterator[tuple[Path, bytes]]:
+def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path, bytes]]:
     """The file of a comparison in the format of its ending, and what belongs to it."""
     if path.suffix == ".json":
         yield path, to_json(comparison.json()).encode()
     elif path.suffix == ".html":
-        page = document(comparison, colours, reports=_reports(comparison, path.parent), times=True)
+        page = document(comparison, reports=_reports(comparison, path.parent), times=True)
         yield from files_by_ending(page, path)
     else:
-        yield from files_by_ending(document(comparison, colours), path)
+        yield from files_by_ending(document(comparison), path)
 
 
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:

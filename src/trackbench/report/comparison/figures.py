@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,10 @@ from matplotlib.patches import Rectangle
 
 from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
-from trackbench.document import Figure
+from trackbench.document import Figure, TrackerStyle
 from trackbench.document.drawing import INK, MUTED, WIDTH
 from trackbench.document.margins import shortened, text_width
+from trackbench.document.palette import Styles
 from trackbench.report.numbers import fixed
 from trackbench.report.pairs import groups_of
 
@@ -79,12 +80,10 @@ def reference_figure(comparison: Comparison) -> Figure:
     )
 
 
-def difference_figure(
-    metric: str, items: Sequence[PairDifference], labels: Sequence[str], colours: Mapping[str, str]
-) -> Figure:
+def difference_figure(metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles) -> Figure:
     """Each difference in percent with its interval; one that is zero in every run, or against zero, is left out."""
     drawn = [
-        (label, item.percent, item.percent_ci95 or (item.percent,) * 2, colours[item.entrant.tracker])
+        (label, item.percent, item.percent_ci95 or (item.percent,) * 2, styles[item.entrant.tracker])
         for label, item in zip(labels, items, strict=True)
         if item.percent is not None and not item.identical
     ]
@@ -92,9 +91,9 @@ def difference_figure(
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=f"difference in {metric}, %")
         axes.axvline(0.0, color=INK, linewidth=1)
-        for y, (_, value, ends, colour) in enumerate(drawn):
-            axes.plot(ends, [y, y], color=colour, linewidth=5, alpha=0.35)
-            axes.plot([value], [y], marker="o", markersize=6, color=colour)
+        for y, (_, value, ends, style) in enumerate(drawn):
+            axes.plot(ends, [y, y], color=style.colour, linewidth=5, alpha=0.35)
+            axes.plot([value], [y], markersize=6, **style.dot)
         axes.set_yticks(range(len(drawn)), [shortened(label, 0.55 * WIDTH) for label, *_ in drawn])
         axes.set_ylim(len(drawn) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
@@ -137,7 +136,7 @@ class _Axis(NamedTuple):
         return self.side + (_WIDTH - 2 * self.side) * (rank - 1) / max(1, self.ranks - 1)
 
 
-def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
+def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
     """Mean ranks on a line; bars join trackers whose mean ranks are not shown to differ.
 
     Source: Demsar (2006), "Statistical comparisons of classifiers over multiple data sets", section 3.2.4.
@@ -162,7 +161,7 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
         for place, item in enumerate(ranking):
             left = place < half
             y = _TOP + below + _LINE * (0.5 + (place if left else len(ranking) - 1 - place))
-            _paint_tracker(axes, axis, item, y, colours[item.tracker], left=left)
+            _paint_tracker(axes, axis, item, y, styles[item.tracker], left=left)
 
     means = ", ".join(f"{label(item)} {fixed(item.mean_rank, 2)}" for item in ranking)
     joined = "; ".join(" and ".join(item.tracker for item in members) for members in bars)
@@ -197,12 +196,12 @@ def _paint_axis(axes: Axes, axis: _Axis) -> None:
     axes.text(axis.side - 30, _TOP - 11, "mean rank", ha="right", va="bottom", color=MUTED)
 
 
-def _paint_tracker(axes: Axes, axis: _Axis, item: RankedTracker, y: float, colour: str, *, left: bool) -> None:
+def _paint_tracker(axes: Axes, axis: _Axis, item: RankedTracker, y: float, style: TrackerStyle, *, left: bool) -> None:
     """From its place on the axis down to its name at the side."""
     x, outwards = axis.x(item.mean_rank), -1 if left else 1
     end = (axis.side if left else _WIDTH - axis.side) + 20 * outwards
-    axes.plot([x, x, end], [_TOP, y, y], color=colour, linewidth=1.6, solid_joinstyle="miter")
-    axes.plot([x], [_TOP], marker="o", markersize=6.5, color=colour)
+    axes.plot([x, x, end], [_TOP, y, y], color=style.colour, linestyle=style.line, linewidth=1.6)
+    axes.plot([x], [_TOP], markersize=6.5, **style.dot)
     side = "right" if left else "left"
     axes.text(end + 6 * outwards, y, fixed(item.mean_rank, 2), ha=side, va="center", color=MUTED)
     axes.text(end + 40 * outwards, y, label(item), ha=side, va="center", color=INK)

@@ -10,6 +10,7 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
+from trackbench.document.palette import Styles
 from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
 from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
@@ -89,14 +90,12 @@ def _shown(comparison: Comparison) -> str:
     return f"Shown to have a worse mean rank: {'; '.join(f'{name} than {text}' for name, text in texts.items())}. "
 
 
-def blocks(
-    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
-) -> Iterator[Block]:
+def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
     if comparison.worlds:
         yield worlds.section(comparison)
     method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
-    yield Section("Overall", (_overall(comparison), method, rank_figure(comparison, colours)))
+    yield Section("Overall", (_overall(comparison), method, rank_figure(comparison, styles)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:

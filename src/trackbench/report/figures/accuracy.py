@@ -208,7 +208,7 @@ def _dots(axes: Axes, shift: float, metrics: _Errors, style: TrackerStyle) -> No
         axes.plot(across, upwards, color=style.colour, linewidth=1.4, gid=style.key)
     if places:
         x, value, _ = zip(*places, strict=True)
-        axes.plot(x, value, marker="o", markersize=6, color=style.colour, linestyle="none", gid=style.key)
+        axes.plot(x, value, markersize=6, **style.dot)
 
 
 def _errors_in_words(style: TrackerStyle, names: Sequence[str], metrics: _Errors, unit: str) -> str:
@@ -249,7 +249,7 @@ def cost_against_accuracy(
         if y.max() > 4 * y.min():
             logarithmic(axes, "y")
         for style, cost, error in points:
-            axes.plot([cost], [error], marker="o", markersize=9, color=style.colour, linestyle="none", gid=style.key)
+            axes.plot([cost], [error], markersize=9, **style.dot)
         axes.set(xlim=(x.min() / 1.6, x.max() * 1.6))
         axes.margins(y=0.15)
         fit_margins(canvas)

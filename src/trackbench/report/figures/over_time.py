@@ -76,7 +76,7 @@ def smooth_lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> 
 def draw_lines(axes: Axes, drawn: Sequence[Line], end: float) -> None:
     """The best tracker on top, from 0 to ``end`` s."""
     for style, time, value in reversed(drawn):
-        axes.plot(time, value, color=style.colour, linestyle=style.line, gid=style.key)
+        axes.plot(time, value, **style.look)
     time_axis(axes, end)
 
 
@@ -225,7 +225,7 @@ def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle]
         _, lag, _, reach = lines[0]
         axes.fill_between(lag, -reach, reach, color=MUTED, alpha=0.35)
         for style, lag, value, _ in reversed(lines):
-            axes.plot(lag, value, color=style.colour, linestyle=style.line, marker="o", markersize=3, gid=style.key)
+            axes.plot(lag, value, **style.look | {"marker": "o", "markevery": None}, markersize=3)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlim(0.5, max(float(lag.max()) for _, lag, _, _ in lines) + 0.5)
 

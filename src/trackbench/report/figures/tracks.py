@@ -83,7 +83,7 @@ def existence_calibration(existence: pa.Table, styles: Sequence[TrackerStyle]) -
         axes = canvas.add_subplot(xlabel="stated existence probability", ylabel="share on an object")
         axes.plot([0, 1], [0, 1], color=INK, linestyle=DASHED, linewidth=1.2)
         for style, stated, real in reversed(drawn):
-            axes.plot(stated, real, color=style.colour, linestyle=style.line, marker="o", markersize=5, gid=style.key)
+            axes.plot(stated, real, **style.look | {"marker": style.marker or "o", "markevery": None}, markersize=5)
         axes.set(xlim=(0, 1.03), ylim=(0, 1.05))
 
     words = [f"{style.name} states {stated[-1]:.2f}, {real[-1]:.2f} are real" for style, stated, real in drawn]

@@ -150,6 +150,7 @@ def envelope_of(made: EnvelopeMap, command: str) -> Envelope:
         envelope=task.config.model_dump(mode="json", by_alias=True, exclude_unset=True),
         limits=[ClaimedLimit(**item._asdict(), unit=fields[item.metric].unit) for item in task.requirements],
         base=task.base,
+        places={name: task.loaded.places[name] for name in task.trackers},
         cells=[_cell(task, cell) for cell in cells],
         parts_hash=hash_of(parts),
     )

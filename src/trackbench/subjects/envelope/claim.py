@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
-from pydantic import ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
@@ -126,6 +126,8 @@ class Claim(ResultModel):
     base: list[float | str | None]
     """The scenario's own value of each axis; None where it has none."""
     cells: list[ClaimCell]
+    places: dict[str, int] = Field(default_factory=dict)
+    """By tracker, its place in the scenario file, from which it has its colour."""
     parts_hash: str
     """sha256 of the values in ``parts.parquet``."""
     log: AuditedLog | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +11,6 @@ from trackbench import results
 from trackbench.api import session
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
-from trackbench.document.palette import tracker_colours
 from trackbench.scenario.written import written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
@@ -59,25 +58,21 @@ def save_envelope(made: Envelope, out: Path, recording: bool = True) -> Path:
         "envelope.html": partial(results.write_file, to_html(document)),
         "envelope.md": partial(results.write_file, to_markdown(document)),
     }
-    colours = tracker_colours(made.claim.trackers)
     for name, shown in made.shown.items():
         place = f"{COUNTER_EXAMPLES}/{name}"
-        own = _files_of(shown, folder / place, colours, recording)
+        own = _files_of(shown, folder / place, recording)
         files |= {f"{place}/{file}": write for file, write in own.items()}
     results.save_files(files, folder, CLAIM)
     shutil.rmtree(looks_of(made.claim.scenario, out), ignore_errors=True)
     return folder
 
 
-def _files_of(
-    shown: ShownExample, folder: Path, colours: Mapping[str, str], recording: bool
-) -> dict[str, Callable[[Path], object]]:
+def _files_of(shown: ShownExample, folder: Path, recording: bool) -> dict[str, Callable[[Path], object]]:
     """The scenario of a counter-example, and the folder of its run."""
     text = written_with_changes(shown.loaded, folder)
-    colours = tracker_colours([*colours, *shown.loaded.config.trackers])
-    pages = session.pages(shown.result, colours)
+    pages = session.pages(shown.result)
     left_out = () if recording else (RECORDING,)
-    result, artifacts = session.with_artifacts(shown.result, pages, colours, left_out)
+    result, artifacts = session.with_artifacts(shown.result, pages, left_out)
     return {"scenario.yaml": partial(results.write_file, text), **result.files(), **artifacts}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section
-from trackbench.document.palette import tracker_colours, tracker_styles
+from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
 from trackbench.subjects.envelope.claim import STATES, Claim, Envelope, read_envelope
@@ -72,7 +72,7 @@ def _rests_on(claim: Claim) -> str:
 def envelope_document(made: Envelope) -> Document:
     """The whole page."""
     claim = made.claim
-    styles = tuple(tracker_styles(tracker_colours(claim.trackers)).values())
+    styles = tuple(tracker_styles(claim.places or claim.trackers).values())
     maps, lines = [*_maps(claim)], tuple(_lines(claim))
     # Of one tracker all maps; of several those of the first pair of axes.
     shown = len(maps) if len(styles) == 1 else 1
@@ -150,7 +150,7 @@ def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:
     """The figures of each pair of axes: all borders where there are several trackers, and the cells of each."""
     from trackbench.subjects.envelope.map_figures import borders_figure, map_figure, pairs_of
 
-    styles = tracker_styles(tracker_colours(claim.trackers))
+    styles = tracker_styles(claim.places or claim.trackers)
     for pair in pairs_of(claim)[:_MOST_PAIRS]:
         joint = (borders_figure(claim, pair, [*styles.values()]),) if len(styles) > 1 else ()
         yield (*joint, *(map_figure(claim, pair, style) for style in styles.values()))
@@ -159,7 +159,7 @@ def _maps(claim: Claim) -> Iterator[tuple[Figure, ...]]:
 def _lines(claim: Claim) -> Iterator[Figure]:
     from trackbench.subjects.envelope.line_figures import line_figures
 
-    yield from line_figures(claim, [*tracker_styles(tracker_colours(claim.trackers)).values()])
+    yield from line_figures(claim, [*tracker_styles(claim.places or claim.trackers).values()])
 
 
 def _margins(claim: Claim) -> Iterator[Block]:

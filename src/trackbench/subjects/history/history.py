@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import Field
+
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.execution import one_blas_thread
 from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
-from trackbench.results import MetricValue
+from trackbench.results import MetricValue, merged_places
 from trackbench.results.metric_value import ResultModel
 from trackbench.subjects.history.changes import MarkedStretches, causes, scenario_sha256, stretches_of
 from trackbench.subjects.history.found import PastResult, results_of_scenario
@@ -87,6 +89,8 @@ class History(ResultModel):
     scenario: str
     metrics: list[str]
     trackers: list[str]
+    places: dict[str, int] = Field(default_factory=dict)
+    """By tracker, its place in the latest scenario that has it, from which it has its colour."""
     results: list[HistoryEntry]
     changes: list[HistoryChange]
     breaks: list[HistoryBreak]
@@ -132,7 +136,8 @@ def history_of(
     entries = found.entries
     named = [*dict.fromkeys([*metrics, *(limit.metric for limit in limits)])]
     chosen = _metrics(entries[-1], named, {limit.metric: OPTION for limit in limits})
-    names = list(dict.fromkeys(name for entry in reversed(entries) for name in entry.result))
+    places = merged_places(entry.result for entry in reversed(entries))
+    names = list(places)
     for name in trackers or ():
         if name not in names:
             raise InputError(f"no tracker {name!r} in these results; {nearest(name, names)}", key="--trackers")
@@ -142,6 +147,7 @@ def history_of(
         scenario=found.scenario,
         metrics=[metric.path for metric in chosen],
         trackers=names,
+        places={name: places[name] for name in names},
         results=[_entry(number, entry, names, chosen) for number, entry in enumerate(entries, 1)],
         changes=_changes(entries, stretches),
         breaks=_breaks(stretches),

@@ -29,7 +29,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.drawing import INK, fit_value_axis
-from trackbench.document.palette import tracker_colours, tracker_figure, tracker_styles
+from trackbench.document.palette import Styles, tracker_figure, tracker_styles
 from trackbench.report.comparison.differences import kept_limits
 from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
@@ -53,7 +53,7 @@ _APART = 0.06
 
 def history_document(history: History) -> Document:
     """The page of a history."""
-    colours = tracker_colours(history.trackers)
+    styles = tracker_styles(history.places or history.trackers)
     first, last = history.results[0].made_at, history.results[-1].made_at
     between = [f"{_day(first)} to {_day(last)}"] if first and last else []
     return Document(
@@ -61,8 +61,8 @@ def history_document(history: History) -> Document:
         title=f"History: {history.scenario}",
         lead=_lead(history),
         facts=(counted(len(history.results), "result"), *between),
-        blocks=tuple(_blocks(history, colours)),
-        trackers=tuple(tracker_styles(colours).values()),
+        blocks=tuple(_blocks(history, styles)),
+        trackers=tuple(styles.values()),
     )
 
 
@@ -80,11 +80,11 @@ def _lead(history: History) -> str:
     return f"{changes} shown, of {counted(history.looks, 'difference')} that were looked at."
 
 
-def _blocks(history: History, colours: Mapping[str, str]) -> Iterator[Block]:
+def _blocks(history: History, styles: Styles) -> Iterator[Block]:
     if history.gates:
         yield kept_limits([gate.outcome for gate in history.gates], history.passed)
     for metric in history.metrics:
-        yield Section(f"{metric}{unit_of(_unit(history, metric))}", tuple(_of_metric(history, metric, colours)))
+        yield Section(f"{metric}{unit_of(_unit(history, metric))}", tuple(_of_metric(history, metric, styles)))
     if history.changes:
         yield Section("Changes", (_changes(history), Paragraph(_explanation(history))))
     if history.breaks:
@@ -96,10 +96,10 @@ def _blocks(history: History, colours: Mapping[str, str]) -> Iterator[Block]:
         yield Section("Notes", (Items(tuple(map(Item, history.notes))),))
 
 
-def _of_metric(history: History, metric: str, colours: Mapping[str, str]) -> Iterator[Block]:
+def _of_metric(history: History, metric: str, styles: Styles) -> Iterator[Block]:
     yield _values(history, metric)
     if len(history.results) > 1:
-        yield history_figure(history, metric, colours)
+        yield history_figure(history, metric, styles)
 
 
 def _value(entry: HistoryEntry, tracker: str, metric: str) -> MetricValue:
@@ -137,9 +137,8 @@ def _values(history: History, metric: str) -> Table:
     return Table.of_columns(f"history-{metric.replace('.', '-')}", columns, "±: 95 %")
 
 
-def history_figure(history: History, metric: str, colours: Mapping[str, str]) -> Figure:
+def history_figure(history: History, metric: str, styles: Styles) -> Figure:
     """One line a tracker over the results, with its intervals; rings where it is shown to have changed."""
-    styles = tracker_styles(colours)
     names = [name for name in history.trackers if any(_value(entry, name, metric).value for entry in history.results)]
     changed = {(item.tracker, item.result) for item in history.changes if item.metric == metric}
 

@@ -70,8 +70,8 @@ class Contents:
         return max((1.0 / sensor.rate_hz for sensor in self.sensors.values() if sensor.rate_hz), default=1.0)
 
 
-def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Contents:
-    """The contents of a recording of one run; ``colours`` as in :func:`colours_of`."""
+def contents_of(result: Result) -> Contents:
+    """The contents of a recording of one run."""
     summary = result.summary
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
@@ -90,7 +90,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         runs=str(summary.runs),
         recorded_run=str(summary.recorded_run),
         vehicles=list(summary.truth.objects),
-        colours=colours_of(names, colours),
+        colours=tracker_colours({name: result.places[name] for name in names}),
         sensors=summary.sensors,
         tables=tables,
         reference="" if summary.reference is None else summary.reference.label,
@@ -105,12 +105,6 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
 def _recorded_events(result: Result) -> Iterator[FunctionEvent]:
     for (function,) in split(result.tables.if_there("decisions"), "function"):
         yield from function_events(result, function, run=result.summary.recorded_run)
-
-
-def colours_of(trackers: Iterable[str], colours: Mapping[str, str] | None) -> dict[str, str]:
-    """The colour of each tracker: from those of several runs, which may have others as well, or else in order."""
-    names = list(trackers)
-    return tracker_colours(names) if colours is None else {name: colours[name] for name in names}
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
@@ -168,7 +162,9 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         runs=runs,
         recorded_run=_each(result.summary.recorded_run for result in named.values()),
         vehicles=list(first.summary.truth.objects),
-        colours=tracker_colours(tracker.name for tracker in trackers),
+        colours=tracker_colours(
+            {_named(name, label): place for label, result in named.items() for name, place in result.places.items()}
+        ),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
         reference=references.pop() if len(references) == 1 else "reference",

@@ -84,8 +84,9 @@ class Live(Listener):
     def begin(self, item: Prepared) -> OnRecordedRun:
         """A run starts; what follows belongs to it until the next one starts."""
         scenario = item.scenario.config
+        colours = tracker_colours({name: item.scenario.places[name] for name in scenario.trackers})
         truth = _of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
-        self._latest = _Show(LiveRun(scenario.name, tracker_colours(scenario.trackers), list(scenario.sensors), truth))
+        self._latest = _Show(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
         self._shows.append(self._latest)
         return self.observe
 

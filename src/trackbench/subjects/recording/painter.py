@@ -51,7 +51,7 @@ class Painter:
                 elif isinstance(item, RecordedInstant):
                     instants.append(item)
                 elif isinstance(item, Result) and self._run is not None:
-                    send(self._run.recording, item, self._run.live.colours)
+                    send(self._run.recording, item)
                 elif isinstance(item, list) and self._run is not None:
                     self._run.sense(item)
             if instants and self._run is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,18 +34,16 @@ from trackbench.subjects.recording.track_scene import (
 from trackbench.subjects.recording.views import from_above
 
 
-def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE) -> None:
+def write(result: Result, path: Path, focus: Focus = layout.WHOLE) -> None:
     """Write one run as a Rerun recording (.rrd) with its layout.
 
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
-
-    ``colours`` are of the trackers, by name, where they are those of several runs; "#RRGGBB".
 
     Raises:
         TrackbenchError: the file cannot be written.
         InputError: the environment switches Rerun off.
     """
-    write_recording(path, application(result.name), lambda recording: send(recording, result, colours, focus))
+    write_recording(path, application(result.name), lambda recording: send(recording, result, focus))
 
 
 def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
@@ -83,11 +81,9 @@ def application(scenario: str) -> str:
     return f"trackbench {scenario}"
 
 
-def send(
-    recording: rr.RecordingStream, result: Result, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE
-) -> None:
+def send(recording: rr.RecordingStream, result: Result, focus: Focus = layout.WHOLE) -> None:
     """Everything that is shown and kept of a run, and its layout."""
-    contents = contents_of(result, colours)
+    contents = contents_of(result)
     draw(recording, contents, focus)
     summary = result.summary
     properties = rr.AnyValues(
