@@ -57,9 +57,7 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     assert of_folder.out == done.out
 
 
-def test_a_tracker_alone_keeps_its_colour_in_the_report_and_the_recording(
-    cli: Cli, folder: Path, read_file: Any
-) -> None:
+def test_a_tracker_alone_keeps_its_colour_in_report_and_recording(cli: Cli, folder: Path, read_file: Any) -> None:
     assert cli("run", "tiny.yaml", "--trackers", "ekf", "--out", "alone").status == 0
     alone, colour = folder.parents[1] / "alone" / "tiny", TRACKER_COLOURS[list(Result.load(folder)).index("ekf")]
     assert f'style="--mark: {colour}"></span>ekf</td>' in (alone / "report.html").read_text(encoding="utf-8")
