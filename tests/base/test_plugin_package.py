@@ -92,7 +92,7 @@ def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, t
         low, high = value["ci95"]
         cell = re.escape(f"{value['value']:.3f} ({low:.3f} to {high:.3f})")
         assert re.search(rf"^\| \*\*{name}\*\* \|.* {cell} \|", text, re.M)
-        assert re.search(f'<td data-label="largest_error, m"[^>]*>{value["value"]:.3f}<', page)
+        assert re.search(f"<td[^>]*>{value['value']:.3f}<", page)
 
 
 @pytest.mark.parametrize(

@@ -184,11 +184,12 @@ def test_the_whole_report_of_a_run_is_balanced_latex() -> None:
 @pytest.mark.parametrize(
     ("plain", "expected"),
     [
-        ("a_b & 5 %", r"a\_b \& 5 \%"),
+        ("a_b & 5 %", r"a\_b \& 5~\%"),
         ("\N{MINUS SIGN}1~^", r"$-$1\textasciitilde{}\textasciicircum{}"),
         ("--workers", "-{}-workers"),
         (r"\x{1}", r"\textbackslash{}x\{1\}"),
-        ("Cramér-Rao ±2 µs", "Cramér-Rao ±2 µs"),
+        ("Cramér-Rao ±2 µs", "Cramér-Rao ±2~µs"),
+        ("2.6 m/s^2", r"2.6~m/s\textsuperscript{2}"),
     ],
 )
 def test_latex_escapes(plain: str, expected: str) -> None:

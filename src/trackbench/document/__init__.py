@@ -1,8 +1,16 @@
-"""A document as data: what a report says, free of any markup. Each renderer writes the same document in its format."""
+"""A document as data: what a report says, free of any markup. Each renderer writes the same document in its format.
+
+The first screen of a page is a section of these, in this order: a strong :class:`Paragraph` (the answer), a
+:class:`Status` (expectations or gate), a :class:`Row` of a table and a figure, and folded sections (``folded=True``).
+Its table has bars (``Cell(text, bar=(value, low, high), tracker=name)`` under a ``Column``) and words of verdicts
+(``Cell("optimistic", tone="bad", chip=True)``); other formats show the texts alone. A page makes its navigation of the
+top sections, sets units and their spaces (:func:`typeset`), and scrolls wide tables under their key column.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -51,6 +59,21 @@ class Cell:
     """Whether it stands out, as the best do."""
     link: str = ""
     """Where it leads: a path relative to the document."""
+    chip: bool = False
+    """Whether it is the word of a verdict, which a page shows as a label in its tone."""
+    bar: tuple[float, float, float] | None = None
+    """A value and the ends of its interval, which a page draws under the text on the axis of the column."""
+
+
+#: A value more than so many times the lower median of all is far out.
+FAR = 4.0
+
+
+def end_of_axis(sizes: Iterable[float]) -> float:
+    """The largest of some sizes but for those far out, which an axis cuts off; 0 of none."""
+    ordered = sorted(sizes)
+    near = FAR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
+    return max((size for size in ordered if size <= near), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -64,6 +87,8 @@ class Column:
     """Whether its cells are flush left (names, sentences) and not flush right (numbers)."""
     details: str = "details"
     """What the small print in its cells is."""
+    axis: tuple[float, float] | None = None
+    """Ends of the axis of its bars, one for all cells; from zero to the largest that is not far out unless given."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +100,6 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
-    matrix: bool = False
-    """Whether all columns hold the same quantity: then a narrow screen scrolls it, and makes no card of each row."""
 
     @classmethod
     def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
@@ -88,6 +111,21 @@ class Table:
     def reasons(self) -> list[str]:
         """Every reason for a missing value, once."""
         return list(dict.fromkeys(cell.reason for row in self.rows for cell in row if cell.reason))
+
+    @property
+    def key_column(self) -> int:
+        """The number of the column that says what a row is about; it stays in sight where the table scrolls."""
+        first = self.rows[0] if self.rows else ()
+        return next((i for i, cell in enumerate(first) if cell.tracker), 0)
+
+    def axis(self, index: int) -> tuple[float, float]:
+        """The ends of the axis of the bars of a column."""
+        if (ends := self.columns[index].axis) is not None:
+            return ends
+        bars = [row[index].bar for row in self.rows]
+        near = end_of_axis(abs(bar[0]) for bar in bars if bar)
+        shown = [end for bar in bars if bar and abs(bar[0]) <= near for end in bar]
+        return min(0.0, *shown), max(0.0, *shown)
 
     def mark(self, cell: Cell) -> str:
         """The number of the footnote of a cell, or nothing."""
@@ -252,3 +290,17 @@ def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
         elif not isinstance(block, Figure):
             kept.append(block)
     return tuple(kept)
+
+
+_POWER = re.compile(r"\b((?:m|s|rad|deg)(?:/s)?)\^([23])(?!\.?\d)|\b(m/s)([23])\b")
+_UNIT = re.compile(r"(?<=\d) (?=(?:%|°|[mckµ]?m[²³]?|[mµn]?s|k?Hz|rad|deg|dB|MB|kB)(?:/(?:s[²³]?|h))?(?![\w-]))")
+
+
+def with_powers(text: str) -> str:
+    """A text with powers of units as signs: m/s²."""
+    return _POWER.sub(lambda match: f"{match[1] or match[3]}{'²³'[int(match[2] or match[4]) - 2]}", text)
+
+
+def typeset(text: str) -> str:
+    """The same without a break between a number and its unit."""
+    return _UNIT.sub("\N{NO-BREAK SPACE}", with_powers(text))

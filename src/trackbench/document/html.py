@@ -3,45 +3,52 @@
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections import Counter
 from functools import partial
+from hashlib import sha256
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from trackbench import document as model
-from trackbench.document import Block, Document, Figure, LegendEntry
+from trackbench.document import Cell, Document, Figure, LegendEntry, Table, typeset
 from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
 
 
 def to_html(document: Document) -> str:
     """The text of the file, the same for the same document. Each figure is drawn once."""
+    loader = PackageLoader("trackbench.document")
     environment = Environment(
-        loader=PackageLoader("trackbench.document"),
+        loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        # Of what is put in, markup stays as it is.
+        finalize=lambda value: typeset(value) if type(value) is str else value,
     )
     tests: Any = environment.tests
-    for kind in (model.Section, model.Row, model.Paragraph, model.Status, model.Items, model.Code, model.Table, Figure):
+    for kind in (model.Section, model.Row, model.Paragraph, model.Status, model.Items, model.Code, Table, Figure):
         tests[kind.__name__.lower()] = partial(_is_a, kind)
-    before, drawn, after = _parts(document)
-    shared = _shared(drawn)
+    shared = _shared(document)
+    script = loader.get_source(environment, "document.js")[0]
     made: Any = environment.get_template("document.html.j2").render(
         document=document,
-        before=before,
-        drawn=drawn,
-        after=after,
+        sections=[block for block in document.blocks if isinstance(block, model.Section)],
         shared=[entry for entry in shared if not entry.key],
+        toggled=len(document.trackers) > 1 and any(entry.key for entry in shared),
         own=lambda figure: [entry for entry in figure.legend if entry not in shared],
         styles={style.name: style for style in document.trackers},
         svg=lambda figure: Markup(svg_in_page(figure)),
+        bar_on_axis=_bar,
         css=lambda colour: IN_PAGE.get(colour, colour),
         identity=lambda text: re.sub(r"\W+", "-", text.lower()).strip("-"),
         column_width=WIDTH,
+        script=Markup(script),
+        script_hash=b64encode(sha256(script.encode()).digest()).decode(),
     )
     return str(made)
 
@@ -50,21 +57,17 @@ def _is_a(kind: type, block: object) -> bool:
     return isinstance(block, kind)
 
 
-def _parts(document: Document) -> tuple[tuple[Block, ...], ...]:
-    """The blocks before the first that shows trackers in figures, those up to the last, and the rest."""
-    blocks = document.blocks
-    showing = [i for i, block in enumerate(blocks) if any(_shows_trackers(inner) for inner in model.every([block]))]
-    if not showing or len(document.trackers) < 2:
-        return blocks, (), ()
-    first, last = showing[0], showing[-1] + 1
-    return blocks[:first], blocks[first:last], blocks[last:]
+def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
+    """Where the bar of a cell and its interval are on the axis of its column, in percent, and whether it ends there."""
+    assert cell.bar is not None
+    begin, end = table.axis(index)
+    span = end - begin or 1.0
+    zero, value, low, high = (100 * min(max((x - begin) / span, 0.0), 1.0) for x in (0.0, *cell.bar))
+    ends = {"left": min(zero, value), "width": abs(value - zero), "low": low, "high": high}
+    return {key: f"{end:.2f}" for key, end in ends.items()} | {"cut": not begin <= cell.bar[0] <= end}
 
 
-def _shared(blocks: tuple[Block, ...]) -> list[LegendEntry]:
+def _shared(document: Document) -> list[LegendEntry]:
     """What the legend of the page says for all figures: the trackers, and what more than one figure shows."""
-    entries = Counter(entry for block in model.every(blocks) if isinstance(block, Figure) for entry in block.legend)
+    entries = Counter(entry for figure in document.figures for entry in figure.legend)
     return [entry for entry, figures in entries.items() if entry.key or figures > 1]
-
-
-def _shows_trackers(block: Block) -> bool:
-    return isinstance(block, Figure) and any(entry.key for entry in block.legend)

@@ -18,6 +18,7 @@ from trackbench.document import (
     Section,
     Status,
     Table,
+    typeset,
 )
 
 _PREAMBLE = r"""\documentclass[a4paper]{article}
@@ -58,6 +59,8 @@ _ESCAPES = {
     "\N{LESS-THAN OR EQUAL TO}": r"$\leq$",
     "\N{GREATER-THAN OR EQUAL TO}": r"$\geq$",
     "\N{RIGHTWARDS ARROW}": r"$\rightarrow$",
+    "\N{SUPERSCRIPT TWO}": r"\textsuperscript{2}",
+    "\N{SUPERSCRIPT THREE}": r"\textsuperscript{3}",
     "\N{GREEK SMALL LETTER MU}": r"\textmu{}",
     "\N{GREEK SMALL LETTER SIGMA}": r"$\sigma$",
 }
@@ -103,7 +106,11 @@ def table_to_latex(table: Table) -> str:
 
 
 def escape(text: str) -> str:
-    """``text`` as it is, whatever LaTeX it looks like."""
+    """``text`` as it is, whatever LaTeX it looks like, but for its units."""
+    return _verbatim(typeset(text))
+
+
+def _verbatim(text: str) -> str:
     return _SPECIAL.sub(lambda match: _ESCAPES[match[0]], text)
 
 
@@ -151,7 +158,7 @@ def _code(block: Code) -> Iterator[str]:
     yield r"\begin{flushleft}\ttfamily\footnotesize"
     for line in block.text.rstrip("\n").splitlines():
         indent = len(line) - len(line.lstrip())
-        yield rf"\mbox{{}}\hspace*{{{indent / 2:g}em}}{escape(line.strip())}\\"
+        yield rf"\mbox{{}}\hspace*{{{indent / 2:g}em}}{_verbatim(line.strip())}\\"
     yield r"\end{flushleft}"
 
 

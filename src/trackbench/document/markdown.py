@@ -17,6 +17,7 @@ from trackbench.document import (
     Section,
     Status,
     Table,
+    with_powers,
     without_figures,
 )
 
@@ -44,7 +45,7 @@ def to_markdown(document: Document, *, figures: str = "") -> str:
 
 def escape(text: str) -> str:
     """``text`` as it is, in one line, whatever Markdown or HTML it looks like."""
-    return _SPECIAL.sub(r"\\\g<0>", _SPACES.sub(" ", text).strip())
+    return _SPECIAL.sub(r"\\\g<0>", _SPACES.sub(" ", with_powers(text)).strip())
 
 
 def _lines(block: Block, level: int, figures: str) -> Iterator[str]:

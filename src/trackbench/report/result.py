@@ -22,6 +22,7 @@ from trackbench.document import (
 )
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
+from trackbench.metrics.moments import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, LEAST_COVERAGE, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
@@ -54,6 +55,7 @@ from trackbench.report.sentences import (
     other_switch_costs,
     provenance,
     reused_identities,
+    value_and_limit,
     verdict,
     verdict_on_tracks,
 )
@@ -65,9 +67,11 @@ def result_document(result: Result) -> Document:
     trackers, result, summary = len(result.summary.trackers), result.listed, result.listed.summary
     styles = tracker_styles(result.places)
     shown = [styles[tracker.name] for tracker in result.drawn]
+    labelled = summary.truth.known and summary.identities == "known"
+    moments = worst_moments(result) if labelled else {}
     blocks = [
-        Section("Verdict", tuple(_verdict(result, trackers))),
-        *_sections(result, styles, shown),
+        Section("Verdict", tuple(_verdict(result, trackers, _picture(result, shown, moments)))),
+        *_sections(result, styles, shown, moments),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
         Section("How to reproduce it", tuple(_reproduction(result))),
@@ -76,7 +80,21 @@ def result_document(result: Result) -> Document:
     return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
 
 
-def _verdict(result: Result, trackers: int) -> Iterator[Block]:
+def _picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
+    """The recorded run from above."""
+    if not result.summary.truth.known:
+        return None
+    if result.summary.identities == "hidden":
+        return map_of_tracks(result, shown)
+    return map_of_run(result.tables, result.summary.recorded_run, _competing(result, shown), moments)
+
+
+def _competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
+    names = {tracker.name for tracker in result.contenders}
+    return [style for style in shown if style.name in names]
+
+
+def _verdict(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
     """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
     summary, missing = result.summary, result.unscored
     yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
@@ -85,16 +103,23 @@ def _verdict(result: Result, trackers: int) -> Iterator[Block]:
     yield Status(expectations_met(summary.expectations), tone)
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
+    if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
+        yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
+    glance: list[Block] = [tables.at_a_glance(result)] if result.scored and summary.truth.known else []
+    if beside := (*glance, *([picture] if picture else [])):
+        yield Row(beside)
     if trackers > len(summary.trackers):
         yield Paragraph(listed_of(summary, trackers))
-    elif summary.truth.known:
-        yield from _standings(result)
+    elif result.scored and summary.truth.known:
+        yield Section("Each tracker in a sentence", tuple(_standings(result)), folded=True)
     if missing:
         failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
         numbers = tables.unranked(result)
         yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
 
 
+#: Failed expectations on the first screen.
+_FAILED = 3
 _NO_TRUTH = (
     "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
     "ranked."
@@ -127,7 +152,12 @@ def _standings(result: Result) -> Iterator[Block]:
             yield Items(tuple(item for name, item in items.items() if name not in ranked))
 
 
-def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+def _sections(
+    result: Result,
+    styles: Mapping[str, TrackerStyle],
+    shown: Sequence[TrackerStyle],
+    moments: Mapping[str, EstimateMoment],
+) -> Iterator[Section]:
     """What is between the verdict and the expectations."""
     summary, scored = result.summary, result.scored
     if not summary.truth.known:
@@ -147,7 +177,7 @@ def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequenc
         yield Section("Scene by scene", tuple(scenes(result)))
     yield from functions_section(result, shown)
     if labelled:
-        yield from _accuracy(result, shown)
+        yield from _accuracy(result, shown, moments)
         yield from _figures("Modes", [modes_over_time(result)])
         yield from breakdown_section(result, styles)
         yield from _consistency(result, shown)
@@ -155,7 +185,6 @@ def _sections(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequenc
     figures = [
         gospa_over_time(result.tables.steps, shown),
         strip_chart(result.tables.objects, shown, summary.recorded_run),
-        map_of_tracks(result, shown),
         existence_calibration(result.tables.existence, shown),
     ]
     yield from _figures("What happened", figures)
@@ -279,18 +308,17 @@ _NOT_BETTER = (
 )
 
 
-def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+def _accuracy(
+    result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
+) -> Iterator[Section]:
     steps, reference = result.tables.steps, result.summary.held_against
-    moments, run = worst_moments(result), result.summary.recorded_run
-    names = [tracker.name for tracker in result.contenders]
-    competing = [style for style in shown if style.name in names]
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
         spread(steps, shown, reference.label),
-        map_of_run(result.tables, run, competing, moments),
     ]
     yield from _figures("Accuracy", figures)
-    yield from moments_section(moments, run, [style.name for style in mapped(competing)])
+    ringed = [style.name for style in mapped(_competing(result, shown))]
+    yield from moments_section(moments, result.summary.recorded_run, ringed)
 
 
 def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:

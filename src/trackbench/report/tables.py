@@ -12,7 +12,17 @@ from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
+from trackbench.report.numbers import (
+    NOT_AVAILABLE,
+    decimals,
+    fixed,
+    half_width,
+    interval,
+    percent,
+    reach,
+    short,
+    signed,
+)
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 
@@ -161,6 +171,34 @@ def ranking(result: Result) -> Table:
         *_errors(result, trackers),
     ]
     return Table.of_columns("ranking", columns)
+
+
+def at_a_glance(result: Result) -> Table:
+    """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict."""
+    trackers, path = result.drawn, result.summary.headline
+    metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
+    places = decimals(metric.value for metric in metrics)
+    columns = [
+        (Column(f"{result.summary.headline_name}, m", "with its 95 % interval"), [_barred(m, places) for m in metrics]),
+        (Column("covariance", "what NEES says of it", left=True), [_judged(metric) for metric in nees]),
+    ]
+    return tracker_table("at-a-glance", trackers, columns)
+
+
+def _barred(metric: MetricValue, places: int) -> Cell:
+    value, ci95 = metric.value, metric.ci95
+    if value is None:
+        return _missing(metric)
+    low, high = ci95 or (value, value)
+    text = f"{fixed(value, places)} {reach(value, ci95, places)}".rstrip()
+    return Cell(text, bar=(value, low, high))
+
+
+def _judged(nees: MetricValue) -> Cell:
+    """The main word of a covariance's verdict as a chip, and what else is off."""
+    if not nees.verdict:
+        return Cell("not judged", reason=nees.reason or "no interval of NEES")
+    return Cell(nees.verdict, (nees.also,) if nees.also else (), TONE[nees.verdict], chip=True)
 
 
 def unranked(result: Result) -> Table | None:
@@ -319,7 +357,7 @@ def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
 
     rows = tuple((Cell(a, tracker=a), *(cell(a, b) for b in order)) for a in order)
     columns = (Column("row minus column, m", left=True), *(Column(name, details="verdict") for name in order))
-    return Table("all-differences", columns, rows, matrix=True)
+    return Table("all-differences", columns, rows)
 
 
 def _places(pairs: Iterable[Pair | None]) -> int:

@@ -174,7 +174,7 @@ def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference
     rows = tuple((Cell(scenario), *(cell(scenario, entrant) for entrant in entrants)) for scenario in scenarios)
     columns = (Column("scenario", left=True), *(Column(name(comparison, entrant)) for entrant in entrants))
     caption = "Change in percent; coloured where it is shown to be more than the margin"
-    return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption, matrix=True)
+    return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption)
 
 
 def _scenarios(comparison: Comparison, reports: Mapping[str, str]) -> Table:

@@ -178,7 +178,7 @@ def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric:
         cells = (Cell("") if score is None else cell(score, places) for score in own)
         rows.append((Cell(scenario.name, link=links[scenario.name]), *cells))
     columns = (Column("scenario", left=True), *(Column(label(item)) for item in comparison.ranking))
-    return Table(name, columns, tuple(rows), matrix=True)
+    return Table(name, columns, tuple(rows))
 
 
 def _plain(metric: str) -> _ToCell:

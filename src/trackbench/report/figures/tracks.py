@@ -50,8 +50,7 @@ def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure |
             draw_lines(axes, drawn, end_of(steps))
             highest = max((float(np.nanmax(line.value)) for line in drawn), default=0.0)
             axes.set_ylim(0, 1.06 * highest or 1.0)
-            axes.set_ylabel("m")
-            panel_title(axes, PARTS[name], WIDTH)
+            axes.set_ylabel(f"{PARTS[name]}, m")
         panels[-1].set_xlabel(TIME_LABEL)
 
     return tracker_figure(

@@ -147,9 +147,7 @@ def covariance(item: SensorAudit) -> Table:
         (Cell(name), *(Cell(f"{value:.3g}") for value in row))
         for name, row in zip(names, item.covariance.tolist(), strict=True)
     ]
-    return Table(
-        "covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians", True
-    )
+    return Table("covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians")
 
 
 def detections(item: SensorAudit) -> Table:
