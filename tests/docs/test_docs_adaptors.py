@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,6 @@ from trackbench.base.errors import InputError
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.adaptors.options import FilterPyOptions, FilterPySensor, StoneSoupOptions, StoneSoupSensor
 from trackbench.subjects.adaptors.stonesoup_tracker import MEASURED
 from trackbench.trackers.published import create
 
@@ -39,12 +37,6 @@ def test_the_page_shows_the_files(fenced: Callable[[Path], list[Any]]) -> None:
     assert len(parts) == 4
     for block in parts:
         assert block.text in (EXAMPLES / block.note.removeprefix("part of: ")).read_text(encoding="utf-8")
-
-
-def test_every_option_is_explained() -> None:
-    explained = re.findall(r"^\| `(\w+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    classes = (FilterPyOptions, FilterPySensor, StoneSoupOptions, StoneSoupSensor)
-    assert sorted(explained) == sorted(name for options in classes for name in options.model_fields)
 
 
 def test_the_models_of_stone_soup_measure_as_many_components_as_is_said() -> None:

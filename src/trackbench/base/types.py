@@ -112,6 +112,7 @@ class Scan(NamedTuple):
     clutter_density: float | None = None
     """Detections that stem from no object, per unit volume of the measurement space and scan, as the sensor states."""
     field_of_view: FieldOfView | None = None
+    """Where the sensor can detect anything."""
     asked: bool = False
     """True where no measurement has arrived and the estimate at ``time`` is asked for. What is predicted for it is not
     to be kept: measurements that are still on their way were taken earlier."""

@@ -35,10 +35,11 @@ class SensorOptions(Config):
     """How the measurements of a sensor are given to a filter."""
 
     measurement: str | list[str] | None = Field(
-        None, description="position, or the components of the measurement that are given; all unless given."
+        None,
+        description="position (a KalmanFilter's default), or the components that are given; all unless given.",
     )
     R: Literal["stated", "own"] | None = Field(
-        None, description="The noise covariance: as the sensor states it, or the filter's own."
+        None, description="The noise covariance: as the sensor states it (the default), or the filter's own."
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -78,12 +79,14 @@ class AdaptorOptions(Config):
     library: ClassVar[str]
     """Its name."""
 
-    state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
+    state: list[str] = Field(
+        description="the state's components in the filter's order, such as [px, vx, py, vy]; other: any further one"
+    )
     initial: Annotated[InitialConfig | None, BeforeValidator(_start), WithJsonSchema(STARTED)] = Field(
-        description="own (x and P as they are set), first_measurement or two_measurements"
+        description="own (x and P as set, before the first measurement), first_measurement or two_measurements"
     )
     """None: as the filter itself is set."""
-    dt_s: Positive | None = Field(None, description="The interval for which the filter's own matrices hold, s.")
+    dt_s: Positive | None = Field(None, description="Interval of the filter's own matrices, s; multiples are split.")
 
     def problems(self) -> Iterator[Problem]:
         if find_spec(self.package) is None:
@@ -195,10 +198,10 @@ class FilterPySensor(SensorOptions):
     """How the measurements of a sensor are given to the filter; functions are called as FilterPy calls them."""
 
     hx: str | None = Field(None, description="own, or the function that gives the expected measurement.")
-    HJacobian: str | None = Field(None, description="The function that gives its derivative, as module:name.")
-    residual: str | None = Field(None, description="The function that subtracts two measurements, as module:name.")
-    z_mean: str | None = Field(None, description="The function that averages sigma points, as module:name.")
-    args: list[str] = Field(default_factory=list, description="Fields of the scan that hx is given beside the state.")
+    HJacobian: str | None = Field(None, description="EKF only. The derivative of hx, as module:name.")
+    residual: str | None = Field(None, description="Subtracts two measurements, with wrapped azimuth, as module:name.")
+    z_mean: str | None = Field(None, description="UKF only. The function that averages measurements, as module:name.")
+    args: list[str] = Field(default_factory=list, description="Fields of the scan that hx takes after the state.")
 
     def problems(self) -> Iterator[Problem]:
         yield from super().problems()
@@ -218,8 +221,10 @@ class FilterPyOptions(AdaptorOptions):
 
     filter: str = Field(description='the filter, or a function that makes one, as "module:name"')
     filter_options: dict[str, Any] = Field(default_factory=dict, description="Arguments of a function that makes it.")
-    transition: str | None = Field(None, description="Function that gives F, of dt or of x and dt, as module:name.")
-    fx: str | None = Field(None, description="Function that gives the state after dt, as module:name.")
+    transition: str | None = Field(
+        None, description="F, a function of dt or of x and dt, as module:name; not of a UKF."
+    )
+    fx: str | None = Field(None, description="EKF only. State after dt, of x and dt; transition is then its Jacobian.")
     process_noise: str | None = Field(None, description="Function that gives Q, of dt or of x and dt, as module:name.")
     sensors: dict[str, FilterPySensor] | None = Field(
         None, min_length=1, description="By name or kind, how a sensor's measurements are given to the filter."
@@ -235,8 +240,10 @@ class FilterPyOptions(AdaptorOptions):
 class StoneSoupSensor(SensorOptions):
     """How the measurements of a sensor are given to the updater."""
 
-    measurement_model: str | None = Field(None, description="own, or a measurement model, as module:name.")
-    pose: Literal["stated", "own"] | None = Field(None, description="Whether the model is put where the sensor is.")
+    measurement_model: str | None = Field(None, description="own, a model, or a function that makes it of the scan.")
+    pose: Literal["stated", "own"] | None = Field(
+        None, description="Pose of the model: the sensor's (default), or its own."
+    )
 
     def problems(self) -> Iterator[Problem]:
         yield from super().problems()
