@@ -82,10 +82,11 @@ def test_two_runs_in_a_terminal(cli: Cli, two: Path) -> None:
 def test_one_run_in_a_terminal(cli: Cli, two: Path) -> None:
     done = cli("compare", "base/tiny", "--metric", "position_rmse", "--metric", "rmse.px")
     assert done.status == 0
-    assert [line.split()[:2] for line in done.out.splitlines() if line.rstrip().endswith("  better")] == [
-        ["ekf", "raw"],
-        ["ekf", "raw"],
+    assert [line.split()[:2] for line in done.out.splitlines() if line.rstrip().endswith("  worse")] == [
+        ["raw", "ekf"],
+        ["raw", "ekf"],
     ]
+    assert "By position RMSE: ekf is best with " in done.out
 
 
 def test_json_and_markdown(cli: Cli, two: Path) -> None:

@@ -13,12 +13,16 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
-from trackbench.compare import Comparison, compare, load, results_in
+from trackbench.compare import Comparison, Entrant, compare, load, results_in
+from trackbench.compare.comparison import GateResult
+from trackbench.document import Items, Paragraph, Section, Status
+from trackbench.document.drawing import matplotlib_figure
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import TRACKER_COLOURS, tracker_styles
 from trackbench.report.comparison.document import batch_files, comparison_files, document
 from trackbench.report.comparison.figures import rank_figure
+from trackbench.report.comparison.sentences import answers
 from trackbench.report.numbers import reach
 from trackbench.results import SCHEMA_VERSION, Result
 
@@ -205,9 +209,9 @@ def test_equal_trackers_have_no_lead() -> None:
         ),
     ],
 )
-def test_what_is_shown_is_said_first(rmse: dict[str, float], first: str) -> None:
+def test_what_is_shown_is_said_before_what_was_compared(rmse: dict[str, float], first: str) -> None:
     found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
-    assert f"# Comparison of trackers\n\n{first} {len(rmse)} trackers over 10 scenarios." in markdown(found)
+    assert f"\n\n{first} {len(rmse)} trackers over 10 scenarios." in markdown(found)
 
 
 @pytest.mark.parametrize(
@@ -242,7 +246,45 @@ def test_one_scenario_claims_no_certainty() -> None:
     assert found.ranking[0].ci95 is None
     assert found.rank_differences == []
     assert "lead" not in markdown(found)
-    assert "good | poor | 0.500 |" in markdown(found).replace("**", "")
+    assert "poor | good | 0.900 |" in markdown(found).replace("**", "")
+
+
+def test_the_answer_is_in_metres_and_says_what_is_shown() -> None:
+    found = compare([scenario("only", {"good": 0.5, "fair": 0.501, "poor": 0.9, "worst": 5.0}, tied=("fair",))])
+    (answer,) = answers(found)
+    assert isinstance(answer, Paragraph)
+    sentences = answer.text.split(". ")
+    assert sentences[0] == "By position RMSE: good is best with 0.500 m"
+    assert re.fullmatch(r"Next is fair \+0\.00\d ±0\.\d+ m \(\+0\.\d %\): which .* is undecided", sentences[1])
+    assert re.match(r"Shown to be worse: poor \+0\.40\d ±", sentences[2])
+    assert ", worst +4.5" in sentences[2]
+
+
+def test_the_axis_is_set_by_those_that_are_near() -> None:
+    def limits(worst: float) -> tuple[float, float]:
+        found = compare([scenario("only", {"good": 0.5, "fair": 0.6, "poor": 0.7, "raw": worst})])
+        (figure,) = document(found).figures
+        canvas = matplotlib_figure(figure)
+        assert [text.get_text() for text in canvas.axes[0].texts] == [f"+{worst - 0.5:.3g} \N{RIGHTWARDS ARROW}"]
+        return canvas.axes[0].get_xlim()
+
+    assert limits(5.0) == limits(50.0)
+    assert 0.2 < limits(5.0)[1] < 0.3
+
+
+def test_a_failed_gate_stands_before_the_answer_and_an_undecided_limit_after_it() -> None:
+    found = compare([scenario("only", {"a": 0.5, "b": 0.9})])
+    gates = [
+        GateResult(scenario="only", entrant=Entrant(tracker=who), metric="x", percent=2.0, outcome=outcome, text="")
+        for who, outcome in (("a", "undecided"), ("b", "failed"))
+    ]
+    first, second, third, fourth = answers(found.model_copy(update={"gates": gates}))
+    assert first == Status("failed: 0 of 2 limits kept, 1 undecided", "bad")
+    assert isinstance(second, Items)
+    assert [item.label for item in second.items] == ["FAILED"]
+    assert isinstance(third, Paragraph)
+    assert isinstance(fourth, Section)
+    assert fourth.folded
 
 
 def test_markdown(compared: Comparison) -> None:

@@ -37,7 +37,7 @@ def test_the_printed_commands_make_the_same_comparison_again(cli: Cli, tmp_path:
 
 def find_commands(printed: str) -> list[str]:
     lines = printed.splitlines()
-    section = lines[lines.index("Reproduce") + 1 :]
+    section = [*lines[lines.index("Reproduce") + 1 :], ""]
     text = " ".join(line.strip() for line in section[: section.index("")])
     return [f"trackbench {part.strip()}" for part in text.split("trackbench ")[1:]]
 

@@ -14,6 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.compare import Limit, compare, load
 from trackbench.document.files import text
 from trackbench.report.comparison.document import comparison_files, document
+from trackbench.report.comparison.sentences import ranking_answer
 from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
@@ -143,8 +144,8 @@ def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
         item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0}) for place, item in enumerate(found.ranking)
     ]
     first, second, *_ = (item.tracker for item in tied)
-    said = document(found.model_copy(update={"ranking": tied})).lead
-    assert said.endswith(f"{first} and {second} share the best mean rank, 1.50.")
+    said = ranking_answer(found.model_copy(update={"ranking": tied}))
+    assert said == f"{first} and {second} share the best mean rank, 1.50."
 
 
 def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:

@@ -3,69 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import ComparedResult, OverallChange
-from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Section, Status, Table, Tone
+from trackbench.document import Block, Cell, Code, Column, Item, Items, Paragraph, Row, Section, Table, Tone
 from trackbench.document.palette import Styles
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
+from trackbench.report.comparison import sentences
 from trackbench.report.comparison.figures import difference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, short
+from trackbench.report.comparison.sentences import against, best_of, in_percent, letter, name, of, places
+from trackbench.report.numbers import half_width, short
 from trackbench.report.tables import unit_of
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
-_GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided": "warn"}
-
-
-def lead(comparison: Comparison) -> str:
-    """How many differences there are, and of which kind."""
-    sentences = []
-    for metric, items in comparison.by_metric():
-        words = [item.verdict for item in items]
-        counts = ", ".join(f"{words.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in words)
-        sentences.append(f"{metric}: {counts}.")
-    return " ".join(sentences)
 
 
 def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str]) -> Iterator[Block]:
-    """The results, the differences by metric, and the limits."""
-    several = len(comparison.scenarios) > 1
-    if several:
-        yield Items(tuple(Item(label, label=letter(i)) for i, label in enumerate(comparison.sets)))
-    else:
-        yield Items(
-            tuple(
-                Item(
-                    f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
-                    label=letter(result.set) if len(comparison.sets) > 1 else "",
-                    detail=_how(result),
-                )
-                for result in comparison.scenarios[0].results
-            )
-        )
+    """What became of the limits, the answer, the differences by metric, and the results."""
+    yield from sentences.answers(comparison)
     for metric, items in comparison.by_metric():
         yield Section(f"{metric}{unit_of(items[0].unit)}", tuple(_section(comparison, styles, metric, items)))
+    yield Section("Results", tuple(_results(comparison, reports)))
     yield from reproduction(comparison)
-    if comparison.gates:
-        yield Section("Limits", (*_gates(comparison),))
-    if several:
-        yield Section("Scenarios", (_scenarios(comparison, reports),))
 
 
 def _section(comparison: Comparison, styles: Styles, metric: str, items: Sequence[PairDifference]) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
+    explained = Section("How it is judged", (Paragraph(_explanation(items, len(comparison.differences))),), folded=True)
+    best = best_of(comparison, items) if len(comparison.sets) == 1 else None
+    shown = against(best, items) if best else items
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
-    table = _differences(comparison, metric, items)
-    explained = Paragraph(_explanation(items, len(comparison.differences)))
-    figure = difference_figure(metric, items, _labels(comparison, items), styles)
-    figures = () if all(item.identical for item in items) else (figure,)
-    if several:
-        yield from (*figures, Section("Each difference", (table, explained), folded=True))
     else:
-        yield from (table, explained, *figures)
+        yield _differences(comparison, metric, shown)
+    if not all(item.identical for item in shown):
+        labels = [of(comparison, item) if best or len(comparison.sets) > 1 else _pair(item) for item in shown]
+        yield Row((difference_figure(metric, shown, labels, styles, best or ""),))
+    if several or len(shown) < len(items):
+        title = "Each difference" if several else "Each pair"
+        each = _differences(comparison, metric, items)
+        yield Section(title, (replace(each, name=f"{each.name}-each"),), folded=True)
+    yield explained
+
+
+def _pair(item: PairDifference) -> str:
+    return f"{item.entrant.tracker} against {item.against.tracker}"
 
 
 def reproduction(comparison: Comparison) -> Iterator[Block]:
@@ -106,13 +91,12 @@ def _parts(runs: int, scenes: int, stretches: int) -> str:
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
-    """Every difference of a metric: decimals show the values to three digits and the smallest uncertainty to one."""
-    widths = [(d.ci95[1] - d.ci95[0]) / 2 for d in items if d.ci95 is not None and not d.identical]
-    places = max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
+    """Every difference of a metric."""
+    digits = places(items)
 
     def with_reach(item: PairDifference) -> str:
-        reach = "" if item.ci95 is None else f" ±{short((item.ci95[1] - item.ci95[0]) / 2, places)}"
-        return "0 in every run" if item.identical else short(item.difference, places) + reach
+        reach = "" if item.ci95 is None else f" ±{short(half_width(item.ci95), digits)}"
+        return "0 in every run" if item.identical else short(item.difference, digits) + reach
 
     tracker = (Column("tracker", left=True), [_name_cell(comparison, item) for item in items])
     if len(comparison.scenarios) > 1:
@@ -121,14 +105,17 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
         first = [tracker, (Column("against", left=True), [_against_cell(comparison, item) for item in items])]
     columns = [
         *first,
-        (Column("value"), [Cell(short(item.value, places)) for item in items]),
+        (Column("value"), [Cell(short(item.value, digits)) for item in items]),
         (Column("difference"), [Cell(with_reach(item)) for item in items]),
-        (Column("%", "of the value that it is held against"), [Cell(_percent(item.percent)) for item in items]),
+        (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
         (
             Column("margin", "up to which a difference does not matter"),
-            [Cell(short(item.margin, places)) for item in items],
+            [Cell(short(item.margin, digits)) for item in items],
         ),
-        (Column("verdict", left=True), [Cell(item.verdict, tone=TONES.get(item.verdict, "")) for item in items]),
+        (
+            Column("verdict", left=True),
+            [Cell(item.verdict, tone=TONES.get(item.verdict, ""), chip=True) for item in items],
+        ),
     ]
     return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
 
@@ -152,7 +139,7 @@ def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
             for verdict in VERDICTS
             if any(verdict in item.verdicts for item in items)
         ),
-        (Column("mean %", mean), [Cell(_percent(item.mean_percent)) for item in items]),
+        (Column("mean %", mean), [Cell(in_percent(item.mean_percent)) for item in items]),
     ]
     caption = "Number of scenarios by verdict, and the mean change"
     return Table.of_columns(f"overall-{items[0].metric.replace('.', '-')}", columns, caption)
@@ -167,7 +154,7 @@ def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference
         item = by_entrant.get((scenario, entrant))
         if item is None:
             return Cell("")
-        text, strong = "0" if item.identical else _percent(item.percent), item.verdict not in (EQUIVALENT, UNDECIDED)
+        text, strong = "0" if item.identical else in_percent(item.percent), item.verdict not in (EQUIVALENT, UNDECIDED)
         return Cell(text, tone=TONES.get(item.verdict, ""), strong=strong)
 
     scenarios = dict.fromkeys(item.scenario for item in items)
@@ -177,8 +164,22 @@ def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference
     return Table(f"changes-{metric.replace('.', '-')}", columns, rows, caption)
 
 
-def _scenarios(comparison: Comparison, reports: Mapping[str, str]) -> Table:
-    """The results of each scenario, and how they are compared."""
+def _results(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
+    """The results, and how they are compared; of several scenarios in a table."""
+    several = len(comparison.sets) > 1
+    if len(comparison.scenarios) == 1:
+        yield Items(
+            tuple(
+                Item(
+                    f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}",
+                    label=letter(result.set) if several else "",
+                    detail=_how(result),
+                )
+                for result in comparison.scenarios[0].results
+            )
+        )
+        return
+    yield Items(tuple(Item(label, label=letter(i)) for i, label in enumerate(comparison.sets)))
     rows = [(scenario.name, result) for scenario in comparison.scenarios for result in scenario.results]
     columns = [
         (Column("scenario", left=True), [Cell(title, link=reports.get(result.label, "")) for title, result in rows]),
@@ -187,56 +188,4 @@ def _scenarios(comparison: Comparison, reports: Mapping[str, str]) -> Table:
         (Column("seed"), [Cell(str(result.seed)) for _, result in rows]),
         (Column("compared", left=True), [Cell(_how(result)) for _, result in rows]),
     ]
-    return Table.of_columns("scenarios", columns)
-
-
-def _gates(comparison: Comparison) -> Iterator[Block]:
-    missed = [item for item in comparison.gates if item.outcome != "passed"]
-    several = len(comparison.scenarios) > 1
-    if missed:
-        yield Items(
-            tuple(
-                Item(
-                    f"{f'{item.scenario}, ' if several else ''}{name(comparison, item.entrant)}, "
-                    f"{item.metric}: {item.text}",
-                    label=item.outcome.upper(),
-                    tone=_GATE_TONES[item.outcome],
-                )
-                for item in missed
-            )
-        )
-    yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
-
-
-def kept_limits(outcomes: Sequence[str], passed: bool) -> Status:
-    """How many limits are kept, and how many are undecided."""
-    kept, undecided = (outcomes.count(outcome) for outcome in ("passed", "undecided"))
-    words = f"{kept} of {counted(len(outcomes), 'limit')} kept{f', {undecided} undecided' if undecided else ''}"
-    return Status(words, "good" if passed else "bad")
-
-
-def _percent(value: float | None) -> str:
-    if value is None:
-        return NOT_AVAILABLE
-    return ("+" if value > 0 else "") + fixed(value, 1 if abs(value) < 10 else 0)
-
-
-def _labels(comparison: Comparison, items: Sequence[PairDifference]) -> list[str]:
-    """What each difference is of."""
-    place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
-    against = " against {0.against.tracker}" if len(comparison.sets) == 1 else ""
-    return [f"{place}{{1}}{against}".format(item, name(comparison, item.entrant)) for item in items]
-
-
-def name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
-    """As short as tells two entrants apart."""
-    if len(comparison.sets) == 1:
-        return entrant.tracker
-    if other is not None and entrant.tracker == other.tracker:
-        return letter(entrant.set)
-    return f"{entrant.tracker} {letter(entrant.set)}"
-
-
-def letter(number: int) -> str:
-    """Of a set of results."""
-    return chr(ord("A") + number) if number < 26 else str(number + 1)
+    yield Table.of_columns("scenarios", columns)

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from trackbench.compare import Comparison
-from trackbench.document import Block, Document, Item, Items, Paragraph, Section, named_apart
+from trackbench.document import Block, Document, Item, Items, Section, named_apart
 from trackbench.document.files import ENDINGS as DOCUMENT_ENDINGS
 from trackbench.document.files import files, files_by_ending
 from trackbench.document.palette import Styles, tracker_styles
 from trackbench.report.comparison import differences, ranking
+from trackbench.report.comparison.sentences import NAMES
 from trackbench.results import to_json
 
 
@@ -30,7 +31,7 @@ def document(
     """
     styles = tracker_styles(comparison.places or comparison.trackers)
     parts = [_group_text(group, styles, reports or {}, times=times) for group in comparison.groups]
-    title, lead, blocks = parts[0]
+    (title, blocks), lead = parts[0], ""
     if len(parts) > 1:
         title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
         lead = (
@@ -46,17 +47,15 @@ def document(
     )
 
 
-#: Of scenarios that the same metric ranks: title, lead and blocks.
-_GroupText = tuple[str, str, tuple[Block, ...]]
+#: Of scenarios that the same metric ranks: title and blocks.
+_GroupText = tuple[str, tuple[Block, ...]]
 
 
 def _group_text(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.blocks(comparison, styles, reports, times=times)
-        again = differences.reproduction(comparison)
-        return "Comparison of trackers", ranking.lead(comparison), (*blocks, *again)
-    blocks = differences.blocks(comparison, styles, reports)
-    return f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks)
+        return "Comparison of trackers", (*blocks, *differences.reproduction(comparison))
+    return f"Comparison{_over(comparison)}", tuple(differences.blocks(comparison, styles, reports))
 
 
 def _over(comparison: Comparison) -> str:
@@ -66,9 +65,8 @@ def _over(comparison: Comparison) -> str:
 
 def _section(comparison: Comparison, part: _GroupText) -> Section:
     """One part of several; its tables and figures are named after what ranks."""
-    _, lead, blocks = part
-    title = f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}"
-    return Section(title, (Paragraph(lead), *named_apart(blocks, comparison.ranked_by)))
+    title = f"By {NAMES[comparison.ranked_by]}{_over(comparison)}"
+    return Section(title, named_apart(part[1], comparison.ranked_by))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from trackbench.compare import Comparison, PairDifference
 from trackbench.compare.comparison import RankedTracker
-from trackbench.document import Figure, TrackerStyle
+from trackbench.document import Figure, end_of_axis
 from trackbench.document.drawing import INK, MUTED, WIDTH
 from trackbench.document.margins import shortened, text_width
 from trackbench.document.palette import Styles
 from trackbench.report.numbers import fixed
 from trackbench.report.pairs import groups_of
+from trackbench.report.tables import unit_of
 
-_WIDTH = 760.0
 _ROW = 24.0
+#: Of a cell of the map, at least.
+_CELL = 34.0
 _MAP = colormaps["Oranges"]
 #: Darker cells would make their numbers hard to read.
 _DARKEST = 0.55
@@ -44,7 +45,9 @@ def reference_figure(comparison: Comparison) -> Figure:
     darkest = max(_LEAST, _SATURATED * float(np.median(finite))) if finite.size else _LEAST
 
     widest = max(map(text_width, names))
-    upright = widest > (_WIDTH - max(map(text_width, scenarios))) / len(names) - 8
+    beside = min(0.4 * WIDTH, max(map(text_width, scenarios)) + 20)
+    width = max(WIDTH, beside + _CELL * len(names))
+    upright = widest > (width - beside) / len(names) - 8
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
@@ -59,7 +62,7 @@ def reference_figure(comparison: Comparison) -> Figure:
             ink = _ON_LIGHT if np.isfinite(value) else MUTED
             axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)
         axes.set_xticks(range(len(names)), names)
-        axes.set_yticks(range(len(scenarios)), scenarios)
+        axes.set_yticks(range(len(scenarios)), [shortened(scenario, beside) for scenario in scenarios])
         axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
         axes.xaxis.tick_top()
         axes.tick_params(length=0)
@@ -76,34 +79,53 @@ def reference_figure(comparison: Comparison) -> Figure:
         alternative="Position RMSE over that of the reference for each scenario and tracker",
         paint=paint,
         height=(widest + 14 if upright else 30) + _ROW * len(scenarios),
-        width=_WIDTH,
+        width=width,
     )
 
 
-def difference_figure(metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles) -> Figure:
-    """Each difference in percent with its interval; one that is zero in every run, or against zero, is left out."""
+def difference_figure(
+    metric: str, items: Sequence[PairDifference], labels: Sequence[str], styles: Styles, best: str
+) -> Figure:
+    """Each difference with its interval, in the unit of the metric; one that is zero in every run is left out.
+
+    What is far out, such as the baseline, is cut off and has its value beside it.
+    """
     drawn = [
-        (label, item.percent, item.percent_ci95 or (item.percent,) * 2, styles[item.entrant.tracker])
+        (label, item.difference, item.ci95 or (item.difference,) * 2, styles[item.entrant.tracker])
         for label, item in zip(labels, items, strict=True)
-        if item.percent is not None and not item.identical
+        if not item.identical
     ]
+    unit = unit_of(items[0].unit)
+    end = end_of_axis(max(map(abs, ends)) for _, _, ends, _ in drawn)
+    shown = [side for _, _, ends, _ in drawn for side in ends if abs(side) <= end]
+    low, high = min(shown, default=-end), max(shown, default=end)
+    low, high = (
+        side + way * 0.06 * (max(high, 0.0) - min(low, 0.0)) for side, way in ((min(low, 0.0), -1), (max(high, 0.0), 1))
+    )
+    what = f"{metric} minus that of {best}" if best else f"difference in {metric}"
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel=f"difference in {metric}, %")
+        axes = canvas.add_subplot(xlabel=f"{what}{unit}")
         axes.axvline(0.0, color=INK, linewidth=1)
         for y, (_, value, ends, style) in enumerate(drawn):
-            axes.plot(ends, [y, y], color=style.colour, linewidth=5, alpha=0.35)
-            axes.plot([value], [y], markersize=6, **style.dot)
-        axes.set_yticks(range(len(drawn)), [shortened(label, 0.55 * WIDTH) for label, *_ in drawn])
-        axes.set_ylim(len(drawn) - 0.4, -0.6)
+            axes.plot(np.clip(ends, low, high), [y, y], color=style.colour, linewidth=5, alpha=0.35)
+            if low <= value <= high:
+                axes.plot([value], [y], markersize=6, **style.dot)
+            else:
+                place, side, arrow = (
+                    (high, "right", "{} \N{RIGHTWARDS ARROW}") if value > 0 else (low, "left", "\N{LEFTWARDS ARROW} {}")
+                )
+                axes.text(place, y, arrow.format(f"{value:+.3g}"), ha=side, va="center", color=INK, fontsize=10)
+        axes.set_yticks(range(len(drawn)), [shortened(label, 0.45 * WIDTH) for label, *_ in drawn])
+        axes.set(xlim=(low, high), ylim=(len(drawn) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
 
     return Figure(
         name=f"differences-{metric.replace('.', '-')}",
-        title=f"Differences in {metric}",
-        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals. "
-        "What is the same in every run is left out.",
-        alternative=f"Differences in {metric}: " + ", ".join(f"{label} {value:+.1f} %" for label, value, *_ in drawn),
+        title=f"Differences in {metric}{unit}",
+        caption=f"Dots: {what}; bars: their 95 % intervals. What is far out is cut off at the edge, with its value; "
+        "what is the same in every run is left out.",
+        alternative=f"{what}{unit}: " + ", ".join(f"{label} {value:+.3g}" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
     )
@@ -119,89 +141,46 @@ def label(item: RankedTracker) -> str:
     return f"{item.tracker} (reference)" if item.reference else item.tracker
 
 
-#: Points of a line of text, of a bar, and above the axis.
-_LINE, _BAR, _TOP = 22.0, 12.0, 34.0
-#: Points of a letter, and of what else stands beside the axis.
-_LETTER, _BESIDE = 6.6, 72.0
-
-
-class _Axis(NamedTuple):
-    """Where ranks are, in points of the figure."""
-
-    ranks: int
-    side: float
-    """What names take on the left and on the right."""
-
-    def x(self, rank: float) -> float:
-        return self.side + (_WIDTH - 2 * self.side) * (rank - 1) / max(1, self.ranks - 1)
-
-
 def rank_figure(comparison: Comparison, styles: Styles) -> Figure:
-    """Mean ranks on a line; bars join trackers whose mean ranks are not shown to differ.
+    """Mean ranks with their intervals; lines at the side join trackers whose mean ranks are not shown to differ.
 
     Source: Demsar (2006), "Statistical comparisons of classifiers over multiple data sets", section 3.2.4.
     """
-    ranking = comparison.ranking
-    bars = _bars(comparison)
-    axis = _Axis(len(ranking), min(0.4 * _WIDTH, _BESIDE + _LETTER * max(len(label(item)) for item in ranking)))
-    half = -(-len(ranking) // 2)
-    below = 10 + _BAR * len(bars)
-    height = _TOP + below + _LINE * half + 6
+    ranking, groups = comparison.ranking, _groups(comparison)
 
     def paint(canvas: Canvas) -> None:
-        # All in points of the figure, downwards.
-        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
-        axes.set(xlim=(0, _WIDTH), ylim=(height, 0))
-        axes.set_axis_off()
-        _paint_axis(axes, axis)
-        for number, members in enumerate(bars):
-            x, y = [axis.x(item.mean_rank) for item in members], _TOP + 12 + _BAR * number
-            axes.plot([min(x), max(x)], [y, y], color=INK, linewidth=3.5)
-            axes.plot(x, [y] * len(x), color=INK, linestyle="none", marker="o", markersize=7)
-        for place, item in enumerate(ranking):
-            left = place < half
-            y = _TOP + below + _LINE * (0.5 + (place if left else len(ranking) - 1 - place))
-            _paint_tracker(axes, axis, item, y, styles[item.tracker], left=left)
+        axes = canvas.add_subplot(xlabel="mean rank, the best on the left")
+        last = len(ranking)
+        for y, item in enumerate(ranking):
+            style = styles[item.tracker]
+            axes.plot(item.ci95 or [item.mean_rank] * 2, [y, y], color=style.colour, linewidth=5, alpha=0.35)
+            axes.plot([item.mean_rank], [y], markersize=6, **style.dot)
+        for number, group in enumerate(groups):
+            x, rows = last + 0.25 + 0.03 * last * (number + 1), [ranking.index(item) for item in group]
+            axes.plot([x, x], [min(rows) - 0.2, max(rows) + 0.2], color=INK, linewidth=2.5)
+            axes.plot([x] * len(rows), rows, color=INK, linestyle="none", marker="o", markersize=4.5)
+        names = [f"{shortened(label(item), 0.4 * WIDTH)}  {fixed(item.mean_rank, 2)}" for item in ranking]
+        axes.set_yticks(range(last), names)
+        axes.set(xlim=(0.75, last + 0.5 + 0.03 * last * len(groups)), ylim=(last - 0.4, -0.6))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.grid(visible=False, axis="y")
 
     means = ", ".join(f"{label(item)} {fixed(item.mean_rank, 2)}" for item in ranking)
-    joined = "; ".join(" and ".join(item.tracker for item in members) for members in bars)
+    joined = "; ".join(" and ".join(item.tracker for item in group) for group in groups)
     return Figure(
         name="ranks",
         title="Mean ranks",
-        caption="Mean rank over the scenarios. A bar joins trackers whose mean ranks are not shown to differ; those "
-        "that no bar joins are (critical-difference diagram).",
+        caption="Dots: mean rank over the scenarios; bars: 95 % intervals. A line at the right joins trackers whose "
+        "mean ranks are not shown to differ; those that no line joins are (critical-difference diagram).",
         alternative=f"Mean rank of each tracker: {means}. Not shown to differ: {joined or 'none'}",
         paint=paint,
-        height=height,
-        width=_WIDTH,
+        height=50 + _ROW * len(ranking),
     )
 
 
-def _bars(comparison: Comparison) -> list[list[RankedTracker]]:
+def _groups(comparison: Comparison) -> list[list[RankedTracker]]:
     """The groups of two or more that are not shown to differ."""
     shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
     names = [item.tracker for item in competitors(comparison)]
     groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)
     return [[item for item in comparison.ranking if item.tracker in group] for group in groups if len(group) > 1]
-
-
-def _paint_axis(axes: Axes, axis: _Axis) -> None:
-    axes.plot([axis.x(1), axis.x(axis.ranks)], [_TOP, _TOP], color=MUTED, linewidth=1.2)
-    step = max(1, round(axis.ranks / 10))
-    for rank in np.arange(1, axis.ranks + 0.25, 0.5 * step):
-        x, whole = axis.x(float(rank)), float(rank).is_integer()
-        axes.plot([x, x], [_TOP, _TOP - (7 if whole else 4)], color=MUTED, linewidth=1.2)
-        if whole:
-            axes.text(x, _TOP - 11, f"{rank:g}", ha="center", va="bottom", color=INK)
-    axes.text(axis.side - 30, _TOP - 11, "mean rank", ha="right", va="bottom", color=MUTED)
-
-
-def _paint_tracker(axes: Axes, axis: _Axis, item: RankedTracker, y: float, style: TrackerStyle, *, left: bool) -> None:
-    """From its place on the axis down to its name at the side."""
-    x, outwards = axis.x(item.mean_rank), -1 if left else 1
-    end = (axis.side if left else _WIDTH - axis.side) + 20 * outwards
-    axes.plot([x, x, end], [_TOP, y, y], color=style.colour, linestyle=style.line, linewidth=1.6)
-    axes.plot([x], [_TOP], markersize=6.5, **style.dot)
-    side = "right" if left else "left"
-    axes.text(end + 6 * outwards, y, fixed(item.mean_rank, 2), ha=side, va="center", color=MUTED)
-    axes.text(end + 40 * outwards, y, label(item), ha=side, va="center", color=INK)

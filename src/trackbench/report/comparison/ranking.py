@@ -8,13 +8,14 @@ from dataclasses import replace
 from trackbench.base.errors import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
-from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS, fewest_sets
-from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table
+from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row, Section, Table
 from trackbench.document.palette import Styles
 from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
 from trackbench.report.comparison import worlds
-from trackbench.report.comparison.figures import competitors, label, rank_figure, reference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, joined, reach, short
+from trackbench.report.comparison.figures import label, rank_figure, reference_figure
+from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer
+from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, reach, short
 from trackbench.report.tables import TONE
 
 _RANKED = (
@@ -30,8 +31,6 @@ _NEES = (
 _TIME = "Of one predict and update of one run, on this machine."
 
 _ToCell = Callable[[EntrantScore, int], Cell]
-#: The metrics that rank, in words.
-NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
 _Matrix = Callable[[str, str, _ToCell], Table]
 #: Where identities are hidden, what is shown beside T-GOSPA: title, metric.
 _OF_TRACKS = {
@@ -45,57 +44,16 @@ _OF_TRACKS = {
 }
 
 
-def lead(comparison: Comparison) -> str:
-    """Which trackers are shown to differ, what was compared, who is ahead, and how certain that is."""
-    ranking, sets = competitors(comparison), comparison.sets_of_scenes
-    compared = "".join(f"{text} " for text in worlds.sentences(comparison))
-    compared += f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over "
-    compared += f"{counted(len(comparison.scenarios), 'scenario')}. "
-    if shared := [joined(names) for names in sets if len(names) > 1]:
-        count = counted(len(sets), "set")
-        compared = f"{compared[:-2]} in {count} of scenes: {'; '.join(shared)} share theirs, and count as one. "
-    if len(ranking) < 2:
-        return compared
-    first, second = ranking[:2]
-    if first.mean_rank == second.mean_rank:
-        ahead = [item.tracker for item in ranking if item.mean_rank == first.mean_rank]
-        return (
-            f"{compared}{', '.join(ahead[:-1])} and {ahead[-1]} share the best mean rank, {fixed(first.mean_rank, 2)}."
-        )
-    ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
-    wanted = fewest_sets(len(ranking))
-    certainty = f"Too few sets of scenes for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
-    if len(sets) >= wanted:
-        rivals = [item for item in comparison.rank_differences if first.tracker in (item.a, item.b)]
-        shown = "shown" if all(item.shown for item in rivals) else "not shown"
-        certainty = f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
-    return f"{compared}{first.tracker} has the best mean rank, {ranks}. {certainty}"
-
-
-def _shown(comparison: Comparison) -> str:
-    """Whose mean ranks are shown to be worse than whose: "Only raw is shown to differ: it has a worse mean rank than
-    every other. "; nothing where there are too few sets for a claim."""
-    names = [item.tracker for item in competitors(comparison)]
-    if len(names) < 2 or len(comparison.sets_of_scenes) < fewest_sets(len(names)):
-        return ""
-    pairs = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
-    better = {name: [other for other in names[:i] if {name, other} in pairs] for i, name in enumerate(names)}
-    worse = {name: others for name, others in better.items() if others}
-    if not worse:
-        return "No two trackers are shown to differ in mean rank. "
-    texts = {name: "every other" if len(of) == len(names) - 1 else joined(of) for name, of in worse.items()}
-    if len(worse) == 1:
-        ((name, text),) = texts.items()
-        return f"Only {name} is shown to differ: it has a worse mean rank than {text}. "
-    return f"Shown to have a worse mean rank: {'; '.join(f'{name} than {text}' for name, text in texts.items())}. "
-
-
 def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *, times: bool) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
+    if answer := ranking_answer(comparison):
+        yield Paragraph(answer, strong=True)
+    yield Paragraph(compared(comparison))
+    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
+    how = Section("How it is ranked", (method,), folded=True)
+    yield Section("Overall", (Row((rank_figure(comparison, styles),)), _overall(comparison), how))
     if comparison.worlds:
         yield worlds.section(comparison)
-    method = Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by]))
-    yield Section("Overall", (_overall(comparison), method, rank_figure(comparison, styles)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:
@@ -117,7 +75,7 @@ def blocks(comparison: Comparison, styles: Styles, reports: Mapping[str, str], *
 
 def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
     position = matrix("position", "position_rmse", _ranked("position_rmse"))
-    yield Section("Position RMSE, m", (Paragraph(_RANKED), position, reference_figure(comparison)))
+    yield Section("Position RMSE, m", (Row((reference_figure(comparison),)), position, Paragraph(_RANKED)))
     velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
     yield Section("Velocity RMSE, m/s", (Paragraph(f"With {REACH}."), velocity))
     yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))

@@ -30,7 +30,7 @@ from trackbench.document import (
 )
 from trackbench.document.drawing import INK, fit_value_axis
 from trackbench.document.palette import Styles, tracker_figure, tracker_styles
-from trackbench.report.comparison.differences import kept_limits
+from trackbench.report.comparison.sentences import kept_limits
 from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
 from trackbench.report.tables import unit_of

@@ -1,0 +1,245 @@
+"""What a comparison says first: whether a limit failed, who is best, by how much, and how certain that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from trackbench.base.errors import counted
+from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.compare.ranking import fewest_sets
+from trackbench.document import Block, Item, Items, Paragraph, Section, Status
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
+from trackbench.report.comparison import worlds
+from trackbench.report.comparison.figures import competitors
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, joined, short
+
+#: Outcomes of a limit by which a gate fails.
+FAILED = ("failed", "error")
+#: The metrics that rank, in words.
+NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
+#: Turned round, what is said of a difference.
+_TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller": "larger"}
+#: Differences of one verdict that are listed.
+_LISTED = 3
+
+
+def gates(comparison: Comparison, outcomes: Sequence[str]) -> tuple[Item, ...]:
+    """The limits with one of some outcomes."""
+    place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
+    return tuple(
+        Item(
+            f"{place}{{1}}, {{0.metric}}: {{0.text}}".format(item, name(comparison, item.entrant)),
+            label=item.outcome.upper(),
+            tone="bad" if item.outcome in FAILED else "warn",
+        )
+        for item in comparison.gates
+        if item.outcome in outcomes
+    )
+
+
+def kept_limits(outcomes: Sequence[str], passed: bool) -> Status:
+    """How many limits are kept, and how many are undecided."""
+    kept, undecided = (outcomes.count(outcome) for outcome in ("passed", "undecided"))
+    words = f"{kept} of {counted(len(outcomes), 'limit')} kept{f', {undecided} undecided' if undecided else ''}"
+    return Status(words if passed else f"failed: {words}", "good" if passed else "bad")
+
+
+def answers(comparison: Comparison) -> Iterator[Block]:
+    """Whether the gate failed, and for each metric who is best, or what has changed."""
+    if comparison.gates:
+        yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
+    if failed := gates(comparison, FAILED):
+        yield Items(failed)
+    for metric, items in comparison.by_metric():
+        best = best_of(comparison, items) if len(comparison.sets) == 1 else None
+        text = _best(best, against(best, items)) if best else _changes(comparison, items)
+        yield Paragraph(f"By {NAMES.get(metric, metric)}: {text}", strong=True)
+    if undecided := gates(comparison, ["undecided"]):
+        yield Section("Undecided limits", (Items(undecided),), folded=True)
+
+
+def best_of(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
+    """The tracker with the best value of a metric, in the only scenario of one set; None where it has no direction.
+
+    References are no competitors.
+    """
+    shown = next((item for item in items if item.verdict in ("better", "worse")), None)
+    if shown is None and items[0].metric != comparison.ranked_by:
+        return None
+    sign = 1.0 if shown is None or (shown.difference < 0) == (shown.verdict == "better") else -1.0
+    values = {item.entrant.tracker: item.value for item in items}
+    values |= {item.against.tracker: item.reference for item in items}
+    names = [item.tracker for item in competitors(comparison) if item.tracker in values] or [*values]
+    return min(names, key=lambda name: sign * values[name])
+
+
+def against(best: str, items: Sequence[PairDifference]) -> list[PairDifference]:
+    """The other trackers held against this one, the nearest first."""
+    turned = [item if item.against.tracker == best else _turned(item) for item in items]
+    return sorted((item for item in turned if item.against.tracker == best), key=lambda item: abs(item.difference))
+
+
+def _turned(item: PairDifference) -> PairDifference:
+    return item.model_copy(
+        update={
+            "entrant": item.against,
+            "against": item.entrant,
+            "value": item.reference,
+            "reference": item.value,
+            "difference": 0.0 - item.difference,
+            "ci95": item.ci95 and (0.0 - item.ci95[1], 0.0 - item.ci95[0]),
+            "verdict": _TURNED.get(item.verdict, item.verdict),
+        }
+    )
+
+
+def _best(best: str, behind: Sequence[PairDifference]) -> str:
+    """Who is best, who follows by how much, and who is shown to be worse."""
+    following, *others = behind
+    words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
+    word = words.get(following.verdict, "which of the two is better is undecided")
+    sentences = [
+        f"{best} is best with {short(following.reference, places(behind))}{_unit(following)}.",
+        f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
+    ]
+    if worse := [item for item in others if item.verdict == "worse"]:
+        listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:_LISTED])
+        sentences.append(f"Shown to be worse: {listed}{_more(worse)}.")
+    return " ".join(sentences)
+
+
+def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
+    """What has become worse, better or neither, the largest changes first."""
+    parts = []
+    for verdict in sorted(VERDICTS, key=[*_TURNED, UNDECIDED, EQUIVALENT].index):
+        own = sorted((item for item in items if item.verdict == verdict), key=lambda item: -abs(item.percent or 0.0))
+        listed = ", ".join(_changed(of(comparison, item), items, item) for item in own[:_LISTED]) + _more(own)
+        if verdict == EQUIVALENT:
+            same = sum(item.identical for item in own)
+            number = "" if same == len(own) else f"{same} "
+            listed = f"{len(own)}{f' ({number}the same in every run)' if same else ''}"
+        parts += [f"{verdict}: {listed}"] if own else []
+    return f"{'; '.join(parts)}."
+
+
+def _more(items: Sequence[PairDifference]) -> str:
+    return f" and {len(items) - _LISTED} more" if len(items) > _LISTED else ""
+
+
+def _changed(who: str, items: Sequence[PairDifference], item: PairDifference) -> str:
+    """Such as "ekf_cv +0.0152 ±0.0068 m (+16 %)"."""
+    digits, half = places(items), half_width(item.ci95)
+    width = "" if half is None else f" ±{short(half, digits)}"
+    sign = "+" if item.difference > 0 else ""
+    share = "" if item.percent is None else f" ({in_percent(item.percent)} %)"
+    return f"{who} {sign}{short(item.difference, digits)}{width}{_unit(item)}{share}"
+
+
+def _unit(item: PairDifference) -> str:
+    return "" if item.unit == "1" else f" {item.unit}"
+
+
+def places(items: Sequence[PairDifference]) -> int:
+    """Decimals that show the values to three digits and the smallest uncertainty to one."""
+    widths = [half for item in items if not item.identical and (half := half_width(item.ci95)) is not None]
+    return max(decimals([item.value for item in items]), decimals(widths, 1) if widths else 0)
+
+
+def in_percent(value: float | None) -> str:
+    """With its sign."""
+    if value is None:
+        return NOT_AVAILABLE
+    return ("+" if value > 0 else "") + fixed(value, 1 if abs(value) < 10 else 0)
+
+
+def of(comparison: Comparison, item: PairDifference) -> str:
+    """What a difference is of: the tracker, and the scenario where there are several."""
+    place = f" in {item.scenario}" if len(comparison.scenarios) > 1 else ""
+    return f"{name(comparison, item.entrant)}{place}"
+
+
+def name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:
+    """As short as tells two entrants apart."""
+    if len(comparison.sets) == 1:
+        return entrant.tracker
+    if other is not None and entrant.tracker == other.tracker:
+        return letter(entrant.set)
+    return f"{entrant.tracker} {letter(entrant.set)}"
+
+
+def letter(number: int) -> str:
+    """Of a set of results."""
+    return chr(ord("A") + number) if number < 26 else str(number + 1)
+
+
+def ranking_answer(comparison: Comparison) -> str:
+    """Who is ahead over the scenarios, by how much, and how certain that is."""
+    ranking = competitors(comparison)
+    if len(ranking) < 2:
+        return ""
+    first, second = ranking[:2]
+    if first.mean_rank == second.mean_rank:
+        ahead = joined([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
+        return f"{ahead} share the best mean rank, {fixed(first.mean_rank, 2)}."
+    ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
+    lead = _lead_in_units(comparison, first.tracker, second.tracker)
+    return f"{first.tracker} has the best mean rank, {ranks}. {lead}{_certainty(comparison)}"
+
+
+def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
+    """The differences of two trackers in the scenarios, in the unit of the metric that ranks; empty where none is."""
+    items = [
+        item
+        for item in comparison.differences
+        if item.metric == comparison.ranked_by and {item.entrant.tracker, item.against.tracker} == {first, second}
+    ]
+    own = [item if item.against.tracker == first else _turned(item) for item in items]
+    if not own:
+        return ""
+    digits, scenarios = places(own), counted(len(own), "scenario")
+    most, least = (short(pick(item.difference for item in own), digits) for pick in (max, min))
+    return (
+        f"{second} has a {NAMES[comparison.ranked_by]} of {least} to {most} m more in {scenarios}, and is shown to be "
+        f"worse in {sum(item.verdict == 'worse' for item in own)}. "
+    )
+
+
+def _certainty(comparison: Comparison) -> str:
+    """Whether the lead of the first is shown."""
+    ranking = competitors(comparison)
+    wanted = fewest_sets(len(ranking))
+    if len(comparison.sets_of_scenes) < wanted:
+        return f"Too few sets of scenes for a claim: with {counted(len(ranking), 'tracker')} it takes {wanted}."
+    first = ranking[0].tracker
+    rivals = [item for item in comparison.rank_differences if first in (item.a, item.b)]
+    shown = "shown" if all(item.shown for item in rivals) else "not shown"
+    return f"That lead is {shown} (p = {fixed(max(item.p_value for item in rivals), 3)})."
+
+
+def compared(comparison: Comparison) -> str:
+    """What is compared, and in which worlds the order holds."""
+    ranking, sets = competitors(comparison), comparison.sets_of_scenes
+    text = (
+        f"{_shown(comparison)}{counted(len(ranking), 'tracker')} over {counted(len(comparison.scenarios), 'scenario')}"
+    )
+    if shared := [joined(names) for names in sets if len(names) > 1]:
+        text += f" in {counted(len(sets), 'set')} of scenes: {'; '.join(shared)} share theirs, and count as one"
+    return " ".join([*worlds.sentences(comparison), f"{text}."])
+
+
+def _shown(comparison: Comparison) -> str:
+    """Whose mean ranks are shown to be worse than whose: "Only raw is shown to differ: it has a worse mean rank than
+    every other. "; nothing where there are too few sets for a claim."""
+    names = [item.tracker for item in competitors(comparison)]
+    if len(names) < 2 or len(comparison.sets_of_scenes) < fewest_sets(len(names)):
+        return ""
+    pairs = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
+    better = {name: [other for other in names[:i] if {name, other} in pairs] for i, name in enumerate(names)}
+    worse = {name: others for name, others in better.items() if others}
+    if not worse:
+        return "No two trackers are shown to differ in mean rank. "
+    texts = {name: "every other" if len(of) == len(names) - 1 else joined(of) for name, of in worse.items()}
+    if len(worse) == 1:
+        ((name, text),) = texts.items()
+        return f"Only {name} is shown to differ: it has a worse mean rank than {text}. "
+    return f"Shown to have a worse mean rank: {'; '.join(f'{name} than {text}' for name, text in texts.items())}. "
