@@ -33,6 +33,7 @@ def test_an_axis_ends_before_what_is_far_out() -> None:
     assert end_of_axis([1.0, 2.0, 3.9, 100.0]) == 3.9
     assert end_of_axis([1.0, 9.0]) == 1.0
     assert end_of_axis([1.0, 3.0]) == 3.0
+    assert end_of_axis([0.0, 0.0, 5.0]) == 5.0
     assert end_of_axis([]) == 0.0
     assert TABLE.axis(1) == (0.0, 0.22)
 

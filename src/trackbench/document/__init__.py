@@ -71,7 +71,7 @@ FAR = 4.0
 
 def end_of_axis(sizes: Iterable[float]) -> float:
     """The largest of some sizes but for those far out, which an axis cuts off; 0 of none."""
-    ordered = sorted(sizes)
+    ordered = sorted(size for size in sizes if size > 0)
     near = FAR * ordered[(len(ordered) - 1) // 2] if ordered else 0.0
     return max((size for size in ordered if size <= near), default=0.0)
 

@@ -18,8 +18,10 @@ from trackbench.document.drawing import (
     LOG_ABOVE,
     MUTED,
     TIME_LABEL,
+    WIDTH,
     fit_value_axis,
     logarithmic,
+    panel_title,
     time_axis,
 )
 from trackbench.document.margins import fit_margins, shortened, text_width
@@ -27,10 +29,12 @@ from trackbench.document.palette import tracker_figure
 from trackbench.report.calibration import TITLE, UNIT, By, Quantity, classes, conditions, rmse
 from trackbench.report.figures.over_time import (
     Line,
+    beyond_axis,
     draw_lines,
     end_of,
     last_values,
     panel_grid,
+    rms_by_name,
     smooth_lines,
     styles_of,
 )
@@ -53,6 +57,7 @@ def error_over_time(
     references = _distinct(smooth_lines(steps, styles, f"{quantity}_reference_{suffix}"))
     if not drawn:
         return None
+    cut, words = beyond_axis(rms_by_name(drawn), unit)
 
     def colour(group: Sequence[Line]) -> str:
         return INK if len(references) == 1 else group[0].style.colour
@@ -62,9 +67,11 @@ def error_over_time(
         draw_lines(axes, drawn, end_of(steps))
         for group in references:
             axes.plot(group[0].time, group[0].value, color=colour(group), linestyle=DASHED, linewidth=1.3)
-        fit_value_axis(axes, [line.value for line in drawn] + [group[0].value for group in references])
+        near = [line.value for line in (*drawn, *(group[0] for group in references)) if line.style.name not in cut]
+        fit_value_axis(axes, near)
+        panel_title(axes, words, WIDTH)
 
-    caption = f"RMSE of the {quantity} over all runs and objects, {_window(drawn)}."
+    caption = f"RMSE of the {quantity} over all runs and objects, {_window(drawn)}.{_sentence(words)}"
     if references:
         caption += f" Dashed: the {reference.label}. {reference.meaning}"
     shown = styles_of(drawn)
@@ -87,6 +94,8 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
     low = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p10_m")}
     high = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p90_m")}
     references = {line.style.key: line for line in smooth_lines(steps, styles, "position_reference_m")}
+    cut, words = beyond_axis(rms_by_name(drawn), "m")
+    drawn = [line for line in drawn if line.style.name not in cut]
     # One object in one run has no spread.
     if not drawn or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
         return None
@@ -103,7 +112,9 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
     def paint(canvas: Canvas) -> None:
         axes = panel_grid(canvas, [line.style.name for line in drawn], "error, m", draw)
         time_axis(axes, end_of(steps))
-        fit_value_axis(axes, [*high.values(), *low.values(), *(line.value for line in drawn)])
+        shown = {line.style.key for line in drawn}
+        bands = [value for of_key in (high, low) for key, value in of_key.items() if key in shown]
+        fit_value_axis(axes, [*bands, *(line.value for line in drawn)])
 
     shown = counted(len(drawn), "tracker")
     return Figure(
@@ -111,7 +122,7 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
         "Spread of the runs",
         "One panel per tracker, on the same axes: the line is the RMSE, the band holds the middle 80 % of the errors "
         f"of single runs and objects, {_window(drawn)}; dashed is the {reference}. Where the line is above its "
-        "band, the errors of a few runs are far larger than the rest.",
+        f"band, the errors of a few runs are far larger than the rest.{_sentence(words)}",
         f"Position error over time with the spread of the runs, one panel for each of {shown}.",
         paint,
         max(_HEIGHT, 40 + _PANEL * rows),
@@ -121,6 +132,11 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
             *([LegendEntry(reference, INK, "dash")] if references else []),
         ),
     )
+
+
+def _sentence(words: str) -> str:
+    """What goes beyond an axis, after another sentence."""
+    return f" {words}." if words else ""
 
 
 def _window(drawn: Sequence[Line]) -> str:
@@ -164,13 +180,17 @@ def errors_by_class(
         for tracker in trackers
     ]
     unit = UNIT[quantity]
+    largest = {style.name: max(_values(metrics), default=0.0) for style, metrics in errors}
+    cut, beyond = beyond_axis(largest, unit)
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(ylabel=f"{quantity} RMSE, {unit}")
-        for i, (style, metrics) in enumerate(errors):
-            shift = _CLASS_WIDTH * ((i + 0.5) / len(errors) - 0.5)
+        near = [(style, metrics) for style, metrics in errors if style.name not in cut]
+        for i, (style, metrics) in enumerate(near):
+            shift = _CLASS_WIDTH * ((i + 0.5) / len(near) - 0.5)
             _dots(axes, shift, metrics, style)
-        values = np.array([m.value for _, metrics in errors for m in metrics if m is not None and m.value is not None])
+        panel_title(axes, beyond, WIDTH)
+        values = np.array([value for _, metrics in near for value in _values(metrics)])
         if values.size and values.min() > 0 and values.max() > LOG_ABOVE / 2 * values.min():
             logarithmic(axes, "y")
             axes.set_ylabel(f"{quantity} RMSE, {unit}, log.")
@@ -190,12 +210,17 @@ def errors_by_class(
     return tracker_figure(
         f"{quantity}-by-{by}",
         f"{quantity.capitalize()} error by {what}",
-        f"RMSE of the {quantity} in each {what}, over all runs and objects; the bars are 95 % intervals.",
+        f"RMSE of the {quantity} in each {what}, over all runs and objects; the bars are 95 % intervals."
+        f"{_sentence(beyond and f'{beyond}, the largest of them')}",
         f"RMSE of {quantity} by {what}. {words}",
         paint,
         _CLASS_HEIGHT,
         shown,
     )
+
+
+def _values(metrics: _Errors) -> list[float]:
+    return [metric.value for metric in metrics if metric is not None and metric.value is not None]
 
 
 def _dots(axes: Axes, shift: float, metrics: _Errors, style: TrackerStyle) -> None:
@@ -240,6 +265,9 @@ def cost_against_accuracy(
     ]
     if not points:
         return None
+    words = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
+    cut, beyond = beyond_axis({style.name: error for style, _, error in points}, "m")
+    points = [point for point in points if point[0].name not in cut]
     shown = [style for style, _, _ in points]
     x, y = np.array([cost for _, cost, _ in points]), np.array([error for _, _, error in points])
 
@@ -252,15 +280,16 @@ def cost_against_accuracy(
             axes.plot([cost], [error], markersize=9, **style.dot)
         axes.set(xlim=(x.min() / 1.6, x.max() * 1.6))
         axes.margins(y=0.15)
+        panel_title(axes, beyond, WIDTH)
         fit_margins(canvas)
         _label_points(axes, shown, np.stack([x, y], axis=1))
 
-    words = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
     return tracker_figure(
         "cost",
         "Accuracy against computing time",
         "Each point is a tracker: further down is more accurate, further left is faster. A tracker with another one "
-        "both below and to the left of it is slower and less accurate. Times are those of this machine.",
+        "both below and to the left of it is slower and less accurate. Times are those of this machine."
+        f"{_sentence(beyond)}",
         f"{_METRICS[metric]} against time per step: {words}",
         paint,
         250,

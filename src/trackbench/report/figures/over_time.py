@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from trackbench.base.errors import counted
 from trackbench.base.types import Array
-from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document import Figure, LegendEntry, TrackerStyle, end_of_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, TIME_LABEL, WIDTH, fit_value_axis, panel_title, time_axis
 from trackbench.document.palette import mode_colours, tracker_figure
 from trackbench.metrics.consistency import point95
@@ -71,6 +71,19 @@ def lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Li
 def smooth_lines(table: pa.Table, styles: Sequence[TrackerStyle], name: str) -> list[Line]:
     """The same as root mean squares over equal stretches of time."""
     return [Line(line.style, *_stretches(line.time, line.value)) for line in lines(table, styles, name)]
+
+
+def beyond_axis(sizes: Mapping[str, float], unit: str) -> tuple[set[str], str]:
+    """Which of some trackers are far out, so that the others set the axis, and words for it: "raw beyond the axis: 13.3
+    m/s"; neither where none is. ``sizes``: by tracker."""
+    end = end_of_axis(sizes.values())
+    cut = {name: f"{name} beyond the axis: {size:.3g} {unit}" for name, size in sizes.items() if size > end}
+    return {*cut}, "; ".join(cut.values())
+
+
+def rms_by_name(drawn: Sequence[Line]) -> dict[str, float]:
+    """The root mean square of each line."""
+    return {line.style.name: float(np.sqrt(np.nanmean(line.value**2))) for line in drawn}
 
 
 def draw_lines(axes: Axes, drawn: Sequence[Line], end: float) -> None:

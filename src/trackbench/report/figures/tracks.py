@@ -15,11 +15,13 @@ from trackbench.document.drawing import DASHED, GRID, INK, TIME_LABEL, WIDTH, pa
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS, tracker_figure
 from trackbench.report.figures.over_time import (
+    beyond_axis,
     column,
     draw_lines,
     end_of,
     last_values,
     names,
+    rms_by_name,
     smooth_lines,
     styles_of,
     where,
@@ -48,8 +50,10 @@ def gospa_over_time(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure |
         panels = canvas.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (name, drawn) in zip(panels, parts.items(), strict=True):
             draw_lines(axes, drawn, end_of(steps))
-            highest = max((float(np.nanmax(line.value)) for line in drawn), default=0.0)
-            axes.set_ylim(0, 1.06 * highest or 1.0)
+            cut, words = beyond_axis(rms_by_name(drawn), "m")
+            near = (line.value for line in drawn if line.style.name not in cut)
+            axes.set_ylim(0, 1.06 * max(map(np.nanmax, near), default=0.0) or 1.0)
+            panel_title(axes, words, WIDTH)
             axes.set_ylabel(f"{PARTS[name]}, m")
         panels[-1].set_xlabel(TIME_LABEL)
 
