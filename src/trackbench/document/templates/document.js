@@ -34,7 +34,7 @@ function points(svg) {
   const found = [];
   for (const title of svg.querySelectorAll("title")) {
     const group = title.parentNode;
-    for (const path of group.querySelectorAll("path:not(defs path)"))
+    for (const path of group.querySelectorAll("path[d]:not(defs path)"))
       for (const [, x, y] of path.getAttribute("d").matchAll(/(-?[\d.]+) (-?[\d.]+)/g))
         found.push([title.textContent, Number(x), Number(y), group]);
     for (const use of group.querySelectorAll("use"))
