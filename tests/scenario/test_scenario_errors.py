@@ -197,6 +197,8 @@ BAD = [
     ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
     ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
     ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar, speed_radar"]),
+    ("filter: ekf", "filter: EKF", ["21: trackers.ekf.filter: 'EKF' is not known; did you mean 'ekf'?"]),
+    ("filter: ekf", "filter: kalman", ["21: trackers.ekf.filter: 'kalman' is not known; did you mean 'kf'?"]),
     ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
     ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
     (
@@ -369,6 +371,19 @@ BAD = [
     ),
     (
         "metric: position_rmse",
+        "metric: rmse",
+        ["27: expect.0.metric: there is no metric 'rmse'; did you mean 'position_rmse' or 'velocity_rmse'?"],
+    ),
+    (
+        "metric: position_rmse",
+        "metric: gospa",
+        [
+            "27: expect.0.metric: there is no metric 'gospa'; it is one of hidden identities, and "
+            "sensing.identities is known"
+        ],
+    ),
+    (
+        "metric: position_rmse",
         "metric: nis.frnt.mean",
         ["27: expect.0.metric: there is no metric 'nis.frnt.mean'; did you mean 'nis.front.mean'?"],
     ),
@@ -464,3 +479,29 @@ def test_the_good_scenario_is_good(tmp_path: Path) -> None:
     path.write_text(GOOD)
 
     assert load_scenario(path).config.name == "example"
+
+
+@pytest.mark.parametrize(
+    ("name", "command"), [("result.json", "compare"), ("recording.rrd", "view"), ("own.py", "doctor")]
+)
+def test_a_file_of_another_kind_is_called_what_it_is(tmp_path: Path, name: str, command: str) -> None:
+    path = tmp_path / name
+    path.write_text("{}", encoding="utf-8")
+    (message,) = messages(path)
+    assert message.startswith("FILE: this is ")
+    assert f"`trackbench {command}`" in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "said"),
+    [
+        ("  rate_hz: 20", " rate_hz: 20", 7, "wrong indentation"),
+        ("  rate_hz: 20", "  rate_hz 20", 7, "a key is followed by a colon and a space"),
+    ],
+)
+def test_a_slip_of_yaml_has_its_own_line(tmp_path: Path, old: str, new: str, line: int, said: str) -> None:
+    assert GOOD.splitlines()[line - 1].startswith(old)
+    path = tmp_path / "bad.yaml"
+    path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+    (message,) = messages(path)
+    assert message.startswith(f"FILE:{line}: not valid YAML: {said}")

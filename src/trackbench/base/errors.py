@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -63,13 +64,74 @@ class InputErrors(InputError):
         return "\n".join(str(error) for error in self.errors)
 
 
-def nearest(name: str, choices: Iterable[str]) -> str:
-    """A sentence that names the nearest valid choice, or lists the choices when none is near."""
+#: By a name, or a part of one, what others call it.
+CALLED_ELSEWHERE = {
+    "kf": "kalman kalman_filter linear_kalman_filter", "ekf": "extended extended_kalman", "ckf": "cubature",
+    "ukf": "unscented sigma_point", "cv": "linear", "gnn": "hungarian munkres auction nn nearest_neighbour",
+    "associate": "association", "confirm": "confirmation", "per_scan": "rate",
+    "position_rmse": "rmse rms mse error position position_error",
+    "velocity_rmse": "rmse velocity speed velocity_error", "nees.mean": "nees anees", "mota": "mot", "gate": "gating",
+    "id_switches": "idsw ids id_switch switch",
+    "below": "less less_than lower_than smaller_than lt max maximum at_most under upper < <=",
+    "above": "greater greater_than more_than larger_than gt min minimum at_least over lower > >=",
+    "is": "equals equal eq ==", "tracker": "name", "sigma": "std stddev stdev sd noise", "azimuth": "angle bearing",
+    "range_rate": "doppler", "turn_rate": "yaw_rate yawrate", "fov": "field_of_view", "env": "environment",
+    "rate": "dt frequency freq period", "detection_probability": "p_d pd prob_detection",
+    "clutter": "false_alarms false_alarm false_positives", "runs": "n trials iterations", "seed": "random_seed",
+    "levels": "steps n", "from": "min start", "to": "max end", "acceleration_sigma": "q process_noise",
+    "emergency_braking": "aeb", "expect": "assert gates", "score": "scoring", "typical": "real realistic",
+    "run": "simulate test", "check": "validate lint", "report": "plot", "view": "show open watch", "sensors": "presets",
+}  # fmt: skip
+
+
+def same_name(name: str, choices: Iterable[str]) -> list[str]:
+    """The choices that a name means in another spelling, by its initials, or as others call them."""
+    by_spelling = {_spelling(choice): choice for choice in choices}
+    spelling = _spelling(name)
+    calls = [(ours, re.escape(word)) for ours, theirs in CALLED_ELSEWHERE.items() for word in theirs.split()]
+    meant = [re.sub(rf"(?<![^_.]){word}(?![^_.])", ours, spelling) for ours, word in calls]
+    initials = [choice for choice in by_spelling if _initials(choice) == spelling]
+    found = [spelling, *meant, _initials(spelling), *initials]
+    return list(dict.fromkeys(by_spelling[word] for word in found if word in by_spelling))
+
+
+def _spelling(name: str) -> str:
+    return name.lower().replace("-", "_").replace(" ", "_")
+
+
+def _initials(name: str) -> str:
+    return "".join(word[:1] for word in name.split("_"))
+
+
+def alike(name: str, choices: Iterable[str], cutoff: float = 0.5) -> list[str]:
+    """The choices that a name may mean, the likeliest first: those of :func:`same_name`, else those that have all its
+    words, else the one that is spelt most alike, as far as it is by ``cutoff``."""
     names = sorted(set(choices))
-    close = get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean {close[0]!r}?"
+    if same := same_name(name, names):
+        return same
+    words = set(re.split(r"[_.]", _spelling(name)))
+    whole = [choice for choice in names if words <= set(re.split(r"[_.]", _spelling(choice)))]
+    return get_close_matches(name, whole, n=3, cutoff=0.0) or get_close_matches(name, names, n=1, cutoff=cutoff)
+
+
+#: More choices than these are not listed.
+LISTED = 30
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """A sentence that names the nearest valid choices, or lists the choices when none is near."""
+    names = sorted(set(choices))
+    if close := did_you_mean(alike(name, names)):
+        return close
+    if len(names) > LISTED:
+        return f"choose from {len(names)}, such as {', '.join(get_close_matches(name, names, n=5, cutoff=0.0))}"
     return "choose from: " + ", ".join(names) if names else "there is none to choose from"
+
+
+def did_you_mean(names: Sequence[str]) -> str:
+    """ "did you mean 'a', 'b' or 'c'?"; empty of no name."""
+    *others, last = map(repr, names) if names else [""]
+    return f"did you mean {' or '.join(filter(None, [', '.join(others), last]))}?" if names else ""
 
 
 def shortened(text: str, most: int = 200) -> str:

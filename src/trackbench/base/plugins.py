@@ -5,12 +5,13 @@ Those of one kind are published by installed packages, or named ``"module:Class"
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
@@ -19,7 +20,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
 from trackbench.base.at_hand import HOME, class_at_hand
-from trackbench.base.errors import InputError, nearest, printable, text_of
+from trackbench.base.errors import InputError, alike, did_you_mean, nearest, printable, text_of
 from trackbench.base.supervised import at_work, tell_plugin
 
 
@@ -79,7 +80,10 @@ def explained(reference: str, folder: Path | None) -> Iterator[None]:
     except ModuleNotFoundError as error:
         first = folder or "the scenario's folder"
         where = f" (looked in {first}, the working directory and the installed packages)"
-        raise InputError(f"cannot import {reference!r}: no module named {error.name!r}{where}") from error
+        here = {file.stem for place in {first, Path()} if Path(place).is_dir() for file in Path(place).glob("*.py")}
+        hint = did_you_mean(alike(error.name or "", here, 0.6))
+        problem = f"cannot import {reference!r}: no module named {error.name!r}{where}"
+        raise InputError(f"{problem}; {hint}" if hint else problem) from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -203,8 +207,9 @@ class Registry(Generic[T]):
     def _entry(self, name: str) -> EntryPoint:
         published = self._published()
         if name not in published:
-            hint = nearest(name, published)
-            raise InputError(f'no {self.what} is published as {name!r}: {hint} (a class is named "module:Class")')
+            meant = did_you_mean(_classes_at_hand(name))
+            hint = meant or f'{nearest(name, published)} (a class is named "module:Class")'
+            raise InputError(f"no {self.what} is published as {name!r}: {hint}")
         values = sorted({entry.value for entry in published[name]})
         if len(values) > 1:
             places = " and as ".join(values)
@@ -222,6 +227,18 @@ def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]
     for entry in entry_points(group=group):
         plugin.setdefault(entry.name, []).append(entry)
     return plugin
+
+
+def _classes_at_hand(name: str) -> list[str]:
+    """The classes that a name without a colon may mean: all of a module, or that of a dotted path. Nothing is run."""
+    dotted = name.removesuffix(".py").removeprefix("./").replace("/", ".")
+    for module, wanted in ((dotted, ""), dotted.rpartition(".")[::2]):
+        for place in sys.path if module else ():
+            with suppress(SyntaxError, ValueError, OSError):
+                tree = ast.parse((Path(place) / f"{module.replace('.', '/')}.py").read_bytes())
+                names = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
+                return [f"{module}:{each}" for each in alike(wanted, names) or names]
+    return []
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:

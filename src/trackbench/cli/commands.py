@@ -11,14 +11,22 @@ import sys
 import time
 import traceback
 from contextlib import suppress
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import click
 
 from trackbench.base.deferred import lighten_imports
-from trackbench.base.errors import InputError, OutputError, TrackbenchError, printable, shortened, text_of
+from trackbench.base.errors import (
+    InputError,
+    OutputError,
+    TrackbenchError,
+    alike,
+    did_you_mean,
+    printable,
+    shortened,
+    text_of,
+)
 from trackbench.base.files import is_utf8
 from trackbench.base.process import BAD_INPUT, CANNOT_WRITE, FAULT, INTERRUPTED, UNREAD
 from trackbench.base.subjects import Offer, kind_of, offered, resolve
@@ -132,10 +140,8 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
-            close = get_close_matches(args[0], COMMANDS, n=1)
-            raise click.UsageError(
-                f"No such command {args[0]!r}.{f' Did you mean {close[0]!r}?' if close else ''}", ctx
-            )
+            hint = did_you_mean(alike(args[0], COMMANDS, 0.6))
+            raise click.UsageError(f"No such command {args[0]!r}. {hint[:1].upper()}{hint[1:]}".rstrip(), ctx)
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

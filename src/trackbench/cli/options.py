@@ -5,14 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, alike, did_you_mean
 from trackbench.base.subjects import offered, resolve
 from trackbench.engine.choice import ENGINE_NAMES
 
@@ -60,9 +59,8 @@ class NearestChoice(click.Choice[str]):
     def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
         words = [str(choice) for choice in self.choices]
         begun = [word for word in words if word.startswith(str(value))]
-        close = begun[:1] or get_close_matches(str(value), words, n=1, cutoff=0.5)
-        hint = f" Did you mean {close[0]!r}?" if close else ""
-        return super().get_invalid_choice_message(value, ctx) + hint
+        hint = did_you_mean(begun[:1] or alike(str(value), words))
+        return f"{super().get_invalid_choice_message(value, ctx)} {hint[:1].upper()}{hint[1:]}".rstrip()
 
 
 #: The command gets it as ``engine``.

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
-from trackbench.base.errors import nearest
+from trackbench.base.errors import nearest, same_name
 from trackbench.metrics import Field
 from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
@@ -258,8 +258,14 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator
     metrics = _metrics(scenario)
     metric = metrics.get(expectation.metric)
     if metric is None:
-        message = f"there is no metric {expectation.metric!r}; {nearest(expectation.metric, metrics)}"
-        yield Problem(("metric",), message)
+        identities = scenario.sensing.identities
+        hidden = identities == "known"
+        others = by_path(scenario.sensors, scenario.own_metrics, hidden, True)
+        if expectation.metric in others and not same_name(expectation.metric, metrics):
+            hint = f"it is one of {'hidden' if hidden else 'known'} identities, and sensing.identities is {identities}"
+        else:
+            hint = nearest(expectation.metric, metrics)
+        yield Problem(("metric",), f"there is no metric {expectation.metric!r}; {hint}")
         return
     sensor = expectation.metric.split(".")[1] if metric.per_sensor else None
     read = tracker.sensors if tracker is not None else None

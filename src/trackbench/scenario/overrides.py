@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from trackbench.base.config import KeyPath
-from trackbench.base.errors import InputError, nearest
+from trackbench.base.errors import InputError, did_you_mean, nearest
 from trackbench.scenario.source import Origin, YamlDocument, dotted, parse
 
 
@@ -53,8 +53,8 @@ def _require_entry(root: Any, parts: Sequence[str], origin: Origin) -> None:
     entries = root.get(section)
     if not isinstance(entries, dict) or name in entries or key in NAMED[section]:
         return
-    alike = [other for other, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
-    hint = f"did you mean {' or '.join(map(repr, alike))}?" if alike else nearest(name, map(str, entries))
+    of_type = [other for other, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
+    hint = did_you_mean(of_type) or nearest(name, map(str, entries))
     raise InputError(f"there is no {name!r} in {section}; {hint}", key=dotted((section, name)), file=origin.file)
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from difflib import get_close_matches
 from pathlib import Path
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, alike
 
 FOLDER = Path(__file__).parents[1] / "scenarios"
 #: Endings ``.yaml`` and ``.yml``.
@@ -90,8 +89,8 @@ def _nearest(missing: Path, files: Iterable[str]) -> str:
     names = {name.rpartition("/")[2]: name for name in files}
     there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
     beside = [entry.name for entry in there if _holds_scenarios(entry)]
-    result = [repr(str(missing.parent / name)) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
-    for last in get_close_matches(missing.stem, names, n=1):
+    result = [repr(str(missing.parent / name)) for name in alike(missing.name, beside)[:1]]
+    for last in alike(missing.stem, names, 0.6)[:1]:
         result.append(f"{names[last]!r}, which comes with trackbench")
     if not result:
         return "; `trackbench list scenarios` shows those that come with trackbench"

@@ -75,7 +75,8 @@ def parse(text: str, file: str) -> YamlDocument:
         builder = _Builder(file)
         value = builder.build(node, ()) if node is not None else None
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        incomplete = "could not find expected ':'" in (error.problem or "")
+        mark = (incomplete and error.context_mark) or error.problem_mark or error.context_mark
         raise InputError(_syntax(error), file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
@@ -230,6 +231,10 @@ def _syntax(error: yaml.MarkedYAMLError) -> str:
         return "a tab where YAML needs spaces"
     if "mapping values are not allowed" in problem:
         return "not valid YAML: a second ': ' in one line, or wrong indentation; quote text that contains ': '"
+    if "could not find expected ':'" in problem:
+        return "not valid YAML: a key is followed by a colon and a space"
+    if "<block" in problem:
+        return "not valid YAML: wrong indentation: the keys of one mapping begin below each other"
     if "another document" in problem:
         return "a second YAML document; a scenario file holds one"
     return f"not valid YAML: {problem}"

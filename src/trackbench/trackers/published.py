@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from trackbench.base.config.explain import explain
-from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.errors import InputError, InputErrors, alike, did_you_mean
 from trackbench.base.plugins import Registry, one_line, searched
 from trackbench.trackers.answers import Tracker
 
@@ -81,8 +80,8 @@ def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
     except TypeError as error:
         takes = ", ".join(name for name in signature.parameters) or "none"
         unknown = [name for name in options if name not in signature.parameters]
-        near = get_close_matches(unknown[0], signature.parameters, n=1) if unknown else []
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        near = did_you_mean(alike(unknown[0], signature.parameters, 0.6)) if unknown else ""
+        hint = f"; {near}" if near else ""
         raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes}){hint}") from None
 
 

@@ -26,7 +26,7 @@ from trackbench.base.config.places import (
     words,
 )
 from trackbench.base.config.plugin import plugin_options
-from trackbench.base.errors import nearest
+from trackbench.base.errors import alike, did_you_mean, nearest, same_name
 
 
 class Advice(NamedTuple):
@@ -72,16 +72,17 @@ def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root:
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
-    slip = get_close_matches(key, keys, n=1, cutoff=0.85)
-    if slip and split_key(slip[0])[1] is None:
-        return Advice(f"unknown key; did you mean {slip[0]!r}?", slip[0])
+    plain = [candidate for candidate in keys if split_key(candidate)[1] is None]
+    slip = same_name(key, plain) or get_close_matches(key, plain, n=1, cutoff=0.85)
+    if slip:
+        return Advice(f"unknown key; {did_you_mean(slip)}", slip[0])
     homes = _homes(key, model, root, ())[:2]
     if homes:
         return Advice(f"unknown key here; it belongs to {' or '.join(homes)}", None)
     if split_key(key)[1] is not None:
         # No key measures this quantity, so one that is spelt alike would mislead.
         return Advice(f"unknown key; choose from: {', '.join(keys)}", None)
-    close = get_close_matches(key, keys, n=1)
+    close = alike(key, keys, cutoff=0.7)
     if close and split_key(close[0])[1] is not None:
         return Advice(f"unknown key; {_use(close[0], None, value)}", close[0])
     return Advice(f"unknown key; {nearest(key, keys)}", close[0] if close else None)
@@ -97,7 +98,7 @@ def _same_quantity(key: str, keys: list[str]) -> str | None:
         known_stem, known_unit = split_key(candidate)
         if known_unit is not None and (unit is None or unit.quantity == known_unit.quantity):
             stems[known_stem] = candidate
-    close = get_close_matches(stem.lower(), stems, n=1, cutoff=0.8 if unit else 0.9)
+    close = alike(stem, stems, 0.8) if unit else same_name(stem, stems) or get_close_matches(stem, stems, 1, 0.9)
     return stems[close[0]] if close else None
 
 
@@ -192,7 +193,9 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "int_type" | "int_parsing" | "int_from_float":
             return path, _number(value, str(path[-1]), whole=True)
         case "bool_type" | "bool_parsing":
-            return path, f"true or false is needed, not {_show(value)}"
+            spelt = {"true": "yes on 1 true", "false": "no off 0 false"}
+            meant = [word for word, others in spelt.items() if str(value).lower() in others.split()]
+            return path, f"true or false is needed, not {_show(value)}{'; write '.join(['', *meant])}"
         case "string_type":
             hint = f'; write "{value}"' if isinstance(value, int | float) else ""
             return path, f"text is needed, not {_show(value)}{hint}"

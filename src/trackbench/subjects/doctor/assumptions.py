@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
-from trackbench.base.errors import InputError
+from trackbench.base.errors import InputError, alike, did_you_mean
 from trackbench.subjects.doctor.findings import (
     CHECKS,
     CheckResult,
@@ -90,6 +89,6 @@ def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip
         valid += [name, *(f"{name}.{sensor}" for sensor in of_sensors if question.each_sensor)]
     for name in names:
         if name not in valid:
-            (close,) = get_close_matches(name, valid, n=1, cutoff=0.0)
-            message = f"there is no check {name!r}: did you mean {close!r}? `trackbench list checks` shows all"
+            hints = filter(None, [did_you_mean(alike(name, valid)), "`trackbench list checks` shows all"])
+            message = f"there is no check {name!r}: {' '.join(hints)}"
             raise InputError(message, key=key)

@@ -265,6 +265,8 @@ def read_claim(place: Path) -> Claim:
         InputError: there is none, or it is damaged.
     """
     file = place / CLAIM if place.is_dir() else place
+    if file.suffix in (".yaml", ".yml"):
+        raise InputError("this is a scenario; `trackbench envelope` writes the folder of its claim", file=file)
     try:
         return read_model(Claim, file, "claim of an envelope", [SCHEMA_VERSION])
     except FileNotFoundError:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from trackbench.base.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.base.config.key_units import convert, split_key, unit_of
 from trackbench.metrics.bounds import FEWEST_RUNS
 
 #: What an axis may be given by; exactly one of these.
@@ -93,8 +94,19 @@ class Axis(Config):
         for place, key in every:
             if key is not None and not all(key.split(".")):
                 yield Problem((place,), f"{key!r} is no key of a scenario, such as sensors.radar.range_sigma_m")
+            elif key is not None and (factor := self._factor(key)) != 1:
+                yield Problem(
+                    ("unit",), f"{key} is not in {self.unit}: write keys: {{{key}: {{factor: {factor:.5g}}}}}"
+                )
+                return
             elif key is not None and key.partition(".")[0] in FIXED:
                 yield Problem((place,), f"{key} cannot be an axis: the map rests on it")
+
+    def _factor(self, key: str) -> float:
+        """From the unit that the axis states to that of a key which takes its values as they are; 1 if not known."""
+        own, unit = split_key(key)[1], unit_of(self.unit)
+        plain = key == self.key or (key in self.keys and abs(self.keys[key].factor) == 1)
+        return (plain and own and unit and convert(1, unit, own)) or 1
 
     def _between(self) -> Iterator[Problem]:
         assert self.low is not None

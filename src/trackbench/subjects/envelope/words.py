@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import click
 from click.shell_completion import CompletionItem
 
+from trackbench.base.errors import alike
 from trackbench.base.subjects import resolve
 from trackbench.cli.options import scenario_paths
 
@@ -42,7 +42,7 @@ class EnvelopeGroup(click.Group):
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
-            close = get_close_matches(first, WORDS, n=1)
+            close = alike(first, WORDS, 0.6)
             if close and "extra argument" in error.message:
                 _mistaken(ctx, first, close[0])
             raise
