@@ -62,7 +62,10 @@ class Examination:
         return [finding for finding in self.findings if finding.consequence_of is not None]
 
     def json(self) -> dict[str, Any]:
-        """As ``--json`` prints it."""
+        """As ``--json`` prints it.
+
+        ``confidence`` is the word, null of a consequence; ``explains`` is how many failed checks a finding explains.
+        """
         return {
             "tracker": self.tracker,
             "healthy": self.healthy,
