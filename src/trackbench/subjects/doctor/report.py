@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from trackbench.api.result import Report
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_json
 from trackbench.base.subjects import offered, resolve
-from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table, Tone
+from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Row, Section, Status, Table
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.results import EXAMINATION
@@ -276,26 +276,28 @@ def _wrapped(line: str, indent: str = "") -> list[str]:
 
 def examination_document(examination: Examination) -> Document:
     """The report of an examination, with the figures of the runs that show its findings; a saved one has no runs."""
-    tones: dict[bool | None, Tone] = {True: "good", False: "bad", None: ""}
-    rows = [
-        (Cell(_mark(check), tone=tones[check.passed]), Cell(check.name), Cell(check.question), Cell(check.result))
-        for check in examination.checks
-    ]
-    columns = tuple(Column(heading, left=True) for heading in ("result", "check", "question", "measured"))
-    sections = [
-        Section("Verdict", tuple(_verdict(examination))),
-        *([Section("Findings", blocks)] if (blocks := tuple(_findings(examination))) else []),
+    failed, passed = ([check for check in examination.checks if check.passed is state] for state in (False, True))
+    blocks = [
+        *_verdict(examination),
+        *_findings(examination),
         *(_drive(run) for run in examination.evidence),
+        *([Section("Checks that failed", (_checks("failed-checks", failed),))] if failed else []),
         *_not_made_section(examination),
-        Section("All checks", (Table("checks", columns, tuple(rows)),)),
+        *([Section("Checks that passed", (_checks("checks", passed),), folded=True)] if passed else []),
     ]
-    return Document("examination", examination.tracker, tuple(sections))
+    return Document("examination", examination.tracker, tuple(blocks))
+
+
+def _checks(name: str, checks: Sequence[CheckResult]) -> Table:
+    columns = tuple(Column(heading, left=True) for heading in ("check", "question", "measured"))
+    return Table(name, columns, tuple(tuple(map(Cell, (it.name, it.question, it.result))) for it in checks))
 
 
 def _verdict(examination: Examination) -> Iterator[Block]:
     made = [check for check in examination.checks if check.passed is not None]
     passed = sum(check.passed is True for check in made)
-    yield Paragraph(verdict(examination), strong=True)
+    titles = "; ".join(known_faults()[finding.fault].title for finding in examination.causes)
+    yield Paragraph(f"{verdict(examination)}{f': {titles}' if titles else ''}", strong=True)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
 
@@ -306,7 +308,7 @@ def _findings(examination: Examination) -> Iterator[Block]:
         points = [Item(text, label.capitalize()) for label, text in _points(examination, finding)]
         advice: Block = Items(tuple(points))
         if finding.exhibit is not None:
-            advice = Row((exhibit_figure(f"finding-{number}", finding.exhibit), advice))
+            advice = Row((advice, exhibit_figure(f"finding-{number}", finding.exhibit)))
         facts = Paragraph(_facts(examination, finding))
         yield Section(f"{number}. {faults[finding.fault].title}", (facts, advice))
     caused = [

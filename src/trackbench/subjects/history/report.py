@@ -12,7 +12,6 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
 from trackbench.base.errors import counted
-from trackbench.base.types import Array
 from trackbench.document import (
     Block,
     Cell,
@@ -23,16 +22,18 @@ from trackbench.document import (
     Items,
     LegendEntry,
     Paragraph,
+    Row,
     Section,
     Table,
     Tone,
     TrackerStyle,
+    end_of_axis,
 )
-from trackbench.document.drawing import INK, fit_value_axis
+from trackbench.document.drawing import INK
 from trackbench.document.palette import Styles, tracker_figure, tracker_styles
 from trackbench.report.comparison.sentences import kept_limits
 from trackbench.report.junit import Case, Suite, result_file
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, reach, short, signed
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined, reach, short, signed
 from trackbench.report.tables import unit_of
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import read_model
@@ -47,6 +48,8 @@ _TONES: Mapping[str, Tone] = {
     "undecided": "warn",
 }
 _HEIGHT = 260.0
+#: Changes that are listed in the answer.
+_LISTED = 3
 #: Between trackers in a figure, results.
 _APART = 0.06
 
@@ -59,7 +62,6 @@ def history_document(history: History) -> Document:
     return Document(
         kind="history",
         title=f"History: {history.scenario}",
-        lead=_lead(history),
         facts=(counted(len(history.results), "result"), *between),
         blocks=tuple(_blocks(history, styles)),
         trackers=tuple(styles.values()),
@@ -75,31 +77,51 @@ def saved_document(file: Path) -> Document:
     return history_document(read_model(History, file, "history", [SCHEMA_VERSION]))
 
 
-def _lead(history: History) -> str:
-    changes = counted(len(history.changes), "change")
-    return f"{changes} shown, of {counted(history.looks, 'difference')} that were looked at."
+def _answer(history: History) -> str:
+    """What changed where, the latest first, and among how many differences."""
+    said = "; ".join(
+        f"{item.tracker} {item.verdict} in result {item.result}: {item.metric} {_difference(item)}"
+        for item in sorted(history.changes, key=lambda item: -item.result)[:_LISTED]
+    )
+    more = f" and {len(history.changes) - _LISTED} more" if len(history.changes) > _LISTED else ""
+    looked = f"of {counted(history.looks, 'difference')} that were looked at"
+    return f"{said}{more}. Shown, {looked}." if said else f"No change is shown, {looked}."
+
+
+def _difference(item: HistoryChange) -> str:
+    """Such as "+0.0152 m (+15.6 ±7.0 %), 0.0974 to 0.1125"."""
+    places = decimals([item.reference, item.value])
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    share = "" if item.percent is None else f" ({_percent(item)} %)"
+    ends = f"{short(item.reference, places)} to {short(item.value, places)}"
+    return f"{signed(item.difference, places)}{unit}{share}, {ends}"
+
+
+def _percent(item: HistoryChange) -> str:
+    """The difference in percent of the earlier value, with half of its interval."""
+    half = half_width(item.ci95)
+    width = "" if half is None else f" ±{short(100 * half / abs(item.reference), 1)}"
+    return f"{signed(item.percent or 0.0, 1)}{width}"
 
 
 def _blocks(history: History, styles: Styles) -> Iterator[Block]:
     if history.gates:
         yield kept_limits([gate.outcome for gate in history.gates], history.passed)
-    for metric in history.metrics:
-        yield Section(f"{metric}{unit_of(_unit(history, metric))}", tuple(_of_metric(history, metric, styles)))
+    yield Paragraph(_answer(history), strong=True)
+    if len(history.results) > 1:
+        yield Row(tuple(history_figure(history, metric, styles) for metric in history.metrics))
     if history.changes:
-        yield Section("Changes", (_changes(history), Paragraph(_explanation(history))))
-    if history.breaks:
-        yield Section("Not comparable with the results before", (Items(tuple(_breaks(history))),))
+        explained = Section("How it is judged", (Paragraph(_explanation(history)),), folded=True)
+        yield Section("Changes", (_changes(history), explained))
     if history.gates:
         yield Section("Limits", (_gates(history),))
+    if history.breaks:
+        yield Section("Not comparable with the results before", (Items(tuple(_breaks(history))),))
+    for metric in history.metrics:
+        yield Section(f"{metric}{unit_of(_unit(history, metric))}", (_values(history, metric),))
     yield Section("Results", (_results(history),))
     if history.notes:
         yield Section("Notes", (Items(tuple(map(Item, history.notes))),))
-
-
-def _of_metric(history: History, metric: str, styles: Styles) -> Iterator[Block]:
-    yield _values(history, metric)
-    if len(history.results) > 1:
-        yield history_figure(history, metric, styles)
 
 
 def _value(entry: HistoryEntry, tracker: str, metric: str) -> MetricValue:
@@ -141,22 +163,29 @@ def history_figure(history: History, metric: str, styles: Styles) -> Figure:
     """One line a tracker over the results, with its intervals; rings where it is shown to have changed."""
     names = [name for name in history.trackers if any(_value(entry, name, metric).value for entry in history.results)]
     changed = {(item.tracker, item.result) for item in history.changes if item.metric == metric}
+    values = {name: [_value(entry, name, metric).value for entry in history.results] for name in names}
+    highest = {name: max(value for value in own if value is not None) for name, own in values.items()}
+    # Of what may be below 0, such as a delay, all is shown.
+    positive = all(value is None or value >= 0 for own in values.values() for value in own)
+    top = 1.25 * end_of_axis(highest.values()) if positive else 0.0
+    cut = [name for name, value in highest.items() if value > top > 0]
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
-        drawn = []
         for i, name in enumerate(names):
             values = [_value(entry, name, metric) for entry in history.results]
             rings = [entry.number for entry in history.results if (name, entry.number) in changed]
-            drawn += _line(axes, values, rings, styles[name], _APART * (i - (len(names) - 1) / 2))
-        fit_value_axis(axes, drawn)
+            _line(axes, values, rings, styles[name], _APART * (i - (len(names) - 1) / 2))
+        if top > 0:
+            axes.set_ylim(0, top)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set(xlabel="result, the earliest first", ylabel=f"{metric}{unit_of(_unit(history, metric))}")
 
     return tracker_figure(
         f"history-{metric.replace('.', '-')}",
         f"{metric} over the results",
-        "Bars: 95 % intervals. Rings: shown to differ from the first result after the change before.",
+        "Bars: 95 % intervals. Rings: shown to differ from the first result after the change before."
+        + (f" Cut off above: {joined(cut)}." if cut else ""),
         f"{metric} of each tracker over the results",
         paint,
         _HEIGHT,
@@ -165,10 +194,8 @@ def history_figure(history: History, metric: str, styles: Styles) -> Figure:
     )
 
 
-def _line(
-    axes: Axes, values: Sequence[MetricValue], rings: Sequence[int], style: TrackerStyle, beside: float
-) -> list[Array]:
-    """One tracker; what is drawn of it, for the limits of the axis."""
+def _line(axes: Axes, values: Sequence[MetricValue], rings: Sequence[int], style: TrackerStyle, beside: float) -> None:
+    """One tracker."""
     number = np.arange(1, len(values) + 1)
     value = np.array([np.nan if item.value is None else item.value for item in values])
     ends = np.array([item.ci95 or (np.nan, np.nan) for item in values])
@@ -177,24 +204,16 @@ def _line(
     axes.vlines(number + beside, ends[:, 0], ends[:, 1], linewidth=1.2, alpha=0.6, **look)
     at = np.array(rings, dtype=int)
     axes.plot(at + beside, value[at - 1], color=INK, marker="o", markersize=9, markerfacecolor="none", linestyle="none")
-    return [value, ends]
 
 
 def _changes(history: History) -> Table:
     items = history.changes
     places = decimals([value for item in items for value in (item.reference, item.value)])
 
-    def difference(item: HistoryChange) -> str:
-        if item.percent is None:
-            return signed(item.difference, places)
-        half = half_width(item.ci95)
-        width = "" if half is None else f" ±{short(100 * half / abs(item.reference), 1)}"
-        return f"{signed(item.percent, 1)}{width}"
-
     cells = {
         "from": [Cell(short(item.reference, places)) for item in items],
         "to": [Cell(short(item.value, places)) for item in items],
-        "%": [Cell(difference(item)) for item in items],
+        "%": [Cell(NOT_AVAILABLE if item.percent is None else _percent(item)) for item in items],
     }
     explained = {"%": "of the earlier value, ±: 95 %"}
     columns = [

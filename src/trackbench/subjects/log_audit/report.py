@@ -25,9 +25,11 @@ _ALIKE = (
 
 def log_audit_document(audit: LogAudit) -> Document:
     """The whole report."""
-    sections = [
-        Section("Verdict", tuple(_verdict(audit))),
-        *([Section("Findings", tuple(_findings(audit)))] if audit.findings else []),
+    titles = "; ".join(finding.title for finding in audit.findings)
+    blocks: list[Block] = [
+        Paragraph(f"{titles}." if titles else "Nothing is found wrong with this log.", strong=True),
+        *_verdict(audit),
+        *_findings(audit),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
         *(Section("Unlabelled detections", (table,)) for table in _unlabelled(audit)),
         Section("Truth and clocks", (tables.clocks(audit), tables.velocities(audit))),
@@ -38,7 +40,7 @@ def log_audit_document(audit: LogAudit) -> Document:
         counted(len(audit.sensors), "recorded sensor"),
         counted(sum(len(item.log.log.time) for item in audit.sensors.values()), "measurement"),
     )
-    return Document("audit", audit.name, tuple(sections), "What is wrong with this log.", facts)
+    return Document("audit", f"Audit of {audit.name}", tuple(blocks), facts=facts)
 
 
 def log_audit_summary(audit: LogAudit) -> Document:
@@ -60,10 +62,8 @@ def _unlabelled(audit: LogAudit) -> list[Table]:
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
-    if audit.findings:
-        yield Status(counted(len(audit.findings), "finding"), "bad")
-    else:
-        yield Status("no finding", "good")
+    found = audit.findings
+    yield Status(counted(len(found), "finding"), "bad") if found else Status("no finding", "good")
     for name, item in audit.sensors.items():
         if item.square_before is None or item.square_after is None:
             continue
@@ -75,11 +75,13 @@ def _verdict(audit: LogAudit) -> Iterator[Block]:
 
 
 def _findings(audit: LogAudit) -> Iterator[Block]:
-    yield Paragraph(_METHOD)
+    """Each with its figure."""
     for number, finding in enumerate(audit.findings, 1):
         figure = finding_figure(audit, finding, number)
         items = Items((Item(finding.evidence, "Evidence"), Item(finding.fix, "Fix")))
-        yield Section(f"{number}. {finding.title}", (Row((items, figure)) if figure else items,))
+        yield Section(f"{number}. {finding.title}", (Row((figure, items)) if figure else items,))
+    if audit.findings:
+        yield Section("How it is estimated", (Paragraph(_METHOD),), folded=True)
 
 
 def _sensor(item: SensorAudit) -> Iterator[Block]:
@@ -90,6 +92,7 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
         return
     outliers = int(item.fit.outlier.sum())
     yield Paragraph(f"{counted(rows, 'measurement')}, {counted(outliers, 'outlier')} beyond four sigma.")
+    yield Row(tuple(band_figures(item)))
     yield tables.errors(item)
     hidden = tuple(_hidden(item))
     if hidden:
@@ -98,7 +101,6 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     yield tables.components(item)
     yield tables.covariance(item)
     yield tables.detections(item)
-    yield Row(tuple(band_figures(item)))
 
 
 def _hidden(item: SensorAudit) -> Iterator[str]:
