@@ -1,8 +1,11 @@
 """The scenario's own values of the axes."""
 
+from pathlib import Path
+
 import pytest
 
 import trackbench as tb
+from trackbench.scenario.load import scenario_of
 from trackbench.subjects.envelope.axes import axes_of
 from trackbench.subjects.envelope.base_point import base_point
 
@@ -49,3 +52,10 @@ def test_it_is_what_the_scenario_says_or_its_default(axis, own):
     loaded = tb.load(SCENARIO | {"envelope": {"axes": {"a": axis}}})
     (value,) = base_point(loaded, axes_of(loaded.config.envelope))
     assert value == own
+
+
+@pytest.mark.parametrize(("stated", "own"), [(None, "human"), ("typical", "typical")])
+def test_without_a_world_the_first_of_the_worlds_is_the_base(stated, own):
+    text = tb.load("envelope/sensor_quality").text.replace("choices: [ideal, human,", "choices: [human, ideal,")
+    loaded = scenario_of(text.replace("world: ideal\n", f"world: {stated}\n" if stated else ""), Path("x.yaml"), [])
+    assert base_point(loaded, axes_of(loaded.config.envelope)) == [own, 0.5, 10.0]

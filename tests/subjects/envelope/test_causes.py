@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 import trackbench as tb
+from trackbench.metrics.moments import scene_at
+from trackbench.metrics.recorded_run import recorded_run
 from trackbench.subjects.envelope.causes import condition_of, event_of
 
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}
@@ -59,5 +61,14 @@ def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
     (event,) = result.to_pandas("function_events").query(chosen).itertuples()
     late = "late" if event.delay_s > 0 else "early"
     text = f"fcw {late} at lead at {event.time_s:.2f} s, by {abs(event.delay_s):.2f} s" if event.delay_s else ""
-    assert event_of(result, name, metric) == text
+    first, *errors = event_of(result, name, metric).split(", with ")
+    assert first == text
+    if text:
+        (estimate,) = (
+            found
+            for found in scene_at(result, recorded_run(result), event.time_s).estimates
+            if (found.tracker, found.object) == (name, "lead")
+        )
+        position, velocity = estimate.position_error_m, estimate.velocity_error_mps
+        assert errors == [f"a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"]
     assert condition_of(result, name, metric) == ""

@@ -11,10 +11,12 @@ from tests.subjects.envelope.conftest import small
 import trackbench as tb
 from trackbench.api.plan import Listener
 from trackbench.base.execution import executor
+from trackbench.document import Code, Figure, Paragraph, Row, Section
 from trackbench.subjects.envelope.api import EnvelopePlan, FinishedEnvelope, envelope_of, with_counter_examples
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections
 from trackbench.subjects.envelope.mapping import EnvelopeMap
+from trackbench.subjects.envelope.report import envelope_document
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +107,18 @@ def test_the_page_names_cause_repetition_and_runs(countered: Envelope) -> None:
     assert "the doctor" in text
     assert "position error" in text
     assert "limit" in str(beyond)
+
+
+def test_the_page_begins_with_the_map_beside_the_nearest_one_and_its_command(countered: Envelope) -> None:
+    _, claim, first, *_ = envelope_document(countered).blocks
+    assert isinstance(claim, Paragraph)
+    assert isinstance(first, Row)
+    figure, nearest = first.blocks
+    assert isinstance(figure, Figure)
+    assert isinstance(nearest, Section)
+    assert countered.claim.counter_examples is not None
+    (example,) = countered.claim.counter_examples.examples
+    assert nearest.blocks[-1] == Code(f"trackbench view counter_examples/{example.folder}", "sh")
 
 
 def test_none_are_made_where_none_are_wanted() -> None:

@@ -58,6 +58,19 @@ def test_it_is_said_where_it_holds(value, says):
     assert holding(margin) == says
 
 
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (lambda x: 0.5 + x, "at 5 and 10 Hz"),
+        (lambda x: 1.5 - x, "at 20 Hz"),
+        (lambda x: 2.0, "at none of its values"),
+        (lambda x: 1.0, "at no value surely"),
+    ],
+)
+def test_of_values_without_others_between_those_at_which_it_holds_are_named(value, says):
+    assert holding(only({"n": {"key": "sensors.radar.rate_hz", "values": [5, 10, 20]}}, value)) == says
+
+
 def test_a_band_that_is_not_symmetric_is_given_by_its_ends():
     margin = only(LINE, lambda x: 0.5 if x < 0.45 else 1.05 + 0.1 * (x - 0.5), reach=0.06)
     assert holding(margin) == "up to 2.0 m (1.9 to 2.3)"

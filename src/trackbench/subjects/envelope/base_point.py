@@ -12,14 +12,18 @@ from trackbench.subjects.envelope.axes import MapAxis, Value
 
 
 def base_point(loaded: Scenario, axes: Sequence[MapAxis]) -> list[Value | None]:
-    """By axis the scenario's own value; None where it has none, or keys that are linked contradict each other."""
+    """By axis the scenario's own value; None where it has none, or keys that are linked contradict each other.
+
+    Of the worlds it is the first one where the scenario states none.
+    """
     return [_own_value(loaded, axis) for axis in axes]
 
 
 def _own_value(loaded: Scenario, axis: MapAxis) -> Value | None:
     config = axis.config
     if config.form == "choices":
-        return next((value for value in axis.values if _is_set(loaded, axis.changes(value))), None)
+        first = axis.values[0] if config.key == "world" and loaded.config.world is None else None
+        return next((value for value in axis.values if _is_set(loaded, axis.changes(value))), first)
     links = {key: (link.factor, link.offset) for key, link in config.keys.items() if link.factor}
     if config.key is not None:
         links = {config.key: (1.0, 0.0)}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 
 from trackbench.base.execution import Task
 from trackbench.base.subjects import offered, resolve
-from trackbench.metrics.function_events import function_events, function_labels
+from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
+from trackbench.metrics.moments import scene_at
+from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.track_events import events_of
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
@@ -74,12 +76,21 @@ def event_of(result: Result, tracker: str, metric: str = "") -> str:
         if decided is None:
             return ""
         where = f" at {decided.object}" if decided.object else ""
-        return f"{label} {decided.word}{where} at {decided.time_s:.2f} s, by {decided.wrong_s:.2f} s"
+        text = f"{label} {decided.word}{where} at {decided.time_s:.2f} s, by {decided.wrong_s:.2f} s"
+        return ", ".join([text, *_errors_at(result, tracker, decided)])
     if result.summary.identities == "hidden":
         first = next(iter(events_of(result, tracker, result.summary.recorded_run)), None)
         return "" if first is None else f"{first.kind} at {first.time_s:.2f} s, {first.reason}"
     moment = worst_moments(result).get(tracker)
     return "" if moment is None else f"position error {moment_text(moment)}"
+
+
+def _errors_at(result: Result, tracker: str, event: FunctionEvent) -> Iterator[str]:
+    """The errors of the estimate of the object when the function was due: later ones did not decide it."""
+    for estimate in scene_at(result, recorded_run(result), event.time_s).estimates:
+        if (estimate.tracker, estimate.object) == (tracker, event.object) and estimate.velocity_error_mps is not None:
+            position, velocity = estimate.position_error_m or 0.0, estimate.velocity_error_mps
+            yield f"with a position error of {position:.2f} m and a velocity error of {velocity:.2f} m/s then"
 
 
 def _function(result: Result, metric: str) -> str:

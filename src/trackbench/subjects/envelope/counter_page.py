@@ -18,6 +18,9 @@ AGAIN = {
 }
 
 
+_NEXT = "Next, in the folder of this page:"
+
+
 def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
     """The nearest counter-examples with their causes, and the runs beyond the limit in cells that hold.
 
@@ -45,6 +48,24 @@ def counter_sections(claim: Claim, listed: bool = True) -> Iterator[Section]:
     yield Section("Nearest counter-examples", tuple(blocks))
     if listed and counter.beyond:
         yield Section("Runs beyond the limit in cells that hold", (_beyond(claim, counter),), folded=True)
+
+
+def nearest_section(claim: Claim) -> Section:
+    """The nearest counter-example in a sentence, and the command that shows it; that which checks the claim else."""
+    counter = claim.counter_examples
+    if counter is None or not counter.examples:
+        none = "None was made." if any(claim.counts(name)["fails"] for name in claim.trackers) else "No cell fails."
+        commands = Code("trackbench envelope --verify claim.json", "sh")
+        return Section("Nearest counter-example", (Paragraph(none), Paragraph(_NEXT), commands))
+    item = min(counter.examples, key=lambda example: example.distance)
+    facts = Items(
+        (
+            Item(f"{_value(claim, item)} at {at_point(claim, item.cell)}", item.tracker, tracker=item.tracker),
+            *(Item(text, label) for label, text in (("in its run", item.event), ("where", item.condition)) if text),
+        )
+    )
+    command = Code(f"trackbench view {COUNTER_EXAMPLES}/{item.folder}", "sh")
+    return Section("Nearest counter-example", (facts, Paragraph(_NEXT), command))
 
 
 def worst_section(claim: Claim) -> Iterator[Section]:
@@ -90,7 +111,8 @@ def _value(claim: Claim, item: CounterExample) -> str:
     if item.limit is None:
         return item.cause
     limit = claim.limits[item.limit]
-    return f"{limit.metric} {bounds(item.value, item.low, item.high)}"
+    unit = "" if limit.unit == "1" else f" {limit.unit}"
+    return f"{limit.metric} {bounds(item.value, item.low, item.high)}{unit}"
 
 
 def bounds(value: float | None, low: float | None, high: float | None) -> str:

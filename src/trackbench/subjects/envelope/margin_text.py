@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
+from trackbench.report.numbers import joined
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import ClaimedLimit
 from trackbench.subjects.envelope.margins import AxisMargin, Crossing
@@ -28,6 +29,9 @@ def holding(margin: AxisMargin) -> str:
     axis = margin.axis
     if not margin.decided:
         return "at no value surely"
+    if not axis.continuous:
+        met = [_number(value) for value, state in margin.states.items() if state == "holds"]
+        return f"at {joined(met)} {axis.unit}".strip() if met else "at none of its values"
     spans = [*_spans(margin)]
     if spans:
         return " and ".join(spans)

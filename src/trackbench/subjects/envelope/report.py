@@ -12,7 +12,7 @@ from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, outside, surrounding
 from trackbench.subjects.envelope.claim import STATES, Claim, Envelope, read_envelope
-from trackbench.subjects.envelope.counter_page import counter_sections, worst_section
+from trackbench.subjects.envelope.counter_page import counter_sections, nearest_section, worst_section
 from trackbench.subjects.envelope.suites import suite_sentences
 from trackbench.subjects.envelope.tables import cells_table, margins_table, sensitivity_tables
 
@@ -77,8 +77,8 @@ def envelope_document(made: Envelope) -> Document:
     # Of one tracker all maps; of several those of the first pair of axes.
     shown = len(maps) if len(styles) == 1 else 1
     first = tuple(figure for figures in maps[:shown] for figure in figures) or lines
-    blocks: list[Block] = [*_headline(claim)]
-    blocks += [Row(first)] if first else []
+    blocks: list[Block] = [*_headline(claim), Row((*first[:1], nearest_section(claim)))]
+    blocks += [Row(first[1:])] if first[1:] else []
     margins = (*_margins(claim), *([Row(lines)] if maps and lines else []))
     blocks += [Section("Margins", margins)] if margins else []
     blocks += [Section("Sensitivity", tuple(sensitivity_tables(made)))]
