@@ -208,11 +208,6 @@ def test_the_generated_pages_are_up_to_date(page: str, made: Callable[[], str], 
     assert shown == made(), f"run: python -m trackbench.{module} > docs/{page}.md"
 
 
-@pytest.mark.docs_pages
-def test_the_quick_start_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(DOCS / "index.md", tmp_path) == 3
-
-
 @pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "results" / "README.md", *sorted(DOCS.rglob("*.md"))])
 def test_links_lead_somewhere_on_disk_too(page: Path) -> None:
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
