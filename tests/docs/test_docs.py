@@ -41,12 +41,6 @@ def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path],
 
 
 @pytest.mark.docs_pages
-def test_the_tour_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
-    assert run_page(DOCS / "tour.md", tmp_path) >= 12
-
-
-@pytest.mark.docs_pages
 def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
     assert run_page(DOCS / "compare.md", tmp_path) >= 7

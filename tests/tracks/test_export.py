@@ -69,7 +69,7 @@ def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
         assert CLEAR(QUIET).eval_sequence(data)["MOTA"] == pytest.approx(mota, abs=0.01)
 
 
-def test_the_figures_of_the_tour(cli: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_figures_of_the_page(cli: Callable[..., Any], tmp_path: Path) -> None:
     page = (ROOT / "docs/traffic.md").read_text(encoding="utf-8")
     (tmp_path / "motorway.yaml").write_text(page.split("```yaml\n")[1].split("```")[0], encoding="utf-8")
     result = tb.run(tmp_path / "motorway.yaml", out=tmp_path, recording=False)

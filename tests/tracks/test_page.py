@@ -1,4 +1,4 @@
-"""The tour of traffic without identities does what it says."""
+"""The page on traffic without identities does what it says."""
 
 from __future__ import annotations
 
