@@ -174,24 +174,26 @@ def ranking(result: Result) -> Table:
 
 
 def at_a_glance(result: Result) -> Table:
-    """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict."""
-    trackers, path = result.drawn, result.summary.headline
+    """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict; last
+    those without a rank."""
+    trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
     metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
     places = decimals(metric.value for metric in metrics)
+    failed = [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
+    barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
     columns = [
-        (Column(f"{result.summary.headline_name}, m", "with its 95 % interval"), [_barred(m, places) for m in metrics]),
-        (Column("covariance", "what NEES says of it", left=True), [_judged(metric) for metric in nees]),
+        (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
+        (Column("covariance", "what NEES says of it", left=True), [*map(_judged, nees), *failed]),
     ]
-    return tracker_table("at-a-glance", trackers, columns)
+    return tracker_table("at-a-glance", [*trackers, *unscored], columns)
 
 
 def _barred(metric: MetricValue, places: int) -> Cell:
     value, ci95 = metric.value, metric.ci95
     if value is None:
         return _missing(metric)
-    low, high = ci95 or (value, value)
-    text = f"{fixed(value, places)} {reach(value, ci95, places)}".rstrip()
-    return Cell(text, bar=(value, low, high))
+    spread = (reach(value, ci95, places),) if ci95 else ()
+    return Cell(fixed(value, places), spread, bar=(value, *(ci95 or (value, value))))
 
 
 def _judged(nees: MetricValue) -> Cell:
