@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import re
@@ -16,6 +17,23 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 # Measures each frame once all have loaded; a frame has exactly its width, while a window has a smallest one.
 MEASURE = """
+// Zooms the first figure with a tracker's line by button and keys, and points at a vertex of the line.
+const use = (page, window) => {
+  const svg = page.querySelector('#position-error svg'), button = svg?.closest('figure').querySelector('.tools button');
+  if (!button) return null;
+  const view = () => svg.getAttribute('viewBox').split(' ').map(Number);
+  const event = key => new window.KeyboardEvent('keydown', {key, bubbles: true, cancelable: true});
+  const press = key => button.dispatchEvent(event(key));
+  const steps = [view()];
+  button.click(); steps.push(view());
+  press('ArrowRight'); steps.push(view());
+  press('0'); steps.push(view());
+  const path = [...svg.querySelectorAll('g[class^=t] > path[d]')].pop();
+  const [, x, y] = path.getAttribute('d').match(/L (-?[\\d.]+) (-?[\\d.]+)/).map(Number);
+  const at = new window.DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
+  svg.dispatchEvent(new window.PointerEvent('pointermove', {clientX: at.x, clientY: at.y, bubbles: true}));
+  return {steps, read: page.querySelector('.readout').textContent};
+};
 const frames = [...document.querySelectorAll('iframe')].map(frame => {
   const page = frame.contentDocument, width = frame.contentWindow.innerWidth;
   page.querySelectorAll('details').forEach(details => details.open = true);
@@ -32,6 +50,7 @@ const frames = [...document.querySelectorAll('iframe')].map(frame => {
       alternative: figure.querySelector('svg[role=img]')?.getAttribute('aria-label') || '',
       height: figure.querySelector('svg')?.getBoundingClientRect().height || 0,
     })),
+    used: use(page, frame.contentWindow),
     smallest: Math.min(...[...page.querySelectorAll('p, td, li, figcaption')]
       .map(e => parseFloat(frame.contentWindow.getComputedStyle(e).fontSize))),
   };
@@ -67,8 +86,7 @@ def look(folder: Path, pages: Mapping[str, str], widths: Sequence[int]) -> Seen:
     dom, console = shown_by_browser(folder, wrapper, "--allow-file-access-from-files")
     found = re.search(r'<pre id="found">(.*?)</pre>', dom, re.DOTALL)
     assert found, f"the pages were not measured: {console}"
-    text = found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
-    return Seen(dict(zip(shown, json.loads(text), strict=True)), console)
+    return Seen(dict(zip(shown, json.loads(html.unescape(found[1])), strict=True)), console)
 
 
 def shown_by_browser(folder: Path, page: Path, *options: str, query: str = "") -> tuple[str, list[str]]:

@@ -228,7 +228,8 @@ def _ranking(result: Result, others: Table | None) -> Section:
     if values_of_few_scenes(result):
         few = f"No interval and no verdict holds with fewer than {FEWEST_SCENES} scenes: see “Scene by scene”"
         basis = f"{few if summary.truth.scenes else ONE_RUN}."
-    basis += "".join(f" {sentence[0].upper()}{sentence[1:]}." for sentence in without_interval(result))
+    without = tuple(Item(f"{sentence[0].upper()}{sentence[1:]}.") for sentence in without_interval(result))
+    folded = [Section("Metrics without an interval", (Items(without),), folded=True)] if without else []
     said = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
     basis += "".join(f" {sentence}." for sentence in said if sentence)
     column = standing(result)
@@ -241,7 +242,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
         other_costs = Section(
             "At half and at twice the cost of a switch", (Paragraph(other_switch_costs(result)), table)
         )
-        return Section("Ranking", (Paragraph(note), tables.ranking(result), other_costs))
+        return Section("Ranking", (Paragraph(note), tables.ranking(result), *folded, other_costs))
     note = (
         f"By position RMSE. {shown}. {basis}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
@@ -252,7 +253,7 @@ def _ranking(result: Result, others: Table | None) -> Section:
     remarks = [Paragraph(". ".join(sentences) + ".")] if sentences else []
     more = Section(title, (tables.axes_and_reference(result),), folded=True)
     own = [] if others is None else [Section("Other metrics", (others,))]
-    return Section("Ranking", (Paragraph(note), tables.ranking(result), *remarks, *own, more))
+    return Section("Ranking", (Paragraph(note), tables.ranking(result), *remarks, *folded, *own, more))
 
 
 _ORACLES = f" A reference knows which detection is whose: it is no competitor; {FALSE_OF_REFERENCE}."

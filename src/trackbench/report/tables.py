@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, verdict
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
@@ -183,7 +183,7 @@ def at_a_glance(result: Result) -> Table:
     barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
-        (Column("covariance", "what NEES says of it", left=True), [*map(_judged, nees), *failed]),
+        (Column("covariance", "what the mean NEES says of it", left=True), [*map(_judged, nees), *failed]),
     ]
     return tracker_table("at-a-glance", [*trackers, *unscored], columns)
 
@@ -197,10 +197,11 @@ def _barred(metric: MetricValue, places: int) -> Cell:
 
 
 def _judged(nees: MetricValue) -> Cell:
-    """The main word of a covariance's verdict as a chip, and what else is off."""
-    if not nees.verdict:
-        return Cell("not judged", reason=nees.reason or "no interval of NEES")
-    return Cell(nees.verdict, (nees.also,) if nees.also else (), TONE[nees.verdict], chip=True)
+    """The main word of a covariance's verdict, of tracks that of their mean NEES, and what else is off."""
+    if nees.value is None:
+        return _missing(nees)
+    word = nees.verdict or verdict(nees.ci95, nees.dof or 4)
+    return Cell(word, (nees.also,) if nees.also else (), TONE[word], chip=True)
 
 
 def unranked(result: Result) -> Table | None:
