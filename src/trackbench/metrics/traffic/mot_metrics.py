@@ -34,8 +34,10 @@ class Switches(NamedTuple):
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
     """``(P,)`` which pairs are matched: first those that were matched before and still may be, then the nearest.
 
-    Source: Bernardin and Stiefelhagen (2008), "Evaluating multiple object tracking performance: the CLEAR MOT metrics",
-    section 2.1.1. An instant without objects or without tracks is passed over, as in TrackEval.
+    With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants; MOTP is the mean
+    distance of matched pairs. Source: Bernardin and Stiefelhagen (2008), "Evaluating multiple object tracking
+    performance: the CLEAR MOT metrics", section 2.1.1. An instant without objects or without tracks is passed over, as
+    in TrackEval.
 
     Args:
         pairs: all that are near enough to be the same.
@@ -117,9 +119,9 @@ class HotaScores(NamedTuple):
 def hota(pairs: NearPairs, similarity: Array, object_counts: Indices, track_counts: Indices) -> HotaScores:
     """Higher order tracking accuracy: ``sqrt(DetA AssA)``, the mean over thresholds of the similarity.
 
-    Source: Luiten et al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International
-    Journal of Computer Vision 129, with the matching of its public code: pairs that go together over the whole run are
-    preferred.
+    DetA = TP / (TP + FN + FP), and AssA is the mean over matched pairs of TPA / (TPA + FNA + FPA). Source: Luiten et
+    al. (2021), "HOTA: A higher order metric for evaluating multi-object tracking", International Journal of Computer
+    Vision 129, with the matching of its public code: pairs that go together over the whole run are preferred.
 
     Args:
         pairs: ``(P,)`` at least all with a similarity above zero.
@@ -157,7 +159,8 @@ def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> 
 def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> tuple[int, int, int]:
     """Counts of the one-to-one matching of objects and tracks, for the whole run, with most instants together.
 
-    Source: Ristani et al. (2016), "Performance measures and a data set for multi-target, multi-camera tracking".
+    IDF1 = 2 IDTP / (2 IDTP + IDFP + IDFN). Source: Ristani et al. (2016), "Performance measures and a data set for
+    multi-target, multi-camera tracking".
 
     Args:
         pairs: all that are near enough to be the same.
