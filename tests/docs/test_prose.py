@@ -10,7 +10,7 @@ import pytest
 from tests.support.places import DOCS
 
 #: Words of all pages that people write, with their tables and without code.
-MOST_WORDS = 68_000
+MOST_WORDS = 40_000
 #: Words of a sentence.
 LONGEST = 30
 FIRST_PAGES = [DOCS / "index.md", *sorted((DOCS / "start").glob("*.md"))]
