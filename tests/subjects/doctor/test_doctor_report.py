@@ -14,8 +14,9 @@ from rerun.chunk import RrdReader
 from tests.report.test_report import Page
 from tests.support.places import DOCS
 
+from trackbench.document import Paragraph, Section
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.report import Examination, text
+from trackbench.subjects.doctor.report import Examination, examination_document, text
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +70,9 @@ def test_the_report_shows_the_jump(faulty: Faulty) -> None:
     assert {label.split()[0] for label in drawn} == {"Innovations", "Map", "Position", "NEES", "Update"}
     (update,) = (label for label in drawn if label.startswith("Update with radar: a target just before the azimuth pi"))
     assert re.search(r"Position: tracker .*; as of the same target turned away .* m apart", update)
-    assert len(page.rows) == 1 + len(json.loads(faulty.done.stdout)["checks"])
+    # Those that failed and those that passed have a table each.
+    made = [check for check in json.loads(faulty.done.stdout)["checks"] if check["passed"] is not None]
+    assert len(page.rows) == 2 + len(made)
     assert not re.search("https?://", markup)
 
 
@@ -131,3 +134,10 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
     assert "  r_too_small (of jacobian_wrong): a sentence" in said
     assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check not made:\n  c: could not" in said
     assert "FAILED   b: Why?" in every
+    answer, _, _, *sections = examination_document(examination).blocks
+    assert answer == Paragraph(f"mine: 1 fault found: {known_faults()['jacobian_wrong'].title}", strong=True)
+    titles = [(block.title, block.folded) for block in sections if isinstance(block, Section)]
+    assert titles[0][0].startswith("1. ")
+    failed, not_made, passed = titles[-3:]
+    assert (failed, passed) == (("Checks that failed", False), ("Checks that passed", True))
+    assert not_made[0] == "Not made"

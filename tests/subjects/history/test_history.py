@@ -14,7 +14,9 @@ from tests.support.past_results import SCENE, past, scene
 
 import trackbench as tb
 from trackbench.base.errors import InputError
+from trackbench.document import Figure, Paragraph, Row, Section, Status
 from trackbench.results import Result
+from trackbench.subjects.history.report import history_document
 
 Cli = Callable[..., Any]
 NIGHTS = 7
@@ -53,6 +55,21 @@ def test_a_change_is_marked_where_it_is_with_what_changed_with_it(nights: Path) 
     assert change.causes == ["trackbench 0.8.0 to 0.9.0", "the code of kf (at result 4)"]
     assert history.looks == 2 * (NIGHTS - 1)
     assert [entry.number for entry in history.results] == [*range(1, NIGHTS + 1)]
+
+
+def test_the_page_begins_with_the_gate_and_what_has_changed(nights: Path) -> None:
+    history = tb.history(nights, limits={"position_rmse": 5})
+    gate, answer, row, changes, *_ = history_document(history).blocks
+    assert gate == Status("failed: 1 of 2 limits kept", "bad")
+    assert isinstance(answer, Paragraph)
+    said = f"kf worse in result 5: position_rmse +{history.changes[0].difference:.4f} m (+20.0 "
+    assert answer.text.startswith(said)
+    assert isinstance(changes, Section)
+    assert changes.title == "Changes"
+    assert isinstance(row, Row)
+    (figure,) = row.blocks
+    assert isinstance(figure, Figure)
+    assert figure.caption.endswith("change before.")
 
 
 def test_results_are_in_the_order_in_which_they_were_made(tmp_path: Path) -> None:

@@ -14,10 +14,12 @@ from tests.support.udacity import data_folder
 
 from trackbench.api.run import run
 from trackbench.base.errors import InputError
+from trackbench.document import Figure, Items, Paragraph, Row, Section, Table, every
 from trackbench.metrics.blocks import Blocks
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.subjects.log_audit.api import ReportableAudit, audit
+from trackbench.subjects.log_audit.report import log_audit_document
 from trackbench.truth.recorded.robust import clipped_sigma
 
 #: What is wrong with a radar, and its names in an audit.
@@ -67,6 +69,18 @@ def test_known_errors_are_within_their_intervals(faulty: list[ReportableAudit]) 
 
 
 SIGMAS = (0.45, math.radians(0.5), 0.1)
+
+
+def test_each_part_of_the_page_has_its_figures_before_its_tables(faulty: list[ReportableAudit]) -> None:
+    blocks = log_audit_document(faulty[0]).blocks
+    assert isinstance(blocks[0], Paragraph)
+    assert all(finding.title in blocks[0].text for finding in faulty[0].findings)
+    sections = {block.title: [*every(block.blocks)] for block in blocks if isinstance(block, Section)}
+    first = next(iter(sections.values()))
+    assert [type(block) for block in first if not isinstance(block, Row)] == [Figure, Items]
+    kinds = [type(block) for block in sections["Sensor radar"] if isinstance(block, (Figure, Table))]
+    assert kinds == sorted(kinds, key=[Figure, Table].index)
+    assert {*kinds} == {Figure, Table}
 
 
 def test_every_error_is_found_and_nothing_else(faulty: list[ReportableAudit]) -> None:

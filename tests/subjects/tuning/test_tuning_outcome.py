@@ -10,12 +10,13 @@ from matplotlib.figure import Figure as Canvas
 
 import trackbench as tb
 from trackbench.api.scenario import load
+from trackbench.document import Paragraph
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import _scale
 from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.report import headline, remarks
+from trackbench.subjects.tuning.report import headline, remarks, tuning_document
 from trackbench.subjects.tuning.tune import Tuning
 
 SCENARIO = {
@@ -107,6 +108,36 @@ def test_consistency_is_told_of_what_was_tuned_on_and_of_what_was_held_out(tunin
     nees = {**parts, "nees 0": -1.0}
     (first, *_) = [one for one in remarks(replace(tuning, best=replace(tuning.best, parts=nees))) if "tuned on" in one]
     assert first.startswith("turn, tuned on: mean NEES 1.47, where 4 is right")
+
+
+def test_a_gain_harm_and_noise_do_not_look_alike(tuning: Tuning) -> None:
+    """Of a likelihood, of which more is better; the bars of all trackers are on one axis."""
+
+    def with_gain(verdict: str, value: float) -> Tuning:
+        likelihood = tuning.held_out.of("log_likelihood")[0]
+        difference = likelihood.difference._replace(value=value, ci95=(value - 0.01, value + 0.01))
+        one = replace(likelihood, verdict=verdict, difference=difference)
+        return replace(tuning, held_out=replace(tuning.held_out, comparisons=(one,)))
+
+    found = [with_gain("better", 0.3), with_gain("undecided", -0.005), with_gain("worse", -0.04)]
+    table = tables.gains(found)
+    assert [row[1].text for row in table.rows] == ["+0.300", "\N{MINUS SIGN}0.005", "\N{MINUS SIGN}0.040"]
+    assert [row[2].tone for row in table.rows] == ["good", "warn", "bad"]
+    assert table.axis(1) == pytest.approx((-0.05, 0.31))
+    strong = [
+        block.text for block in tuning_document(found, "").blocks if isinstance(block, Paragraph) and block.strong
+    ]
+    assert len(strong) == 1
+
+
+def test_an_error_that_falls_is_a_gain(tuning: Tuning) -> None:
+    error = tuning.held_out.of("position_rmse")[0]
+    half = replace(error, difference=error.difference._replace(value=-0.5 * error.start.value, ci95=None))
+    found = replace(
+        tuning, objective=OBJECTIVES["position_rmse"], held_out=replace(tuning.held_out, comparisons=(half,))
+    )
+    ((_, gain, *_),) = tables.gains([found]).rows
+    assert gain.text == "+50.0"
 
 
 def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> None:

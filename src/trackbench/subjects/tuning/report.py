@@ -175,12 +175,27 @@ def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
         command: what repeats it.
     """
     several = len(tunings) > 1
-    blocks: list[Block] = []
+    blocks: list[Block] = [*_answer(tunings)]
     for item in tunings:
         inner = tuple(_tracker(item, f"{item.tracker}-" if several else ""))
-        blocks += [Section(item.tracker, inner)] if several else inner
+        blocks += [Section(item.tracker, (Paragraph(headline(item)[0]), *inner))] if several else inner
     blocks.append(Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh"))))
     return _document(tunings, blocks)
+
+
+def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
+    """One headline, and the gain of each tracker on one axis."""
+    if len(tunings) == 1:
+        yield Paragraph(headline(tunings[0])[0], strong=True)
+    else:
+        verdicts = {item.tracker: {row.verdict for row in item.held_out.of(item.objective.measure)} for item in tunings}
+        better = [name for name, words in verdicts.items() if "better" in words]
+        worse = [name for name, words in verdicts.items() if "worse" in words]
+        harm = f" Shown to be worse: {joined(worse)}." if worse else ""
+        yield Paragraph(f"Shown to be better than the start: {joined(better) or 'none'}.{harm}", strong=True)
+    table = tables.gains(tunings)
+    if table.rows:
+        yield table
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
@@ -209,7 +224,6 @@ def _remarks(item: Tuning) -> list[Block]:
 
 
 def _tracker(item: Tuning, name: str) -> Iterator[Block]:
-    yield Status(*headline(item))
     yield from _remarks(item)
     yield tables.values(item, name)
     yield Section(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.numbers import decimals, fixed, interval, signed
+from trackbench.report.tables import unit_of
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.objectives import Parts, has_nees, mean_nees
@@ -18,6 +20,13 @@ from trackbench.subjects.tuning.tune import Tuning
 #: Trials of the report; all are in the study and in the JSON.
 MOST = 200
 _TONES: dict[str, Tone] = {"better": "good", "worse": "bad"}
+#: What a verdict on the tuned values makes of their gain.
+_GAINS: dict[str, tuple[str, Tone]] = {
+    "better": ("an improvement", "good"),
+    "worse": ("harm", "bad"),
+    "equivalent": ("within the margin", ""),
+    "undecided": ("may be noise", "warn"),
+}
 NONE = "-"
 
 
@@ -43,6 +52,42 @@ def values(item: Tuning, name: str = "") -> Table:
         (optimum, [Cell(_optimum(responses[key], item) if key in responses else NONE) for key in keys]),
     ]
     return Table.of_columns(f"{name}values", columns)
+
+
+def gains(tunings: Sequence[Tuning]) -> Table:
+    """How much better the tuned values are than the start, on one axis for all trackers; harm is below 0."""
+    rows = [(item, row) for item in tunings for row in item.held_out.of(item.objective.measure)]
+    relative = tunings[0].objective.measure != "log_likelihood"
+    cells = [_gain(item, row, relative) for item, row in rows]
+    ends = [end for cell in cells if cell.bar for end in cell.bar]
+    gain = Column(
+        f"gain, {'%' if relative else 'log-likelihood'}",
+        "Above 0 the tuned values are better. With its 95 % interval.",
+        axis=(min([0.0, *ends]), max([0.0, *ends])),
+    )
+    words = [_GAINS.get(row.verdict, (row.verdict, "warn")) for _, row in rows]
+    columns = [
+        (Column("tracker", left=True), [Cell(item.tracker, tracker=item.tracker) for item, _ in rows]),
+        (gain, cells),
+        (Column("which is", left=True), [Cell(word, tone=tone, chip=True) for word, tone in words]),
+        (
+            Column(f"start, tuned{unit_of(rows[0][1].unit or '1') if rows else ''}"),
+            [replace(_start_and_tuned(row), details=(), tone="") for _, row in rows],
+        ),
+        (Column("scenario", left=True), [Cell(row.scenario) for _, row in rows]),
+    ]
+    return Table.of_columns("gains", columns)
+
+
+def _gain(item: Tuning, row: MeasureComparison, relative: bool) -> Cell:
+    sign = 1.0 if item.objective.better == "larger" else -1.0
+    scale = sign * (100.0 / abs(row.start.value) if relative and row.start.value else 1.0)
+    value, low, high = (scale * end for end in (row.difference.value, *(row.difference.ci95 or (0.0, 0.0))))
+    if row.difference.ci95 is None:
+        low = high = value
+    places = 1 if relative else 3
+    ends = (min(low, high), max(low, high))
+    return Cell(signed(value, places), _interval(ends if low != high else None, places), bar=(value, *ends))
 
 
 def held_out(item: Tuning, name: str = "") -> Table:
@@ -203,5 +248,5 @@ def _start_and_tuned(comparison: MeasureComparison | None) -> Cell:
     if comparison is None:
         return Cell(NONE)
     values = [comparison.start.value, comparison.tuned.value]
-    places = decimals(values, 4)
-    return Cell(", ".join(fixed(value, places) for value in values), (comparison.verdict,))
+    places, tone = decimals(values, 4), _TONES.get(comparison.verdict, "")
+    return Cell(", ".join(fixed(value, places) for value in values), (comparison.verdict,), tone)
