@@ -12,9 +12,10 @@ help:
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
-	$(BIN)/trackbench run scenarios/highway.yaml
-	@echo "Open results/highway/report.html in a browser, and the recording with:"
-	@echo "  $(BIN)/trackbench view results/highway"
+	@echo "3 of 3: $(BIN)/trackbench run scenarios/highway.yaml"
+	@$(BIN)/trackbench run scenarios/highway.yaml
+	@echo "The recording:  $(BIN)/trackbench view results/highway"
+	@echo "The report, for a browser:  $(CURDIR)/results/highway/report.html"
 
 # What a change is tried with. Tests that need Chromium or a Vulkan driver are skipped where it is missing.
 test: $(VENV)/.installed-dev
@@ -57,14 +58,16 @@ docs: $(VENV)/.installed-dev
 install: $(VENV)/.installed
 
 $(BIN)/python:
-	$(PYTHON) -m venv $(VENV)
+	@echo "1 of 3: making $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
 
 # Each file that is installed has one of the hashes that are written down; the package is built by the setuptools among them.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 $(VENV)/.installed: pyproject.toml requirements/run.txt | $(BIN)/python
-	$(PIP) --require-hashes --only-binary :all: -r requirements/run.txt
-	$(PIP) --no-deps --no-build-isolation -e .
+	@echo "2 of 3: installing $$(grep -c == requirements/run.txt) packages and trackbench into $(VENV)"
+	@$(PIP) --require-hashes --only-binary :all: -r requirements/run.txt
+	@$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml requirements/dev.txt | $(BIN)/python

@@ -29,16 +29,27 @@ _WIDEST = 40
 
 
 def print_document(document: Document, console: Console) -> None:
-    """Everything but the figures.
+    """Everything but the figures, the answer first.
 
     A table wider than the console goes on under itself, with its left columns again.
     """
-    _say(console, Text(document.title, style="bold"))
-    if document.lead:
-        _say(console, Text(document.lead))
+    blocks = without_figures(document.blocks)
+    answer = blocks[0] if blocks else None
+    title, lead = document.title, document.lead
+    if isinstance(answer, Status):
+        _say(console, Text(f"{title.replace(': ', ' of ')}: {answer.text}", style=STYLE[answer.tone] or "bold"))
+    elif isinstance(answer, Items) or (isinstance(answer, Paragraph) and answer.strong):
+        _print(answer, console)
+        _say(console, Text(title, style="dim"))
+    else:
+        answer = None
+        _say(console, Text(f"{title.replace(': ', ' of ')}: {lead}" if lead else title, style="bold"))
+        lead = ""
+    if lead:
+        _say(console, Text(lead))
     if document.facts:
         _say(console, Text(", ".join(document.facts), style="dim"))
-    for block in without_figures(document.blocks):
+    for block in blocks[answer is not None :]:
         _print(block, console)
 
 
@@ -46,7 +57,12 @@ def print_table(table: Table, console: Console) -> None:
     """A table with its caption and footnotes."""
     if table.caption:
         _say(console, Text(f"{table.caption}:"))
-    for columns in _fitting(table, console.width):
+    parts = list(_fitting(table, console.width))
+    if len(parts) > 1 and sum(_width(table, i) + 2 for i in _key_columns(table)) > console.width / 2:
+        for row in table.rows:
+            _print_record(table, row, console)
+        parts = []
+    for columns in parts:
         grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
         for i in columns:
             column = table.columns[i]
@@ -113,14 +129,28 @@ def _cell(table: Table, cell: Cell) -> Text:
 def _fitting(table: Table, width: int) -> Iterator[Sequence[int]]:
     """The numbers of the columns that fit beside each other; the left ones at the start are in every part."""
     widths = [_width(table, i) for i in range(len(table.columns))]
-    first = next((i for i, column in enumerate(table.columns) if not column.left and i > 0), len(widths))
-    fixed, part = list(range(first)), list(range(first))
+    fixed = _key_columns(table)
+    first, part = len(fixed), list(fixed)
     for i in range(first, len(widths)):
         if len(part) > first and sum(widths[k] + 2 for k in [*part, i]) - 2 > width:
             yield part
             part = list(fixed)
         part.append(i)
     yield part
+
+
+def _key_columns(table: Table) -> list[int]:
+    """The numbers of the left columns at the start."""
+    columns = enumerate(table.columns)
+    return list(range(next((i for i, column in columns if not column.left and i > 0), len(table.columns))))
+
+
+def _print_record(table: Table, row: Sequence[Cell], console: Console) -> None:
+    """A row whose left columns leave no room for others, as a list of what is in its columns."""
+    key = table.key_column
+    cells = [(column.heading, _cell(table, cell)) for column, cell in zip(table.columns, row, strict=True)]
+    texts = [Text.assemble(f"{heading} ", cell) for i, (heading, cell) in enumerate(cells) if i != key and cell]
+    print_hanging(console, "- ", Text.assemble(cells[key][1], ": ", Text("; ").join(texts)))
 
 
 def _width(table: Table, index: int) -> int:

@@ -75,7 +75,7 @@ def score_command(
     from trackbench.cli.run import status
     from trackbench.cli.run_output import RunOutput
     from trackbench.report.junit import Suite, suite_of_run
-    from trackbench.subjects.score.gate import Gate, judged
+    from trackbench.subjects.score.gate import Gate, GateOutput
     from trackbench.subjects.score.scenario import FileOptions, scoring_scenario
 
     limits = [Gate.parse(text) for text in gates]
@@ -90,11 +90,13 @@ def score_command(
     options = FileOptions(stated, form, rate)
     loaded = scoring_scenario(tracks, truth, options, out, time_offset_s=time_offset, overrides=settings)
     output = RunOutput(as_json, quiet)
+    gates_kept = GateOutput(limits, as_json)
+    output.followers = [gates_kept]
     plan, executor = RunPlan(out, left_out=left_out), InProcess()
     prepared = prepare([loaded], plan, executor, output)
     write_whole(loaded.path, loaded.text.encode())
     (result,) = run(prepared, plan, executor, output)
-    judgements = judged(limits, result)
+    judgements = gates_kept.judgements
     cases = [item.case(result.name) for item in judgements]
     suite = suite_of_run(result)
     write_suites([Suite(suite.name, [*suite.cases, *cases])], junit, github, as_json)
@@ -103,7 +105,4 @@ def score_command(
         summary = result.json()
         summary |= {"passed": summary["passed"] and kept, "gates": [item._asdict() for item in judgements]}
         click.echo(json.dumps(summary, indent=2, allow_nan=False))
-    else:
-        for case in cases:
-            click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
     raise click.exceptions.Exit(status([result]) or (0 if kept else FAILED_EXPECTATION))

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
+import click
+
+from trackbench.api.plan import Listener
 from trackbench.base.errors import InputError, nearest
 from trackbench.compare.comparison import GateOutcome
 from trackbench.metrics.traffic import TRACK_METRICS
@@ -87,6 +91,21 @@ class JudgedGate(NamedTuple):
         missing = self.value is None or self.limit is None
         outcome: GateOutcome = "passed" if self.passed else "error" if missing else "failed"
         return Case(f"{self.tracker}: {self.text}", f"{scenario}.{self.tracker}", outcome, self.found)
+
+
+class GateOutput(Listener):
+    """Prints what came of limits above what the run prints."""
+
+    def __init__(self, gates: Sequence[Gate], as_json: bool) -> None:
+        self._gates = gates
+        self._as_json = as_json
+        self.judgements: list[JudgedGate] = []
+
+    def end(self, result: Result, folder: Path | None) -> None:
+        """Hold the limits against the result."""
+        self.judgements = judged(self._gates, result)
+        for case in [] if self._as_json else [item.case(result.name) for item in self.judgements]:
+            click.echo(f"{case.outcome.upper()}  {case.name} ({case.message})")
 
 
 def judged(gates: Sequence[Gate], result: Result) -> list[JudgedGate]:

@@ -200,11 +200,13 @@ def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
     """What a terminal shows: the values, whether they are better, and how sharply they are known."""
-    blocks: list[Block] = []
-    for item in tunings:
-        inner = [Status(*headline(item)), tables.values(item), tables.held_out(item), *_remarks(item)]
-        blocks += [Section(item.tracker, tuple(inner))] if len(tunings) > 1 else inner
-    return _document(tunings, blocks)
+    heads = [headline(item) for item in tunings]
+    inner = [(tables.values(item), tables.held_out(item), *_remarks(item)) for item in tunings]
+    if len(tunings) == 1:
+        return _document(tunings, [Status(*heads[0]), *inner[0]])
+    answers = [Item(text, item.tracker, tone=tone) for item, (text, tone) in zip(tunings, heads, strict=True)]
+    sections = [Section(item.tracker, blocks) for item, blocks in zip(tunings, inner, strict=True)]
+    return _document(tunings, [Items(tuple(answers)), *sections])
 
 
 def _document(tunings: Sequence[Tuning], blocks: Sequence[Block]) -> Document:
