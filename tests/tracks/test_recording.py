@@ -19,9 +19,9 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result, Tables
-from trackbench.subjects.recording.contents import contents_of, ranking
+from trackbench.subjects.recording.contents import contents_of, costs, ranking
 from trackbench.subjects.recording.data import read
-from trackbench.subjects.recording.focus import Focus, Opening, focus_of
+from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.layout import track_blueprint
 from trackbench.subjects.recording.series import charts_of_tracks
 from trackbench.subjects.recording.stream import Stream
@@ -155,6 +155,18 @@ def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
     text = ranking(traffic_result.updated(trackers=trackers))
     assert "±" not in text
     assert "| pmb | n/a | 1.23 to 5.68 | n/a |" in text
+
+
+def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Result) -> None:
+    events, starts = costs(traffic_result, list(traffic_result)).split("## Track starts")
+    listed = [[cell.strip() for cell in line.split("|")[1:-1]] for line in events.splitlines() if " m²" not in line]
+    rows = [row for row in listed if len(row) == 6 and row[0][0].isdigit()]
+    by_cost = [float(row[0]) for row in rows]
+    assert by_cost == sorted(by_cost, reverse=True)
+    assert rows
+    assert "confirmed" not in {row[3] for row in rows}
+    assert "| confirmed |" in starts
+    assert moment_of(traffic_result).time_s is not None
 
 
 def test_charts_show_their_largest_value(traffic_result: Result) -> None:

@@ -92,7 +92,6 @@ def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
         (["snapshot", "tiny.yaml", "--at", "1", "a.png"], "tiny.yaml: not a Rerun recording (.rrd)"),
         (["snapshot", "results/tiny", "--at", "9", "a.png"], "--at: 9 s is not in the recording"),
         (["snapshot", "results/tiny", "--at", "1", "a.jpg"], "name it a.png, not a.jpg"),
-        (["snapshot", "results/tiny", "a.png"], "a picture needs a time: give --at or --worst"),
         (["snapshot", "results/tiny", "--at", "1", "--worst", "a.png"], "--at and --worst are two times"),
         (["snapshot", "results/tiny", "--worst", "--vehicle", "v9", "a.png"], "--vehicle: no vehicle 'v9' in this"),
         (["snapshot", "results/tiny", "--worst", "--tracker", "efk", "a.png"], "did you mean 'ekf'?"),

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pytest
 
 from trackbench.base.types import Array
 from trackbench.document.replay import Chart, ChartLine
-from trackbench.results import Result
+from trackbench.results import Result, Tables
 from trackbench.results.columns import Columns
+from trackbench.subjects.recording.contents import contents_of
+from trackbench.subjects.recording.focus import moment_of
 from trackbench.subjects.recording.layout import entries, legend_view
 from trackbench.subjects.recording.scene import GAP, HEIGHT, LETTER, label_points
+from trackbench.subjects.recording.series import charts_of
 
 TIME = np.arange(100) * 0.05
 
@@ -56,6 +62,39 @@ def test_an_axis_shows_what_it_must() -> None:
     assert chart(values).span(shown=30.0)[1] > 30
     low, high = chart(np.sin(TIME), signed=True).span()
     assert -low == high > 1
+
+
+def test_a_line_apart_does_not_stretch_the_axis_of_the_others() -> None:
+    steady, coarse = chart(np.linspace(1, 2, 100)), chart(np.linspace(40, 60, 100))
+    both = replace(steady, lines=(*steady.lines, coarse.lines[0]._replace(name="raw")))
+    assert (both.large, replace(both, apart={"raw"}).large) == (True, False)
+    assert replace(both, apart={"raw"}).span() == steady.span()
+
+
+def test_a_baseline_is_apart_from_the_contenders(result: Result) -> None:
+    flagged = [item.model_copy(update={"baseline": item.name == "raw"}) for item in result.summary.trackers]
+    charts = charts_of(contents_of(result.updated(trackers=flagged)))
+    for own in (charts.all_runs, charts.recorded, charts.vehicles["v1"]):
+        assert [line.name for line in own.errors[0].others] == ["raw"]
+    alone = [item for item in flagged if item.baseline]
+    assert not contents_of(result.updated(trackers=alone, ranking=["raw"])).baselines
+
+
+def test_plots_go_on_for_so_long_that_the_last_label_has_room(read: Any, result: Result) -> None:
+    rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
+    last = max(rmse)
+    assert (last, rmse[last]) == (pytest.approx(1.03 * result.tables.steps["time_s"].to_numpy().max()), [])
+
+
+def test_a_recording_opens_where_contenders_differ_most(result: Result) -> None:
+    rows = result.tables.estimates.to_pylist()
+    for row in rows:
+        if (row["tracker"], row["object"]) == ("ekf_cv", "v2") and 8.0 <= row["time_s"] <= 9.0:
+            row["px_m"], row["position_error_m"] = row["px_m"] + 9.0, 9.0
+    apart = Result(result.summary, Tables({**result.tables, "estimates": pa.Table.from_pylist(rows)}))
+    moment = moment_of(apart)
+    assert moment.vehicle == "v2"
+    assert moment.time_s == pytest.approx(8.5, abs=0.4)
 
 
 def test_logarithms_are_of_the_values(read: Any) -> None:

@@ -133,7 +133,7 @@ def _require_worst(worst: int | None, function: str | None) -> None:
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN... OUT.png")
 @opening_options
 def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
-    """Save a picture of a run, at a time or at its worst moment.
+    """Save a picture of a run, at a moment worth seeing unless a time is given.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run; several of the same
     traffic are laid over each other.
@@ -150,12 +150,11 @@ def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
         raise click.UsageError(f"the picture is a PNG: name it {out.stem}.png, not {out.name}")
     if not runs:
         raise click.UsageError(f"name the run before the picture: RUN {out}")
-    if opening["at"] is None and opening["worst"] is None:
-        raise click.UsageError("a picture needs a time: give --at or --worst")
     from trackbench.subjects.recording import viewer
 
     with _playable(runs, **opening) as ready:
-        assert ready.time_s is not None
+        if ready.time_s is None:
+            raise click.UsageError("a picture needs a time: give --at or --worst")
         results.write_bytes(out, viewer.picture(ready.files, ready.time_s))
     click.echo(out)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
+from trackbench.metrics.track_events import events_of
 from trackbench.metrics.verdicts import named, what_is_off
 from trackbench.report.numbers import reach
 from trackbench.results import (
@@ -29,6 +30,7 @@ from trackbench.results import (
 )
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
+from trackbench.subjects.recording.focus import Focus, moment_of
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,10 @@ class Contents:
     """The result of a run with hidden identities."""
     function_events: list[FunctionEvent] = field(default_factory=list)
     """Those of the recorded run in which something was wrong."""
+    baselines: frozenset[str] = frozenset()
+    """Trackers that filter nothing, beside others."""
+    moment: Focus = field(default_factory=Focus)
+    """One that is worth seeing first."""
 
     @property
     def decisions(self) -> pa.Table:
@@ -99,7 +105,35 @@ def contents_of(result: Result) -> Contents:
         best=result.contenders[0].name if result.scored else None,
         unlabelled=result if summary.identities == "hidden" else None,
         function_events=[event for event in _recorded_events(result) if event.tracker in names],
+        baselines=_baselines(result.summary.trackers),
+        moment=moment_of(result),
     )
+
+
+#: In a table of events, rows.
+MOST_EVENTS = 40
+
+
+def costs(result: Result, trackers: Collection[str]) -> str:
+    """The events of the recorded run that cost anything as Markdown: the costliest first, track starts apart."""
+    every = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
+    lines = []
+    for title, starts in (("Events by cost", False), ("Track starts", True)):
+        events = [event for event in every if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
+        lines += ["", f"## {title}", ""]
+        rows = [
+            f"| {event.cost_m2:.4g} | {event.time_s:.2f} | {event.tracker} | {event.kind} | {event.object}"
+            f" | {event.reason} |"
+            for event in events
+        ]
+        head = ["| cost, m² | time, s | tracker | event | vehicle | why |", "| --: | --: | :-- | :-- | :-- | :-- |"]
+        lines += [*head, *rows] if rows else ["None."]
+    return "\n".join(lines[1:])
+
+
+def _baselines(trackers: Iterable[TrackerResult]) -> frozenset[str]:
+    own = {tracker.name: tracker.baseline for tracker in trackers}
+    return frozenset(name for name, baseline in own.items() if baseline and not all(own.values()))
 
 
 def _recorded_events(result: Result) -> Iterator[FunctionEvent]:
@@ -165,6 +199,8 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         colours=tracker_colours(
             {_named(name, label): place for label, result in named.items() for name, place in result.places.items()}
         ),
+        baselines=_baselines(trackers),
+        moment=moment_of(first),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
         reference=references.pop() if len(references) == 1 else "reference",

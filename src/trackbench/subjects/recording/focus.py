@@ -95,6 +95,37 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
 
 
+#: Over so long a time the difference of two trackers is averaged, and so far it is from the ends of the run, s.
+SMOOTH_S, MARGIN_S = 0.5, 1.0
+
+
+def moment_of(result: Result) -> Focus:
+    """A moment of the recorded run that is worth seeing first.
+
+    Where identities are hidden, the costliest event of the best contender that is no start of a track. With functions,
+    where the first is due. Else where the errors of two contenders differ most for half a second.
+    """
+    if result.summary.identities == "hidden":
+        best = result.contenders[0].name if result.scored else None
+        events = [event for event in costly_events(result, best, None) if event.kind != "confirmed"]
+        return Focus(_vehicle_at(result, events[0])[0], events[0].time_s) if events else Focus()
+    for rows in split(result.tables.if_there("decisions"), "function").values():
+        due = np.flatnonzero(rows["true_active"] > 0)
+        if due.size:
+            return Focus(str(rows["true_object"][due[0]]), float(rows["time_s"][due[0]]))
+    recorded = recorded_run(result)
+    tracks = [recorded.tracks[tracker.name] for tracker in result.filtering if tracker.name in recorded.tracks]
+    inside = np.abs(recorded.time - recorded.time.mean()) < np.ptp(recorded.time) / 2 - MARGIN_S
+    if not tracks or not inside.any():
+        return Focus()
+    errors = [np.where(track.due & ~track.starting, track.position_error, np.nan) for track in tracks]
+    differ = np.nan_to_num(np.fmax.reduce(errors) - (np.fmin.reduce(errors) if len(errors) > 1 else 0.0))
+    width = max(1, round(SMOOTH_S / np.median(np.diff(recorded.time))))
+    smooth = np.apply_along_axis(np.convolve, 0, differ, np.full(width, 1 / width), "same") * inside[:, None]
+    instant, vehicle = np.unravel_index(np.argmax(smooth), smooth.shape)
+    return Focus(recorded.objects[vehicle], float(recorded.time[instant]))
+
+
 def _function_focus(result: Result, opening: Opening, function: str, worst: int) -> Focus:
     run = result.summary.recorded_run
     every = function_events(result, function, opening.tracker, run, opening.vehicle)

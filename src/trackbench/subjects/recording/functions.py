@@ -76,15 +76,11 @@ def lane(rows: Columns, events: Iterable[FunctionEvent]) -> Array:
     return states
 
 
-def lanes_view(decisions: pa.Table) -> rrb.Container:
-    """The lanes of each function, one below the other."""
-    lanes = [
-        rrb.StateTimelineView(
-            origin=path(LANES, function), name=function, time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
-        )
-        for (function,) in split(decisions, "function")
-    ]
-    return rrb.Vertical(*lanes, name="Functions")
+def lanes_view() -> rrb.StateTimelineView:
+    """The lanes of every function, one below the other."""
+    return rrb.StateTimelineView(
+        origin=path(LANES), name="Functions", time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+    )
 
 
 def log_view() -> rrb.TextLogView:

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
-from trackbench.document.replay import Chart, NamedColour
+from trackbench.document.replay import Chart, ChartLine, NamedColour
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents, all_runs
 from trackbench.subjects.recording.focus import Focus
@@ -108,13 +108,17 @@ def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, floa
 SERIES = "series"
 #: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
 LOG10 = "log10"
+#: How far the axis of time goes, in ends of the last line.
+ROOM = 1.03
 
 
 def send_chart(stream: Stream, chart: Chart) -> None:
     """The values, and their decimal logarithms where the range is large."""
     for line in (*chart.lines, *chart.bounds):
         entity = path(SERIES, *chart.place, *line.entity)
-        send_line(stream, entity, line.time, line.value, line.name, line.colour, line.width)
+        # An empty place after the end leaves room for the last label of the time axis.
+        time, value = np.append(line.time, line.time[-1:] * ROOM), np.append(line.value, line.value[-1:] * np.nan)
+        send_line(stream, entity, time, value, line.name, line.colour, line.width)
         if chart.large:
             logarithm = np.log10(np.where(line.value > 0, line.value, np.nan))
             entity = path(SERIES, LOG10, *chart.place, *line.entity)
@@ -133,19 +137,30 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 
 
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
-    """Charts as tabs, and after them the logarithms of those whose range is large."""
+    """Charts as tabs, after them the logarithms of those whose range is large, and what is apart."""
     every = list(charts)
-    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share) for chart in every]
-    logarithms = [plot(chart.log_title, (LOG10, *chart.place)) for chart in every if chart.large]
-    return rrb.Tabs(*plain, *logarithms, active_tab=0)
+    plain = [plot(chart.title, chart.place, chart.span(shown), chart.share, chart.others) for chart in every]
+    logarithms = [plot(chart.log_title, (LOG10, *chart.place), without=chart.others) for chart in every if chart.large]
+    apart = [
+        plot(", ".join(line.name for line in chart.others), chart.place, without=chart.together)
+        for chart in every
+        if chart.others
+    ]
+    return rrb.Tabs(*plain, *logarithms, *apart, active_tab=0)
 
 
 def plot(
-    name: str, place: tuple[str, ...], span: tuple[float, float] | None = None, legend: bool = False
+    name: str,
+    place: tuple[str, ...],
+    span: tuple[float, float] | None = None,
+    legend: bool = False,
+    without: Iterable[ChartLine] = (),
 ) -> rrb.TimeSeriesView:
     """Its time axis is that of all other plots. Trackers are in the legend of the page; one here would cover curves."""
+    origin = path(SERIES, *place)
     return rrb.TimeSeriesView(
-        origin=path(SERIES, *place),
+        origin=origin,
+        contents=[f"+ {origin}/**", *(f"- {path(SERIES, *place, *line.entity)}" for line in without)],
         name=name,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
@@ -158,19 +173,19 @@ MOST_VEHICLES = 6
 #: Pixels of a window for what is beside the scene.
 BESIDE = 850.0
 WHOLE = Focus()
-EVENTS = "events"
+EVENTS, COSTS = "events", "costs"
 
 
 def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
     """The layout of a recording: a tab for all runs, one for the recorded run, and one for each vehicle."""
     vehicles = _shown(contents.vehicles, focus)
-    scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
+    scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
     runs = _page(charts.all_runs, all_runs(contents.runs))
     recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
     own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
-        lanes = functions.lanes_view(contents.decisions)
+        lanes = functions.lanes_view()
         own.append(rrb.Horizontal(lanes, functions.log_view(), column_shares=[2, 1], name="Functions"))
         tab = len(own) + 1 if focus.vehicle is None or focus.function is not None else tab
     main = rrb.Vertical(scene, rrb.Tabs(runs, recorded, *own, active_tab=tab), row_shares=[4, 5])
@@ -199,9 +214,13 @@ def track_blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, f
         active_tab=trackers.index(front) if front in trackers else 0,
     )
     parts = [plot(chart.title, chart.place, chart.span(chart.largest)) for chart in charts]
-    logs, lanes = [rrb.TextLogView(origin=EVENTS, name="Events")], list[rrb.Container]()
+    lanes = list[rrb.View]()
+    logs: list[rrb.View] = [
+        rrb.TextDocumentView(origin=COSTS, name="Events by cost"),
+        rrb.TextLogView(origin=EVENTS, name="Over time"),
+    ]
     if contents.decisions.num_rows:
-        logs, lanes = [*logs, functions.log_view()], [functions.lanes_view(contents.decisions)]
+        logs, lanes = [*logs, functions.log_view()], [functions.lanes_view()]
     below = rrb.Horizontal(
         rrb.Tabs(*lanes, *parts[:-1], active_tab=0), rrb.Tabs(*logs, parts[-1], active_tab=0), column_shares=[1, 1]
     )
@@ -224,7 +243,8 @@ def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Bluepr
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-    return opened(beside(main, entries_of(contents), texts), "playing" if focus.time_s is None else "paused")
+    shown = beside(main, entries_of(contents), texts)
+    return opened(shown, "playing" if focus.time_s is None else "paused", contents.moment.time_s)
 
 
 def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
@@ -251,8 +271,17 @@ def beside(
     return rrb.Horizontal(main, side, column_shares=[3, 1])
 
 
-def opened(container: rrb.Container, play_state: Literal["playing", "paused", "following"]) -> rrb.Blueprint:
-    """A layout with its time panel; what plays starts again at its end."""
+#: How much of the time around a moment is marked and repeated, s.
+BEFORE_S, AFTER_S = 3.0, 3.0
+
+
+def opened(
+    container: rrb.Container, play_state: Literal["playing", "paused", "following"], moment: float | None = None
+) -> rrb.Blueprint:
+    """A layout with its time panel; what plays starts again at its end, or at the end of the time around a moment."""
     loop: dict[str, Any] = {"loop_mode": "all"} if play_state == "playing" else {}
+    if moment is not None:
+        ends = (round(1e9 * max(0.0, moment - BEFORE_S)), round(1e9 * (moment + AFTER_S)))
+        loop = {"loop_mode": "selection", "time_selection": rr.encodings.AbsoluteTimeRange(*ends)}
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=play_state, **loop)
     return rrb.Blueprint(container, time, collapse_panels=True, auto_views=False)

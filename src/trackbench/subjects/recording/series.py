@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,14 @@ class Charts(NamedTuple):
     def all(self) -> tuple[Chart, ...]:
         return (*self.errors, self.nees, *self.nis, *self.modes)
 
+    def with_apart(self, names: Collection[str]) -> Charts:
+        """The same with the lines of some trackers apart."""
+
+        def of(charts: Iterable[Chart]) -> tuple[Chart, ...]:
+            return tuple(replace(chart, apart=names) for chart in charts)
+
+        return Charts(of(self.errors), *of([self.nees]), of(self.nis), self.modes)
+
 
 class AllCharts(NamedTuple):
     """Every chart of a recording."""
@@ -82,7 +91,9 @@ def charts_of(contents: Contents) -> AllCharts:
     for name in contents.vehicles:
         estimate, own_nis, own_modes = (of.get(name, NOTHING) for of in (estimates, nis, modes))
         vehicles[name] = recorded_run(estimate, own_nis, own_modes, tables.nis, colours, name)
-    return AllCharts(_all_runs(contents), recorded, vehicles)
+    apart = contents.baselines
+    of_vehicles = {name: charts.with_apart(apart) for name, charts in vehicles.items()}
+    return AllCharts(_all_runs(contents).with_apart(apart), recorded.with_apart(apart), of_vehicles)
 
 
 def _all_runs(contents: Contents) -> Charts:

@@ -24,7 +24,7 @@ from trackbench.base.supervised import tell_kept
 from trackbench.results import EXAMINATION
 from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
 from trackbench.subjects.recording.data import RECORDING, Recorded, read
-from trackbench.subjects.recording.focus import Opening, focus_of
+from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.stream import TIMELINE
 from trackbench.subjects.recording.writer import reopened, write, write_overlay
 
@@ -266,7 +266,7 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
             notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
         elif len(runs) > 1 and not labelled:
             notes.append("their identities are hidden: the viewer has them one beside the other, not laid over")
-        yield Playable(files, notes, focus.time_s)
+        yield Playable(files, notes, moment_of(results[0]).time_s if same and focus == Focus() else focus.time_s)
 
 
 def _file(run: Recorded, made: Path, opening: Opening) -> Path:

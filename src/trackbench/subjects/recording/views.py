@@ -99,15 +99,24 @@ def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
 
 
 def scene_views(
-    wide: Window, vehicles: list[str], sensors: Iterable[str], trackers: Iterable[str], focus: Focus
+    wide: Window,
+    vehicles: list[str],
+    sensors: Iterable[str],
+    trackers: Iterable[str],
+    focus: Focus,
+    first: str | None = None,
 ) -> rrb.Container:
-    """The wide view beside tabs with a close-up of each of ``vehicles``; the one in focus is in the middle."""
+    """The wide view beside tabs with a close-up of each of ``vehicles``, ``first`` in front.
+
+    The one in focus is also in the middle of the wide view.
+    """
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | dict.fromkeys(trails(trackers), TRAIL_S)
     name = "Seen from above"
     if focus.vehicle is not None:
         wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
     tabs = [scene_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
-    tab = 0 if focus.vehicle is None else vehicles.index(focus.vehicle)
+    front = focus.vehicle or first
+    tab = vehicles.index(front) if front in vehicles else 0
     return rrb.Horizontal(scene_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
 
 

@@ -17,7 +17,7 @@ from trackbench.document.replay import Chart, Replay, ReplayScene
 from trackbench.metrics.track_events import events_of, instants
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import functions, layout, scene, views
-from trackbench.subjects.recording.contents import Contents, contents_of
+from trackbench.subjects.recording.contents import Contents, contents_of, costs
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import beside, chart_tabs, opened, send_chart, send_legend
@@ -120,6 +120,7 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
         for tracker in colours:
             _draw_tracks(stream, tables, tracker)
             _draw_events(stream, contents.unlabelled, tracker, wide.metres_per_pixel)
+        stream.markdown(layout.COSTS, costs(contents.unlabelled, colours))
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, tables.truth, colours)
