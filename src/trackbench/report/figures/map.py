@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +15,7 @@ from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
 from trackbench.document.margins import shortened
-from trackbench.document.palette import ERROR_COLOURS
+from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.metrics.track_events import events_of
 from trackbench.report.figures.over_time import column, names, where
@@ -154,10 +153,6 @@ class _Ground:
         every[-1].set_xlabel("x, m")
 
 
-#: Round numbers among which the limits of the colours are chosen, m.
-_ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
-
-
 @dataclass(frozen=True)
 class _PathWithErrors:
     """One object's true path, with the error of a tracker along it; NaN where there is no estimate."""
@@ -190,7 +185,7 @@ def map_of_run(
         return None
     paths = [_paths_with_errors(truth, where(tables.estimates, tracker=style.name), list(targets)) for style in drawn]
     rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
-    limits = _limits([path.error for of_tracker in paths for path in of_tracker])
+    limits = error_limits([path.error for of_tracker in paths for path in of_tracker])
 
     def draw(axes: Axes, number: int) -> None:
         if not drawn:
@@ -249,30 +244,9 @@ def _coloured(axes: Axes, tracks: Sequence[_PathWithErrors], limits: Array) -> N
             axes.plot(x[points], y[points], color=colour, linewidth=1.8 + 0.7 * i, solid_capstyle="round")
 
 
-def _limits(errors: Sequence[Array]) -> Array:
-    """Round limits between the colours that spread the errors over them, m."""
-    every = np.concatenate(errors) if errors else np.empty(0)
-    every = every[np.isfinite(every)]
-    if not every.size:
-        return np.empty(0)
-    low, high = np.quantile(every, [0.25, 0.98])
-    inside = _ROUND[(low <= _ROUND) & (high >= _ROUND)]
-    if len(inside) < 2:
-        nearest = int(np.argmin(abs(_ROUND - high)))
-        inside = _ROUND[max(0, nearest - 1) : nearest + 1]
-    most = len(ERROR_COLOURS) - 1
-    return np.asarray(inside[np.unique(np.linspace(0, len(inside) - 1, most).round().astype(int))])
-
-
 def _legend(limits: Array) -> tuple[LegendEntry, ...]:
-    words = [f"{limit:g}" for limit in limits]
-    labels = (
-        [f"under {words[0]} m", *(f"{a} to {b} m" for a, b in pairwise(words)), f"above {words[-1]} m"] if words else []
-    )
-    return (
-        *(LegendEntry(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)),
-        LegendEntry("observer", MUTED, "dash"),
-    )
+    levels = (LegendEntry(label, colour) for label, colour in zip(error_labels(limits), ERROR_COLOURS, strict=False))
+    return (*levels, LegendEntry("observer", MUTED, "dash"))
 
 
 def _paths_with_errors(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_PathWithErrors]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from trackbench.results import (
 )
 from trackbench.results.columns import split
 from trackbench.results.scenario_summary import SensorSummary
+from trackbench.subjects.recording.error_map import ErrorMap
 from trackbench.subjects.recording.focus import Focus, moment_of
 
 
@@ -69,6 +71,13 @@ class Contents:
     def decisions(self) -> pa.Table:
         """What functions decide; without rows where there are none."""
         return self.tables.if_there("decisions")
+
+    @cached_property
+    def errors(self) -> ErrorMap | None:
+        """The map of errors; None where identities are hidden, or there are no errors."""
+        if self.unlabelled is not None:
+            return None
+        return ErrorMap(self.tables, [name for name in self.colours if name not in self.baselines], self.hold) or None
 
     @property
     def hold(self) -> float:

@@ -57,7 +57,8 @@ def entries(trackers: Mapping[str, str], sensors: Sequence[str], hidden: bool = 
 def entries_of(contents: Contents) -> list[NamedColour]:
     """Those of a recording."""
     shown = entries(contents.colours, list(contents.sensors), contents.unlabelled is not None)
-    return [*shown, NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else shown
+    active = [NamedColour("function active", BOUND_COLOUR, "ring")] if contents.decisions.num_rows else []
+    return [*shown, *active, *(contents.errors.legend if contents.errors else [])]
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
@@ -182,7 +183,10 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus, contents.moment.vehicle)
     runs = _page(charts.all_runs, all_runs(contents.runs))
     recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
-    own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
+    own: list[rrb.Container] = [
+        _page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles
+    ]
+    own += [contents.errors.view()] if contents.errors else []
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
     if contents.decisions.num_rows:
         lanes = functions.lanes_view()

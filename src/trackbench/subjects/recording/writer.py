@@ -121,6 +121,8 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
             _draw_tracks(stream, tables, tracker)
             _draw_events(stream, contents.unlabelled, tracker, wide.metres_per_pixel)
         stream.markdown(layout.COSTS, costs(contents.unlabelled, colours))
+    if contents.errors is not None:
+        contents.errors.send(stream)
     for chart in charts:
         send_chart(stream, chart)
     functions.send_functions(stream, contents.decisions, contents.function_events, tables.truth, colours)
