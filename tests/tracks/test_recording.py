@@ -158,15 +158,17 @@ def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
 
 
 def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Result) -> None:
-    events, starts = costs(traffic_result, list(traffic_result)).split("## Track starts")
-    listed = [[cell.strip() for cell in line.split("|")[1:-1]] for line in events.splitlines() if " m²" not in line]
-    rows = [row for row in listed if len(row) == 6 and row[0][0].isdigit()]
-    by_cost = [float(row[0]) for row in rows]
-    assert by_cost == sorted(by_cost, reverse=True)
-    assert rows
-    assert "confirmed" not in {row[3] for row in rows}
-    assert "| confirmed |" in starts
-    assert moment_of(traffic_result).time_s is not None
+    rows = traffic_result.tables.events.to_pylist()
+    own = [row for row in rows if (row["tracker"], row["run"]) == ("pmb", 0)]
+    for row, kind, cost, time in zip(
+        own, ("lost", "false", "confirmed"), (50.0, 80.0, 99.0), (3.0, 2.0, 0.1), strict=False
+    ):
+        row.update(kind=kind, cost_m2=cost, time_s=time)
+    changed = Result(traffic_result.summary, Tables({**traffic_result.tables, "events": pa.Table.from_pylist(own[:3])}))
+    events, starts = costs(changed, ["pmb"]).split("## Track starts")
+    assert [line.split("|")[1] for line in events.splitlines() if "| pmb |" in line] == [" 80 ", " 50 "]
+    assert "| 99 |" in starts
+    assert moment_of(changed).time_s == 2.0
 
 
 def test_charts_show_their_largest_value(traffic_result: Result) -> None:

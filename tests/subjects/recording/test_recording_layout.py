@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pyarrow as pa
 import pytest
 
 from trackbench.base.types import Array
+from trackbench.document.palette import ERROR_COLOURS
 from trackbench.document.replay import Chart, ChartLine
 from trackbench.results import Result, Tables
 from trackbench.results.columns import Columns
@@ -80,10 +81,20 @@ def test_a_baseline_is_apart_from_the_contenders(result: Result) -> None:
     assert not contents_of(result.updated(trackers=alone, ranking=["raw"])).baselines
 
 
+def test_the_map_has_the_true_paths_in_the_colours_of_the_errors(read: Any, result: Result) -> None:
+    strips, colours = (read("/errors/ekf_cv", f"LineStrips2D:{part}")[None] for part in ("strips", "colors"))
+    rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
+    errors = {name: [row["position_error_m"] for row in rows if row["object"] == name] for name in ("v1", "v2")}
+    assert len(strips) == len(rows) - len(result.summary.truth.objects)
+    large = int(ERROR_COLOURS[2][1:] + "FF", 16)
+    pieces = [max(pair) for own in errors.values() for pair in pairwise(own)]
+    assert sum(colour == large for colour in colours) >= sum(error > 1.0 for error in pieces) > 0
+
+
 def test_plots_go_on_for_so_long_that_the_last_label_has_room(read: Any, result: Result) -> None:
     rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
     last = max(rmse)
-    assert (last, rmse[last]) == (pytest.approx(1.03 * result.tables.steps["time_s"].to_numpy().max()), [])
+    assert (last, rmse[last]) == (pytest.approx(1.05 * result.tables.steps["time_s"].to_numpy().max()), [])
 
 
 def test_a_recording_opens_where_contenders_differ_most(result: Result) -> None:
@@ -132,7 +143,11 @@ def test_names_of_vehicles_do_not_overlap() -> None:
 def test_the_legend_names_every_colour_once(read: Any, result: Result) -> None:
     names = [name for entity in read.entities() if entity.startswith("/legend/") for name in labels(read, entity)]
     assert sorted(names) == sorted(
-        [*(t.name for t in result.scored), "front_radar", "roof_lidar", "truth, bounds", "observer"]
+        [
+            *(t.name for t in result.scored),
+            *("front_radar", "roof_lidar", "truth, bounds", "observer"),
+            *("error < 0.5 m", "0.5 to 1 m", "above 1 m"),
+        ]
     )
     assert legend_view(entries({"a": "#E69F00"}, ["radar"])).name == "Legend"
 

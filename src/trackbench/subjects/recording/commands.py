@@ -155,7 +155,7 @@ def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
     with _playable(runs, **opening) as ready:
         if ready.time_s is None:
             raise click.UsageError("a picture needs a time: give --at or --worst")
-        results.write_bytes(out, viewer.picture(ready.files, ready.time_s))
+        results.write_bytes(out, *viewer.pictures(ready.files, [ready.time_s]))
     click.echo(out)
 
 

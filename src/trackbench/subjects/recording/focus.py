@@ -13,7 +13,7 @@ from trackbench.metrics.moments import distinct, require_name, require_time, wor
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
-from trackbench.results.columns import split
+from trackbench.results.columns import Columns, split
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
     return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
 
 
-#: Over so long a time the difference of two trackers is averaged, and so far it is from the ends of the run, s.
+#: Over so long a time the difference of two trackers is averaged, and so far it is from the ends of a track, s.
 SMOOTH_S, MARGIN_S = 0.5, 1.0
 
 
@@ -113,17 +113,29 @@ def moment_of(result: Result) -> Focus:
         due = np.flatnonzero(rows["true_active"] > 0)
         if due.size:
             return Focus(str(rows["true_object"][due[0]]), float(rows["time_s"][due[0]]))
-    recorded = recorded_run(result)
-    tracks = [recorded.tracks[tracker.name] for tracker in result.filtering if tracker.name in recorded.tracks]
-    inside = np.abs(recorded.time - recorded.time.mean()) < np.ptp(recorded.time) / 2 - MARGIN_S
-    if not tracks or not inside.any():
-        return Focus()
-    errors = [np.where(track.due & ~track.starting, track.position_error, np.nan) for track in tracks]
-    differ = np.nan_to_num(np.fmax.reduce(errors) - (np.fmin.reduce(errors) if len(errors) > 1 else 0.0))
-    width = max(1, round(SMOOTH_S / np.median(np.diff(recorded.time))))
-    smooth = np.apply_along_axis(np.convolve, 0, differ, np.full(width, 1 / width), "same") * inside[:, None]
-    instant, vehicle = np.unravel_index(np.argmax(smooth), smooth.shape)
-    return Focus(recorded.objects[vehicle], float(recorded.time[instant]))
+    filtering = {tracker.name for tracker in result.filtering}
+    of_objects: dict[str, list[Columns]] = {}
+    for (name, tracker), rows in split(result.tables.if_there("estimates"), "object", "tracker").items():
+        if tracker in filtering:
+            of_objects.setdefault(name, []).append(rows)
+    moments = [(*_most_apart(tracks), name) for name, tracks in of_objects.items()]
+    difference, time, vehicle = max(moments, default=(0.0, 0.0, ""))
+    return Focus(vehicle, time) if difference > 0 else Focus()
+
+
+def _most_apart(tracks: Sequence[Columns]) -> tuple[float, float]:
+    """By how much the position errors of an object's tracks differ at most, m, and when, s; of one, its error."""
+    time = np.unique(np.concatenate([rows["time_s"] for rows in tracks]))
+    if not len(time):
+        return 0.0, 0.0
+    errors = np.full((len(tracks), len(time)), np.nan)
+    for own, rows in zip(errors, tracks, strict=True):
+        own[np.searchsorted(time, rows["time_s"])] = rows["position_error_m"]
+    differ = np.fmax.reduce(errors) - (np.fmin.reduce(errors) if len(errors) > 1 else 0.0)
+    inside = (time > time[0] + MARGIN_S) & (time < time[-1] - MARGIN_S)
+    width = max(1, round(SMOOTH_S * len(time) / max(float(np.ptp(time)), SMOOTH_S)))
+    smooth = np.convolve(np.nan_to_num(differ) * inside, np.full(width, 1 / width), "same")
+    return float(smooth.max()), float(time[smooth.argmax()])
 
 
 def _function_focus(result: Result, opening: Opening, function: str, worst: int) -> Focus:

@@ -110,7 +110,7 @@ SERIES = "series"
 #: Rerun 0.41 has no logarithmic axis, so what spans orders of magnitude is also there as decimal logarithms.
 LOG10 = "log10"
 #: How far the axis of time goes, in ends of the last line.
-ROOM = 1.03
+ROOM = 1.05
 
 
 def send_chart(stream: Stream, chart: Chart) -> None:

@@ -66,11 +66,8 @@ class Charts(NamedTuple):
 
     def with_apart(self, names: Collection[str]) -> Charts:
         """The same with the lines of some trackers apart."""
-
-        def of(charts: Iterable[Chart]) -> tuple[Chart, ...]:
-            return tuple(replace(chart, apart=names) for chart in charts)
-
-        return Charts(of(self.errors), *of([self.nees]), of(self.nis), self.modes)
+        errors, nis = (tuple(replace(chart, apart=names) for chart in charts) for charts in (self.errors, self.nis))
+        return Charts(errors, replace(self.nees, apart=names), nis, self.modes)
 
 
 class AllCharts(NamedTuple):

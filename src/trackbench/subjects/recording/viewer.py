@@ -156,23 +156,35 @@ def serve(host: str) -> tuple[Viewer, str]:
     return viewer, f"http://{name}:{page}/?url={quote(grpc_url(name, port), safe='')}"
 
 
-def picture(files: Sequence[Path], at: float) -> bytes:
-    """What the viewer shows of recordings at a time (s), as a PNG, drawn without a screen.
+def pictures(
+    files: Sequence[Path], times: Sequence[float], size: tuple[int, int] = SIZE, zoom: int = 0
+) -> Iterator[bytes]:
+    """What the viewer shows of recordings at some times (s), as PNGs, drawn without a screen.
+
+    Args:
+        files: the recordings.
+        times: s.
+        size: pixels.
+        zoom: by how many tenths everything is larger.
 
     Raises:
         InputError: there is no Vulkan driver.
         TrackbenchError: the viewer does not draw.
     """
-    viewer = start("--headless", "--window-size", f"{SIZE[0]}x{SIZE[1]}")
+    viewer = start("--headless", "--window-size", f"{size[0]}x{size[1]}")
     try:
-        client = viewer.open(files, at)
-        limit = time.monotonic() + PATIENCE
-        before, png = b"", client.take_screenshot()
-        # Views fill up over several frames; two pictures that are the same are of the last one.
-        while png != before and time.monotonic() < limit:
-            time.sleep(0.3)
-            before, png = png, client.take_screenshot()
-        return bytes(png)
+        client = viewer.open(files)
+        for _ in range(zoom):
+            client.run_command("ui.zoom_in_ui")
+        for at in times:
+            client.set_time(TIMELINE, duration=at, play_state="paused")
+            limit = time.monotonic() + PATIENCE
+            before, png = b"", client.take_screenshot()
+            # Views fill up over several frames; two pictures that are the same are of the last one.
+            while png != before and time.monotonic() < limit:
+                time.sleep(0.3)
+                before, png = png, client.take_screenshot()
+            yield bytes(png)
     except (ConnectionError, RuntimeError) as error:
         raise (ended(viewer.log) if viewer.process.poll() is not None else TrackbenchError(str(error))) from error
     finally:
