@@ -140,9 +140,11 @@ def glossary() -> str:
     pages: dict[str, list[TermPage]] = {}
     for term in chain.from_iterable(subjects.values()):
         pages.setdefault(term.name.lower(), []).append(term)
-    sections = [GLOSSARY]
+    sections, letter = [GLOSSARY], ""
     for name, same in sorted(pages.items(), key=lambda item: item[0].strip("/")):
-        sections.append(f"## {same[0].name}")
+        if (first := name.strip("/")[0].upper()) != letter:
+            sections.append(f"## {(letter := first)}")
+        sections.append(f"### {same[0].name}")
         for heading, text in dict.fromkeys(entry for term in same for entry in term.page if entry[0] not in LEFT_OUT):
             label = f"`{heading}`: " if heading.startswith(name) else f"*{heading}*: "
             owner = owners[text] if heading == "formula" else name
