@@ -33,7 +33,7 @@ def _section(comparison: Comparison, styles: Styles, metric: str, items: Sequenc
     several = len(comparison.scenarios) > 1
     explained = Section("How it is judged", (Paragraph(_explanation(items, len(comparison.differences))),), folded=True)
     best = best_of(comparison, items) if len(comparison.sets) == 1 else None
-    shown = against(best, items) if best else items
+    shown = against(best, items) if best else sorted(items, key=lambda item: item.identical)
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
@@ -102,19 +102,19 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     if len(comparison.scenarios) > 1:
         first = [(Column("scenario", left=True), [Cell(item.scenario) for item in items]), tracker]
     else:
-        first = [tracker, (Column("against", left=True), [_against_cell(comparison, item) for item in items])]
+        first = [tracker, (Column("against"), [_against_cell(comparison, item) for item in items])]
     columns = [
         *first,
-        (Column("value"), [Cell(short(item.value, digits)) for item in items]),
         (Column("difference"), [Cell(with_reach(item)) for item in items]),
-        (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
-        (
-            Column("margin", "up to which a difference does not matter"),
-            [Cell(short(item.margin, digits)) for item in items],
-        ),
         (
             Column("verdict", left=True),
             [Cell(item.verdict, tone=TONES.get(item.verdict, ""), chip=True) for item in items],
+        ),
+        (Column("%", "of the value that it is held against"), [Cell(in_percent(item.percent)) for item in items]),
+        (Column("value"), [Cell(short(item.value, digits)) for item in items]),
+        (
+            Column("margin", "up to which a difference does not matter"),
+            [Cell(short(item.margin, digits)) for item in items],
         ),
     ]
     return Table.of_columns(f"differences-{metric.replace('.', '-')}", columns)
@@ -133,7 +133,7 @@ def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     mean = "geometric mean over the scenarios of the value over that which it is held against, less one"
     columns = [
         (Column("tracker", left=True), [_name_cell(comparison, item) for item in items]),
-        (Column("against", left=True), [_against_cell(comparison, item) for item in items]),
+        (Column("against"), [_against_cell(comparison, item) for item in items]),
         *(
             (Column(verdict, "scenarios"), [Cell(str(item.verdicts.get(verdict, 0))) for item in items])
             for verdict in VERDICTS

@@ -115,7 +115,7 @@ def difference_figure(
                 place, side, arrow = (
                     (high, "right", "{} \N{RIGHTWARDS ARROW}") if value > 0 else (low, "left", "\N{LEFTWARDS ARROW} {}")
                 )
-                axes.text(place, y, arrow.format(f"{value:+.3g}"), ha=side, va="center", color=INK, fontsize=10)
+                axes.text(place, y - 0.1, arrow.format(f"{value:+.3g}"), ha=side, va="bottom", color=INK, fontsize=10)
         axes.set_yticks(range(len(drawn)), [shortened(label, 0.45 * WIDTH) for label, *_ in drawn])
         axes.set(xlim=(low, high), ylim=(len(drawn) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")

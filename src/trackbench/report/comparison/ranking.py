@@ -118,7 +118,7 @@ def _overall(comparison: Comparison) -> Table:
         texts["diverged runs"] = [str(item.diverged_runs) for item in items]
     failed = [(f"{item.failed_scenarios} without a score",) if item.failed_scenarios else () for item in items]
     columns = [
-        (Column("", left=True), list(map(Cell, ranks))),
+        (Column(""), list(map(Cell, ranks))),
         (Column("tracker", left=True), names),
         *((Column(heading), list(map(Cell, column))) for heading, column in texts.items()),
         (Column("scenarios"), [Cell(str(item.scenarios), note) for item, note in zip(items, failed, strict=True)]),
