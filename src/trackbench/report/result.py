@@ -85,12 +85,12 @@ def _picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str
     if not result.summary.truth.known:
         return None
     if result.summary.identities == "hidden":
-        return map_of_tracks(result, shown)
+        return map_of_tracks(result, _competing(result, shown))
     return map_of_run(result.tables, result.summary.recorded_run, _competing(result, shown), moments)
 
 
 def _competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
-    names = {tracker.name for tracker in result.contenders}
+    names = {tracker.name for tracker in result.filtering}
     return [style for style in shown if style.name in names]
 
 

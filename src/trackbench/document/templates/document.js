@@ -46,8 +46,8 @@ function points(svg) {
 
 for (const svg of document.querySelectorAll("svg.plot")) {
   const [, , width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
-  const panels = JSON.parse(svg.dataset.axes || "[]"), titled = points(svg);
-  let x = 0, y = 0, part = 1;
+  const panels = JSON.parse(svg.dataset.axes);
+  let x = 0, y = 0, part = 1, titled;
   const show = () => {
     x = Math.min(Math.max(x, 0), width * (1 - part));
     y = Math.min(Math.max(y, 0), height * (1 - part));
@@ -100,6 +100,7 @@ for (const svg of document.querySelectorAll("svg.plot")) {
   function say(event) {
     const at = place(event), reach = 12 * width * part / svg.clientWidth;
     let name = "", nearest = reach, to = at;
+    titled ??= points(svg);
     for (const [title, px, py, group] of titled) {
       const distance = Math.hypot(px - at.x, py - at.y);
       if (distance < nearest && group.checkVisibility()) [name, nearest, to] = [title, distance, {x: px, y: py}];

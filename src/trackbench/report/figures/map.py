@@ -163,7 +163,7 @@ class _PathWithErrors:
 
 
 def mapped(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
-    """The trackers that have a map: the best and the last ranked."""
+    """The trackers that have a map: the best and the last of those given."""
     return list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
 
 
@@ -175,7 +175,7 @@ def map_of_run(
     Args:
         tables: of the run.
         run: number of the recorded run.
-        styles: of all scored trackers, best first.
+        styles: of the trackers that filter, best first.
         moments: by tracker, the worst; a ring is drawn there.
     """
     truth, drawn = tables.truth, mapped(styles)
@@ -207,11 +207,7 @@ def map_of_run(
     )
     caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted. "
     if drawn:
-        caption += (
-            "Colour and width show the position error of the best"
-            + (" and of the last ranked tracker" if len(drawn) > 1 else " tracker")
-            + "."
-        )
+        caption += f"Colour and width show the position error of {joined([style.name for style in drawn])}."
         caption += f" The ring is where it was largest ({worst}). " if worst else " "
         caption += "The recording shows all trackers. "
     if box.stretched:
@@ -284,7 +280,7 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
 
     Args:
         result: of the run.
-        styles: of all scored trackers, best first.
+        styles: of the trackers that filter, best first.
     """
     run, shown = result.summary.recorded_run, mapped(styles)
     ground = _Ground(result.tables, [style.name for style in shown])
