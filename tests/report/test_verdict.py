@@ -55,6 +55,11 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
             {(BEST, NEXT): "equivalent"},
             "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 1 % or 5 mm",
         ),
+        # One whose error is far outside the interval of the best has not the smallest too.
+        (
+            {(BEST, THIRD): "undecided"},
+            "ukf_ctrv has the smallest position error, 0.382 m; not shown better than ekf_cv",
+        ),
         # Two that differ from each other are not called alike, though neither is shown to differ from the best.
         (
             {(BEST, NEXT): "undecided", (BEST, THIRD): "undecided"},

@@ -10,7 +10,7 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import PathFinder
@@ -207,7 +207,7 @@ class Registry(Generic[T]):
     def _entry(self, name: str) -> EntryPoint:
         published = self._published()
         if name not in published:
-            meant = did_you_mean(_classes_at_hand(name))
+            meant = did_you_mean(classes_at_hand(name, sys.path))
             hint = meant or f'{nearest(name, published)} (a class is named "module:Class")'
             raise InputError(f"no {self.what} is published as {name!r}: {hint}")
         values = sorted({entry.value for entry in published[name]})
@@ -229,11 +229,11 @@ def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]
     return plugin
 
 
-def _classes_at_hand(name: str) -> list[str]:
+def classes_at_hand(name: str, places: Iterable[str]) -> list[str]:
     """The classes that a name without a colon may mean: all of a module, or that of a dotted path. Nothing is run."""
     dotted = name.removesuffix(".py").removeprefix("./").replace("/", ".")
-    for module, wanted in ((dotted, ""), dotted.rpartition(".")[::2]):
-        for place in sys.path if module else ():
+    for module, wanted in ((dotted, ""), dotted.rpartition(".")[::2]) if dotted.strip(".") == dotted else ():
+        for place in places if module else ():
             with suppress(SyntaxError, ValueError, OSError):
                 tree = ast.parse((Path(place) / f"{module.replace('.', '/')}.py").read_bytes())
                 names = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]

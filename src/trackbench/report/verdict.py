@@ -46,6 +46,7 @@ def _best(result: Result) -> str:
     what = "position error" if summary.identities == "known" else summary.headline_name
     over = f"over {scenes} scenes " if (scenes := len(summary.truth.scenes)) else ""
     best, *others = [tracker.name for tracker in contenders]
+    errors = {tracker.name: metric_of(tracker, summary.headline).value for tracker in contenders}
     pairs = Pairs(result)
     words = {name: pair.verdict for name in others if (pair := pairs.get(best, name))}
     open_ = [name for name, word in words.items() if word != "better"]
@@ -53,8 +54,10 @@ def _best(result: Result) -> str:
         have = "has the smallest" if others else "has a"
         return f"{over}{best} {have} {what}{',' if others else ' of'} {_error(contenders[:1], summary.headline)}"
     tied = [best, *open_]
+    low, high = contenders[0].metrics[summary.headline].ci95 or (0.0, 0.0)
     alike = len(tied) <= NAMED and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
-    if open_ and alike and {words[name] for name in open_} <= {"equivalent", "undecided"}:
+    near = [words[name] == "equivalent" or low <= (errors[name] or 0.0) <= high for name in open_]
+    if open_ and alike and all(near) and {words[name] for name in open_} <= {"equivalent", "undecided"}:
         error = _error([result[name] for name in tied], summary.headline)
         same = all(words[name] == "equivalent" for name in open_)
         how = f"equivalent within {margin_words(summary.score.margin, 'm')}" if same else "not shown to differ"

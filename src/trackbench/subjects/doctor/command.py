@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import textwrap
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from trackbench import results
-from trackbench.base import files
 from trackbench.base.errors import InputError
+from trackbench.base.plugins import classes_at_hand
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
 from trackbench.results import EXAMINATION
@@ -167,15 +166,9 @@ def require_tracker(tracker: str) -> None:
         InputError: a Python file is named; with the classes in it.
     """
     file = Path(tracker) if tracker.endswith(".py") else Path(f"{tracker}.py")
-    if ":" in tracker or "#" in tracker or not file.is_file():
-        return
-    names = []
-    with suppress(SyntaxError, ValueError):
-        module = ast.parse(files.read_bytes(file, files.SCENARIO))
-        names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
-    classes = " or ".join(f"{file.stem}:{name}" for name in names or ["Class"])
-    place = "" if file.parent == Path() else f" in the folder {file.parent}"
-    raise InputError(f"name the class in it{place}: {classes}", file=file)
+    if ":" not in tracker and "#" not in tracker and file.is_file():
+        classes = classes_at_hand(tracker, ["."]) or [f"{file.stem}:Class"]
+        raise InputError(f"name the class in it: {' or '.join(classes)}", file=file)
 
 
 def _option(item: str) -> tuple[str, Any]:
