@@ -22,7 +22,7 @@ from trackbench.document.markdown import to_markdown
 from trackbench.document.palette import TRACKER_COLOURS, tracker_styles
 from trackbench.report.comparison.document import batch_files, comparison_files, document
 from trackbench.report.comparison.figures import rank_figure
-from trackbench.report.comparison.sentences import answers
+from trackbench.report.comparison.sentences import answers, ranking_answer
 from trackbench.report.numbers import reach
 from trackbench.results import SCHEMA_VERSION, Result
 
@@ -270,6 +270,14 @@ def test_the_axis_is_set_by_those_that_are_near() -> None:
 
     assert limits(5.0) == limits(50.0)
     assert 0.2 < limits(5.0)[1] < 0.3
+
+
+def test_over_scenarios_the_lead_is_in_metres() -> None:
+    found = compare([[scenario("one", {"good": 0.5, "fair": 0.6}), scenario("two", {"good": 0.5, "fair": 0.48})]])
+    assert ranking_answer(found) == (
+        "fair and good share the best mean rank, 1.50. Over 2 scenarios the position RMSE of good is between 0.1000 m "
+        "smaller and 0.0200 m larger than that of fair: shown to be worse in 1, better in 1."
+    )
 
 
 def test_a_failed_gate_stands_before_the_answer_and_an_undecided_limit_after_it() -> None:

@@ -178,12 +178,12 @@ def ranking_answer(comparison: Comparison) -> str:
     if len(ranking) < 2:
         return ""
     first, second = ranking[:2]
+    lead = _lead_in_units(comparison, first.tracker, second.tracker)
     if first.mean_rank == second.mean_rank:
         ahead = joined([item.tracker for item in ranking if item.mean_rank == first.mean_rank])
-        return f"{ahead} share the best mean rank, {fixed(first.mean_rank, 2)}."
+        return f"{ahead} share the best mean rank, {fixed(first.mean_rank, 2)}.{lead}"
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
-    lead = _lead_in_units(comparison, first.tracker, second.tracker)
-    return f"{first.tracker} has the best mean rank, {ranks}. {lead}{_certainty(comparison)}"
+    return f"{first.tracker} has the best mean rank, {ranks}.{lead} {_certainty(comparison)}"
 
 
 def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
@@ -196,11 +196,15 @@ def _lead_in_units(comparison: Comparison, first: str, second: str) -> str:
     own = [item if item.against.tracker == first else _turned(item) for item in items]
     if not own:
         return ""
-    digits, scenarios = places(own), counted(len(own), "scenario")
-    most, least = (short(pick(item.difference for item in own), digits) for pick in (max, min))
+    differences = sorted(item.difference for item in own)
+    least, most = (
+        f"{short(abs(value), places(own))} m {'larger' if value >= 0 else 'smaller'}"
+        for value in (differences[0], differences[-1])
+    )
+    worse, better = (sum(item.verdict == verdict for item in own) or "none" for verdict in ("worse", "better"))
     return (
-        f"{second} has a {NAMES[comparison.ranked_by]} of {least} to {most} m more in {scenarios}, and is shown to be "
-        f"worse in {sum(item.verdict == 'worse' for item in own)}. "
+        f" Over {counted(len(own), 'scenario')} the {NAMES[comparison.ranked_by]} of {second} is between {least} and "
+        f"{most} than that of {first}: shown to be worse in {worse}, better in {better}."
     )
 
 
