@@ -216,7 +216,7 @@ def test_a_run_in_a_viewer_that_is_open(cli: Cli, tiny: Path) -> None:
         assert {"Seen from above", "Ranking"} <= {view.name for view in state.views}
         assert [view.reports for view in state.views if view.reports] == []
         (timeline,) = state.recordings[0].timelines
-        assert (timeline.name, timeline.start, timeline.end) == ("sim_time", 0, 2_060_000_000)
+        assert (timeline.name, timeline.start, timeline.end) == ("sim_time", 0, 2_100_000_000)
     finally:
         open_viewer.stop()
 

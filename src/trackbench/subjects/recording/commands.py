@@ -133,7 +133,9 @@ def _require_worst(worst: int | None, function: str | None) -> None:
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN... OUT.png")
 @opening_options
 def snapshot_command(paths: tuple[Path, ...], **opening: Any) -> None:
-    """Save a picture of a run, at a moment worth seeing unless a time is given.
+    """Save a picture of a run, at a time or at its worst moment.
+
+    Unless either is given, at the moment at which `view` opens.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run; several of the same
     traffic are laid over each other.
