@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.base.errors import counted
 from trackbench.document import (
     Block,
     Code,
@@ -15,9 +14,7 @@ from trackbench.document import (
     Paragraph,
     Row,
     Section,
-    Status,
     Table,
-    Tone,
     TrackerStyle,
 )
 from trackbench.document.palette import tracker_styles
@@ -26,14 +23,15 @@ from trackbench.metrics.moments import EstimateMoment
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.metrics.verdicts import ABOVE, BELOW, LEAST_COVERAGE, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report import tables
-from trackbench.report.association import against_oracle, comparisons
+from trackbench.report.association import comparisons
 from trackbench.report.audit_sentences import audit_sentences
 from trackbench.report.breakdown import breakdown_section
 from trackbench.report.calibration import QUANTITIES, after_jumps, nees_by_condition, nees_parts
 from trackbench.report.figures.accuracy import cost_against_accuracy, error_over_time, spread
-from trackbench.report.figures.map import map_of_run, map_of_tracks, mapped
+from trackbench.report.figures.map import mapped
 from trackbench.report.figures.over_time import autocorrelation, modes_over_time, nees_over_time, nis_over_time
 from trackbench.report.figures.tracks import existence_calibration, gospa_over_time, strip_chart
+from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.functions import functions_section
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined, margin_words, percent
@@ -46,20 +44,14 @@ from trackbench.report.sentences import (
     censored,
     contradicted_starts,
     drawing_random,
-    expectations_met,
     facts,
-    headline,
-    listed_of,
     made_elsewhere,
     missing_estimates,
     other_switch_costs,
     provenance,
     reused_identities,
-    value_and_limit,
-    verdict,
-    verdict_on_tracks,
 )
-from trackbench.results import Result, TrackerResult, sensor_words
+from trackbench.results import Result, sensor_words
 
 
 def result_document(result: Result) -> Document:
@@ -70,7 +62,7 @@ def result_document(result: Result) -> Document:
     labelled = summary.truth.known and summary.identities == "known"
     moments = worst_moments(result) if labelled else {}
     blocks = [
-        Section("Verdict", tuple(_verdict(result, trackers, _picture(result, shown, moments)))),
+        Section("Verdict", tuple(first_screen(result, trackers, picture(result, shown, moments)))),
         *_sections(result, styles, shown, moments),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
@@ -78,78 +70,6 @@ def result_document(result: Result) -> Document:
     ]
     name, description = summary.scenario.name, summary.scenario.description
     return Document("report", name, tuple(blocks), description, facts(result, trackers), tuple(shown))
-
-
-def _picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
-    """The recorded run from above."""
-    if not result.summary.truth.known:
-        return None
-    if result.summary.identities == "hidden":
-        return map_of_tracks(result, _competing(result, shown))
-    return map_of_run(result.tables, result.summary.recorded_run, _competing(result, shown), moments)
-
-
-def _competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
-    names = {tracker.name for tracker in result.filtering}
-    return [style for style in shown if style.name in names]
-
-
-def _verdict(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
-    """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
-    summary, missing = result.summary, result.unscored
-    yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
-    outcomes = {item.outcome for item in summary.expectations}
-    tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
-    yield Status(expectations_met(summary.expectations), tone)
-    if missing:
-        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
-    if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
-        yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
-    glance: list[Block] = [tables.at_a_glance(result)] if result.scored and summary.truth.known else []
-    if beside := (*glance, *([picture] if picture else [])):
-        yield Row(beside)
-    if trackers > len(summary.trackers):
-        yield Paragraph(listed_of(summary, trackers))
-    elif result.scored and summary.truth.known:
-        yield Section("Each tracker in a sentence", tuple(_standings(result)), folded=True)
-    if missing:
-        failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
-        numbers = tables.unranked(result)
-        yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
-
-
-#: Failed expectations on the first screen.
-_FAILED = 3
-_NO_TRUTH = (
-    "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
-    "ranked."
-)
-
-
-def _standings(result: Result) -> Iterator[Block]:
-    """The ranked trackers with a sentence and a description each, then the references."""
-    labelled = result.summary.identities == "known"
-    if not labelled:
-        yield Paragraph(other_switch_costs(result))
-        yield from map(Paragraph, against_oracle(result))
-
-    def item(tracker: TrackerResult) -> Item:
-        if labelled:
-            sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
-            description = tracker.describe
-        else:
-            sentence = verdict_on_tracks(tracker)
-            confirmed = f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
-            description = ", ".join(filter(None, (tracker.association, confirmed, tracker.describe)))
-        label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
-        return Item(f"{sentence}.", label, description, tracker.name)
-
-    ranked = [tracker.name for tracker in result.contenders]
-    items = {tracker.name: item(tracker) for tracker in result.scored}
-    if items:
-        yield Items(tuple(items[name] for name in ranked), numbered=True)
-        if len(ranked) < len(items):
-            yield Items(tuple(item for name, item in items.items() if name not in ranked))
 
 
 def _sections(
@@ -318,7 +238,7 @@ def _accuracy(
         spread(steps, shown, reference.label),
     ]
     yield from _figures("Accuracy", figures)
-    ringed = [style.name for style in mapped(_competing(result, shown))]
+    ringed = [style.name for style in mapped(competing(result, shown))]
     yield from moments_section(moments, result.summary.recorded_run, ringed)
 
 

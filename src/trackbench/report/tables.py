@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, verdict
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
 from trackbench.report.numbers import (
     NOT_AVAILABLE,
     decimals,
@@ -19,7 +19,6 @@ from trackbench.report.numbers import (
     half_width,
     interval,
     percent,
-    reach,
     short,
     signed,
 )
@@ -77,7 +76,7 @@ def estimate_cell(text: str, ci95: Sequence[float] | None, places: int, verdict:
 
 def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     if metric.value is None:
-        return _missing(metric)
+        return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
     cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.words)
     if metric.without_charged is None:
@@ -85,7 +84,7 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     return replace(cell, details=(*cell.details, f"given {short(scale * metric.without_charged, places)}"))
 
 
-def _missing(metric: MetricValue) -> Cell:
+def missing_cell(metric: MetricValue) -> Cell:
     return Cell(NOT_AVAILABLE, reason=metric.reason or str(NO_METRIC.reason))
 
 
@@ -171,37 +170,6 @@ def ranking(result: Result) -> Table:
         *_errors(result, trackers),
     ]
     return Table.of_columns("ranking", columns)
-
-
-def at_a_glance(result: Result) -> Table:
-    """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict; last
-    those without a rank."""
-    trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
-    metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
-    places = decimals(metric.value for metric in metrics)
-    failed = [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
-    barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
-    columns = [
-        (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
-        (Column("covariance", "what the mean NEES says of it", left=True), [*map(_judged, nees), *failed]),
-    ]
-    return tracker_table("at-a-glance", [*trackers, *unscored], columns)
-
-
-def _barred(metric: MetricValue, places: int) -> Cell:
-    value, ci95 = metric.value, metric.ci95
-    if value is None:
-        return _missing(metric)
-    spread = (reach(value, ci95, places),) if ci95 else ()
-    return Cell(fixed(value, places), spread, bar=(value, *(ci95 or (value, value))))
-
-
-def _judged(nees: MetricValue) -> Cell:
-    """The main word of a covariance's verdict, of tracks that of their mean NEES, and what else is off."""
-    if nees.value is None:
-        return _missing(nees)
-    word = nees.verdict or verdict(nees.ci95, nees.dof or 4)
-    return Cell(word, (nees.also,) if nees.also else (), TONE[word], chip=True)
 
 
 def unranked(result: Result) -> Table | None:
@@ -302,7 +270,7 @@ def innovations(result: Result) -> list[Table]:
         nis = [metric_of(tracker, path) for tracker in trackers]
         # A filter of positions has fewer degrees of freedom.
         dofs = " or ".join(map(str, sorted({metric.dof or 0 for metric in nis}, reverse=True)))
-        inside = [_missing(m) if m.inside95 is None else Cell(_percents(m.inside95, 1)) for m in nis]
+        inside = [missing_cell(m) if m.inside95 is None else Cell(_percents(m.inside95, 1)) for m in nis]
         columns = [
             (
                 Column(f"NIS, {dofs} expected", "mean, verdict and 95 % interval", details=VERDICT),

@@ -1,0 +1,143 @@
+"""The first screen of a run's report: the answer, the expectations, a small ranking, and the scene from above."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from trackbench.base.errors import counted
+from trackbench.document import (
+    Block,
+    Cell,
+    Column,
+    Figure,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+    Tone,
+    TrackerStyle,
+)
+from trackbench.metrics.moments import EstimateMoment
+from trackbench.metrics.verdicts import verdict as verdict_of_mean
+from trackbench.report import tables
+from trackbench.report.association import against_oracle
+from trackbench.report.figures.map import map_of_run, map_of_tracks
+from trackbench.report.numbers import decimals, fixed, reach
+from trackbench.report.sentences import (
+    expectations_met,
+    headline,
+    listed_of,
+    other_switch_costs,
+    value_and_limit,
+    verdict,
+    verdict_on_tracks,
+)
+from trackbench.report.tables import INTERVAL, TONE, metric_of, missing_cell, tracker_table
+from trackbench.results import MetricValue, Result, TrackerResult
+
+
+def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]) -> Figure | None:
+    """The recorded run from above."""
+    if not result.summary.truth.known:
+        return None
+    if result.summary.identities == "hidden":
+        return map_of_tracks(result, competing(result, shown))
+    return map_of_run(result.tables, result.summary.recorded_run, competing(result, shown), moments)
+
+
+def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:
+    """The styles of the trackers that filter: the map leaves baselines and references out."""
+    names = {tracker.name for tracker in result.filtering}
+    return [style for style in shown if style.name in names]
+
+
+def first_screen(result: Result, trackers: int, picture: Figure | None) -> Iterator[Block]:
+    """The first sentence, the expectations, who is how good, and who is not ranked, of so many ``trackers``."""
+    summary, missing = result.summary, result.unscored
+    yield Paragraph(headline(result) if summary.truth.known else _NO_TRUTH, strong=True)
+    outcomes = {item.outcome for item in summary.expectations}
+    tone: Tone = next((tone for word, tone in reversed(tables.OUTCOME_TONE.items()) if word in outcomes), "")
+    yield Status(expectations_met(summary.expectations), tone)
+    if missing:
+        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
+    if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
+        yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
+    glance: list[Block] = [at_a_glance(result)] if result.scored and summary.truth.known else []
+    if beside := (*glance, *([picture] if picture else [])):
+        yield Row(beside)
+    if trackers > len(summary.trackers):
+        yield Paragraph(listed_of(summary, trackers))
+    elif result.scored and summary.truth.known:
+        yield Section("Each tracker in a sentence", tuple(_standings(result)), folded=True)
+    if missing:
+        failures = tuple(Item(result.why_unscored(tracker), tracker.name, tone="bad") for tracker in missing)
+        numbers = tables.unranked(result)
+        yield Section("Not ranked", (Items(failures), *([numbers] if numbers else [])))
+
+
+#: Failed expectations on the first screen.
+_FAILED = 3
+_NO_TRUTH = (
+    "The recording has no truth. Nothing here tells how large an error is or which tracker is better, and none is "
+    "ranked."
+)
+
+
+def _standings(result: Result) -> Iterator[Block]:
+    """The ranked trackers with a sentence and a description each, then the references."""
+    labelled = result.summary.identities == "known"
+    if not labelled:
+        yield Paragraph(other_switch_costs(result))
+        yield from map(Paragraph, against_oracle(result))
+
+    def item(tracker: TrackerResult) -> Item:
+        if labelled:
+            sentence = verdict(tracker, result.summary.runs, result.summary.held_against.label)
+            description = tracker.describe
+        else:
+            sentence = verdict_on_tracks(tracker)
+            confirmed = f"confirmed by {tracker.confirmation}" if tracker.confirmation else ""
+            description = ", ".join(filter(None, (tracker.association, confirmed, tracker.describe)))
+        label = f"{tracker.name} ({', '.join(tracker.marks)})" if tracker.marks else tracker.name
+        return Item(f"{sentence}.", label, description, tracker.name)
+
+    ranked = [tracker.name for tracker in result.contenders]
+    items = {tracker.name: item(tracker) for tracker in result.scored}
+    if items:
+        yield Items(tuple(items[name] for name in ranked), numbered=True)
+        if len(ranked) < len(items):
+            yield Items(tuple(item for name, item in items.items() if name not in ranked))
+
+
+def at_a_glance(result: Result) -> Table:
+    """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict; last
+    those without a rank."""
+    trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
+    metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
+    places = decimals(metric.value for metric in metrics)
+    failed = [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
+    barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
+    columns = [
+        (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
+        (Column("covariance", "what the mean NEES says of it", left=True), [*map(_judged, nees), *failed]),
+    ]
+    return tracker_table("at-a-glance", [*trackers, *unscored], columns)
+
+
+def _barred(metric: MetricValue, places: int) -> Cell:
+    value, ci95 = metric.value, metric.ci95
+    if value is None:
+        return missing_cell(metric)
+    spread = (reach(value, ci95, places),) if ci95 else ()
+    return Cell(fixed(value, places), spread, bar=(value, *(ci95 or (value, value))))
+
+
+def _judged(nees: MetricValue) -> Cell:
+    """The main word of a covariance's verdict, of tracks that of their mean NEES, and what else is off."""
+    if nees.value is None:
+        return missing_cell(nees)
+    word = nees.verdict or verdict_of_mean(nees.ci95, nees.dof or 4)
+    return Cell(word, (nees.also,) if nees.also else (), TONE[word], chip=True)
