@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result, Tables
-from trackbench.subjects.recording.contents import contents_of, costs, ranking
+from trackbench.subjects.recording.contents import contents_of, ranking
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.layout import track_blueprint
@@ -27,7 +27,7 @@ from trackbench.subjects.recording.series import charts_of_tracks
 from trackbench.subjects.recording.stream import Stream
 from trackbench.subjects.recording.track_scene import send_gates, send_marks
 from trackbench.subjects.recording.views import wide_window
-from trackbench.subjects.recording.writer import write_recording
+from trackbench.subjects.recording.writer import costs, write_recording
 
 
 @pytest.fixture(scope="module")

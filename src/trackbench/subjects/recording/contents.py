@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,6 @@ import pyarrow.compute as pc
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
-from trackbench.metrics.track_events import events_of
 from trackbench.metrics.verdicts import named, what_is_off
 from trackbench.report.numbers import reach
 from trackbench.results import (
@@ -117,27 +116,6 @@ def contents_of(result: Result) -> Contents:
         baselines=_baselines(result.summary.trackers),
         moment=moment_of(result),
     )
-
-
-#: In a table of events, rows.
-MOST_EVENTS = 40
-
-
-def costs(result: Result, trackers: Collection[str]) -> str:
-    """The events of the recorded run that cost anything as Markdown: the costliest first, track starts apart."""
-    every = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
-    lines = []
-    for title, starts in (("Events by cost", False), ("Track starts", True)):
-        events = [event for event in every if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
-        lines += ["", f"## {title}", ""]
-        rows = [
-            f"| {event.cost_m2:.4g} | {event.time_s:.2f} | {event.tracker} | {event.kind} | {event.object}"
-            f" | {event.reason} |"
-            for event in events
-        ]
-        head = ["| cost, m² | time, s | tracker | event | vehicle | why |", "| --: | --: | :-- | :-- | :-- | :-- |"]
-        lines += [*head, *rows] if rows else ["None."]
-    return "\n".join(lines[1:])
 
 
 def _baselines(trackers: Iterable[TrackerResult]) -> frozenset[str]:

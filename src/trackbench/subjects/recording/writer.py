@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from trackbench.document.replay import Chart, Replay, ReplayScene
 from trackbench.metrics.track_events import events_of, instants
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import functions, layout, scene, views
-from trackbench.subjects.recording.contents import Contents, contents_of, costs
+from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import beside, chart_tabs, opened, send_chart, send_legend
@@ -164,6 +164,27 @@ def _draw_events(stream: Stream, result: Result, tracker: str, metres_per_pixel:
         texts = [f"{tracker}: {', '.join(filter(None, of_event))}" for of_event in parts]
         log = rr.TextLog.columns(text=texts, level=levels)
         stream.columns(path(layout.EVENTS, tracker), np.array([event.time_s for event in events]), log)
+
+
+#: In a table of events, rows.
+MOST_EVENTS = 40
+
+
+def costs(result: Result, trackers: Collection[str]) -> str:
+    """The events of the recorded run that cost anything as Markdown: the costliest first, track starts apart."""
+    every = [event for event in events_of(result, run=result.summary.recorded_run) if event.tracker in trackers]
+    lines = []
+    for title, starts in (("Events by cost", False), ("Track starts", True)):
+        events = [event for event in every if event.cost_m2 and (event.kind == "confirmed") == starts][:MOST_EVENTS]
+        lines += ["", f"## {title}", ""]
+        rows = [
+            f"| {event.cost_m2:.4g} | {event.time_s:.2f} | {event.tracker} | {event.kind} | {event.object}"
+            f" | {event.reason} |"
+            for event in events
+        ]
+        head = ["| cost, m² | time, s | tracker | event | vehicle | why |", "| --: | --: | :-- | :-- | :-- | :-- |"]
+        lines += [*head, *rows] if rows else ["None."]
+    return "\n".join(lines[1:])
 
 
 def _blueprint(contents: Contents, wide: views.Window, focus: Focus) -> tuple[rrb.Blueprint, list[Chart]]:
