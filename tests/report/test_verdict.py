@@ -55,6 +55,11 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
             {(BEST, NEXT): "equivalent"},
             "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 1 % or 5 mm",
         ),
+        # Equivalent to the best, but not to each other.
+        (
+            {(BEST, NEXT): "equivalent", (BEST, THIRD): "equivalent"},
+            "ukf_ctrv has the smallest position error, 0.382 m; equivalent to ekf_ctrv and ekf_cv within 1 % or 5 mm",
+        ),
         # One whose error is far outside the interval of the best has not the smallest too.
         (
             {(BEST, THIRD): "undecided"},

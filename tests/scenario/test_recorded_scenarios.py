@@ -12,7 +12,7 @@ from tests.support.udacity import synthetic_lines
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
-from trackbench.report.console import title
+from trackbench.report.console import run_in_words
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
@@ -235,7 +235,7 @@ def test_what_is_scored_is_said(tmp_path: Path) -> None:
     score = found.summary.score
     assert found.summary.truth.duration_s == pytest.approx(20)
     assert (score.from_s, score.to_s) == (pytest.approx(1, abs=0.3), pytest.approx(18, abs=0.3))
-    lines = "\n".join(line.plain for line in [title(found)])
+    lines = run_in_words(found)
     assert f"20.0 s ({score.from_s:.1f} to {score.to_s:.1f} s scored)" in lines
     # Scans without a detection are instants at which a tracker is asked, by prediction.
     times = np.array(found.tables["steps"].to_pydict()["time_s"])

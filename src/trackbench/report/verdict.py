@@ -64,6 +64,8 @@ def _best(result: Result) -> str:
         return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}"
     whom = _than(open_ or [*words], len(words))
     shown = f"not shown better than {whom}" if open_ else f"shown better than {whom}"
+    if open_ and {words[name] for name in open_} == {"equivalent"}:
+        shown = f"equivalent to {whom} within {margin_words(summary.score.margin, 'm')}"
     return f"{over}{best} has the smallest {what}, {_error(contenders[:1], summary.headline)}; {shown}"
 
 
