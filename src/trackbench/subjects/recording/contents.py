@@ -74,9 +74,8 @@ class Contents:
     @cached_property
     def errors(self) -> ErrorMap | None:
         """The map of errors; None where identities are hidden, or there are no errors."""
-        if self.unlabelled is not None:
-            return None
-        return ErrorMap(self.tables, [name for name in self.colours if name not in self.baselines], self.hold) or None
+        shown = [name for name in self.colours if name not in self.baselines] if self.unlabelled is None else []
+        return ErrorMap(self.tables, shown, self.hold) or None
 
     @property
     def hold(self) -> float:
