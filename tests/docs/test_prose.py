@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from tests.support.places import DOCS
+from tests.support.places import DOCS, ROOT
 
 #: Words of all pages that people write, with their tables and without code.
 MOST_WORDS = 40_000
 #: Words of a sentence.
 LONGEST = 30
-FIRST_PAGES = [DOCS / "index.md", *sorted((DOCS / "start").glob("*.md"))]
+FIRST_PAGES = [ROOT / "README.md", DOCS / "index.md", *sorted((DOCS / "start").glob("*.md"))]
 
 FENCE = re.compile(r"^( *)(`{3,})[^\n]*\n.*?^\1\2$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\([^)]*\)")
