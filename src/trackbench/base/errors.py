@@ -91,8 +91,8 @@ def same_name(name: str, choices: Iterable[str]) -> list[str]:
     calls = [(ours, re.escape(word)) for ours, theirs in CALLED_ELSEWHERE.items() for word in theirs.split()]
     meant = [re.sub(rf"(?<![^_.]){word}(?![^_.])", ours, spelling) for ours, word in calls]
     initials = [choice for choice in by_spelling if _initials(choice) == spelling]
-    found = [spelling, *meant, _initials(spelling), *initials]
-    return list(dict.fromkeys(by_spelling[word] for word in found if word in by_spelling))
+    spellings = [spelling, *meant, _initials(spelling), *initials]
+    return list(dict.fromkeys(by_spelling[word] for word in spellings if word in by_spelling))
 
 
 def _spelling(name: str) -> str:

@@ -166,8 +166,8 @@ def compare_command(
     from trackbench.report.junit import suites_of_comparison
 
     parsed = [Limit.parse(text) for text in limits]
-    for given, key in ((junit is not None, "--junit"), (github, "--github")):
-        if given and not parsed:
+    for is_used, key in ((junit is not None, "--junit"), (github, "--github")):
+        if is_used and not parsed:
             raise InputError("says which regressions there are: give --fail-on-regression too", key=key)
     if out is not None:
         require_ending(out, ENDINGS, "--out")

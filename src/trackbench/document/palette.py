@@ -92,8 +92,8 @@ def tracker_colours(places: Mapping[str, int] | Sequence[str]) -> dict[str, str]
     colours = {name: style.colour for name, style in tracker_styles(places).items() if style.line == "solid"}
     free = [colour for colour in TRACKER_COLOURS if colour not in colours.values()] or TRACKER_COLOURS
     others = [name for name in places if name not in colours]
-    given = colours | {name: free[i % len(free)] for i, name in enumerate(others)}
-    return {name: given[name] for name in places}
+    colours |= {name: free[i % len(free)] for i, name in enumerate(others)}
+    return {name: colours[name] for name in places}
 
 
 def tracker_figure(

@@ -65,14 +65,14 @@ def reach(value: float | None, bounds: Sequence[float] | None, places: int) -> s
 
 def intervals_in_short(metrics: Sequence[MetricValue], places: int, scale: float = 1.0) -> list[str]:
     """Half of each interval, or its ends: to the first digit of the longest of their shorter halves, or of the end."""
-    known = [
+    scaled = [
         (None if m.value is None else scale * m.value, m.ci95 and (scale * m.ci95[0], scale * m.ci95[1]))
         for m in metrics
     ]
-    shorter = [min(value - ends[0], ends[1] - value) for value, ends in known if value is not None and ends]
+    shorter = [min(value - ends[0], ends[1] - value) for value, ends in scaled if value is not None and ends]
     least = decimals([max(shorter, default=None)], 1)
     written = []
-    for value, ends in known:
+    for value, ends in scaled:
         half = reach(value, ends, places)
         if ends and half[:1] not in ("±", ""):
             half = reach(value, ends, min(places, max(least, decimals([ends[0]], 1)))).replace(" to ", "-")

@@ -150,8 +150,8 @@ def _ranking(result: Result, others: Table | None) -> Section:
         basis = f"{few if summary.truth.scenes else ONE_RUN}."
     without = tuple(Item(f"{sentence[0].upper()}{sentence[1:]}.") for sentence in without_interval(result))
     folded = [Section("Metrics without an interval", (Items(without),), folded=True)] if without else []
-    said = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
-    basis += "".join(f" {sentence}." for sentence in said if sentence)
+    sentences = [drawing_random(result), *contradicted_starts(result), *made_elsewhere(result)]
+    basis += "".join(f" {sentence}." for sentence in sentences if sentence)
     column = standing(result)
     shown = f"“{column.heading}”: {column.meaning}"
     if summary.identities == "hidden":

@@ -89,12 +89,12 @@ def _of_functions(result: Result) -> Iterator[str]:
     expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
     closest: dict[str, list[str]] = {}
     for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
-        errors = {tracker.name: metric_of(tracker, f"warn_error.{label}").value for tracker in result.contenders}
-        known = {name: value for name, value in errors.items() if value is not None}
-        if label in expected and known:
-            least = min(known.values())
-            names = [name for name, value in known.items() if value == least]
-            of = "all trackers" if len(names) == len(errors) > 1 else _some(names)
+        contenders = [(tracker.name, metric_of(tracker, f"warn_error.{label}").value) for tracker in result.contenders]
+        errors = {name: value for name, value in contenders if value is not None}
+        if label in expected and errors:
+            least = min(errors.values())
+            names = [name for name, value in errors.items() if value == least]
+            of = "all trackers" if len(names) == len(contenders) > 1 else _some(names)
             closest.setdefault(of, []).append(f"{fixed(least, decimals([least], 1))} s ({label})")
     if closest:
         yield f"smallest RMS delay: {', '.join(f'{names} {joined(errors)}' for names, errors in closest.items())}"

@@ -62,8 +62,8 @@ def _unlabelled(audit: LogAudit) -> list[Table]:
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
-    found = audit.findings
-    yield Status(counted(len(found), "finding"), "bad") if found else Status("no finding", "good")
+    count = len(audit.findings)
+    yield Status(counted(count, "finding"), "bad") if count else Status("no finding", "good")
     for name, item in audit.sensors.items():
         if item.square_before is None or item.square_after is None:
             continue
