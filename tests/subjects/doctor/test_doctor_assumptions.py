@@ -23,9 +23,9 @@ from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import (
     CHECKS,
     CheckResult,
-    DoctorCheck,
     Finding,
     PartResult,
+    check_named,
     checks_of,
     questions,
 )
@@ -223,10 +223,6 @@ def test_every_check_has_questions_and_no_two_have_one_in_common() -> None:
     assert len(names) == len(set(names)) == len(questions())
 
 
-def record(name: str) -> DoctorCheck[Any]:
-    return next(one for one in checks_of(CHECKS) if one.name == name)
-
-
 @pytest.mark.slow
 def test_skipped_checks_are_listed_and_not_made() -> None:
     skip = ("gain.radar", "long_run")
@@ -251,7 +247,9 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
         [check("process_noise", False), check("noise_per_step", False)],
         [Finding("q_too_large", 0.9, ""), Finding("q_constant_per_step", 0.9, "")],
     )
-    applied = assumed.applied(found, assumed.left_out(record("process_noise"), ["radar"]), record("process_noise"))
+    applied = assumed.applied(
+        found, assumed.left_out(check_named("process_noise"), ["radar"]), check_named("process_noise")
+    )
     assert [one.fault for one in applied.findings] == left
     assert [one.name for one in applied.checks if one.passed is False] == [
         name for name in ("process_noise", "noise_per_step") if name != skip
@@ -260,9 +258,8 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
 
 def test_the_findings_of_one_sensor_can_be_skipped() -> None:
     found = PartResult([], [Finding("r_too_large", 0.9, "", sensor=name) for name in ("lidar", "radar")])
-    assert [one.sensor for one in Assumptions(skip=("gain.radar",)).applied(found, [], record("gain")).findings] == [
-        "lidar"
-    ]
+    applied = Assumptions(skip=("gain.radar",)).applied(found, [], check_named("gain"))
+    assert [one.sensor for one in applied.findings] == ["lidar"]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,7 @@ from pathlib import Path
 import pytest
 
 from trackbench.subjects.doctor.certainty import Certainty, certainty
-from trackbench.subjects.doctor.checks.drives import INNOVATIONS_CHECK
-from trackbench.subjects.doctor.checks.gain import GAIN_CHECK
-from trackbench.subjects.doctor.checks.process_noise import PROCESS_NOISE_CHECK
-from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult, check_named
 from trackbench.subjects.doctor.report import STANDING, Examination, text, verdict
 
 EXACT = Finding("ego_motion_ignored", 0.95, "it moves", sensor="radar")
@@ -81,17 +78,17 @@ def test_an_unclear_name_is_no_verdict() -> None:
 def test_a_failed_check_has_the_faults_of_its_question_and_sensor() -> None:
     lidar = replace(GAIN, fault="r_too_large", sensor="lidar")
     checks = [failed("gain.radar"), failed("gain.lidar"), CheckResult("gain.other", "", True, "")]
-    found = GAIN_CHECK.with_faults(checks, [GAIN, lidar, replace(GAIN, fault="jacobian_wrong", sensor=None)])
+    found = check_named("gain").with_faults(checks, [GAIN, lidar, replace(GAIN, fault="jacobian_wrong", sensor=None)])
     assert [check.faults for check in found] == [
         ("r_too_small", "jacobian_wrong"),
         ("r_too_large", "jacobian_wrong"),
         (),
     ]
     growth = [Finding("q_too_small", 0.9, ""), Finding("q_constant_per_step", 0.9, "")]
-    found = PROCESS_NOISE_CHECK.with_faults([failed("process_noise"), failed("noise_per_step")], growth)
+    found = check_named("process_noise").with_faults([failed("process_noise"), failed("noise_per_step")], growth)
     assert [check.faults for check in found] == [("q_too_small",), ("q_constant_per_step",)]
     wrapped = Finding("azimuth_not_wrapped", 0.9, "", sensor="radar")
-    found = INNOVATIONS_CHECK.with_faults(
+    found = check_named("innovations").with_faults(
         [failed("innovations.radar"), failed("innovations.lidar")], [], [GAIN, wrapped]
     )
     assert [check.faults for check in found] == [("azimuth_not_wrapped",), ()]

@@ -25,42 +25,36 @@ from trackbench.subjects.doctor.traffic import TrafficDoctor
 DRIVES = tuple(drive_configs())
 #: A check of trackers of one object, and one of several.
 ONE = """
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 
 
-def handedness(tracker):
-    text = "it is right-handed"
-    return PartResult().add("hand", False, text, Finding("right_handed", 0.99, text))
-
-
-RECORD = DoctorCheck(
-    handedness,
+@doctor_check(
+    Question("hand", "Is it left-handed?"),
     place=5,
-    questions=(Question("hand", "Is it left-handed?"),),
     faults={
         "right_handed": KnownFault(
             "the hand is the wrong one", "At the wrist.", "Turn it round.", Role(rank=1, causes="gain")
         )
     },
 )
+def handedness(tracker):
+    text = "it is right-handed"
+    return PartResult().add("hand", False, text, Finding("right_handed", 0.99, text))
 """
 SEVERAL = """
-from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question
+from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import note
 
 
+@doctor_check(
+    Question("hands", "Are they left-handed?"),
+    place=5,
+    faults={"hands_wrong": KnownFault("the hands are wrong", "At the wrists.", "Turn them round.")},
+)
 def hands(make, site):
     result = PartResult()
     note(result, "hands", False, "they are right-handed", "hands_wrong")
     return result
-
-
-RECORD = DoctorCheck(
-    hands,
-    place=5,
-    questions=(Question("hands", "Are they left-handed?"),),
-    faults={"hands_wrong": KnownFault("the hands are wrong", "At the wrists.", "Turn them round.")},
-)
 """
 
 

@@ -11,7 +11,6 @@ from benchmarks.doctor.plain_ekf import PlainEkf
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor import examine
 from trackbench.subjects.doctor.assumptions import Assumptions
-from trackbench.subjects.doctor.checks import prediction, process_noise
 from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
@@ -23,7 +22,7 @@ from trackbench.subjects.doctor.examine import (
     reference,
     steps_of,
 )
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, faults_of
+from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, check_named, faults_of
 from trackbench.subjects.doctor.probes import GENERAL, Probes
 from trackbench.subjects.doctor.report import Examination, text
 from trackbench.subjects.doctor.rollout import rollout
@@ -93,11 +92,11 @@ def test_the_steps_of_drives_and_of_their_evidence() -> None:
 def test_a_check_without_a_prediction_points_to_no_misses() -> None:
     tracker = under_test(SilentAtMisses)
     assert tracker.silent_at_misses
-    for check, names in (
-        (prediction.PREDICTION_CHECK, ["prediction"]),
-        (process_noise.PROCESS_NOISE_CHECK, ["process_noise", "noise_per_step"]),
+    for name, names in (
+        ("prediction", ["prediction"]),
+        ("process_noise", ["process_noise", "noise_per_step"]),
     ):
-        made = Doctor(SENSORS)._made(check, tracker)
+        made = Doctor(SENSORS)._made(check_named(name), tracker)
         assert [(check.name, check.passed, check.result) for check in made.checks] == [
             (name, None, NO_PREDICTION) for name in names
         ]

@@ -21,7 +21,16 @@ from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
 from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
-from trackbench.subjects.doctor.findings import CHECKS, CheckResult, DoctorCheck, Finding, PartResult, checks_of, rank
+from trackbench.subjects.doctor.findings import (
+    CHECKS,
+    CheckResult,
+    DoctorCheck,
+    Finding,
+    PartResult,
+    check_named,
+    checks_of,
+    rank,
+)
 from trackbench.subjects.doctor.inside.pinned import explained, models_alone, of_each_model
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
@@ -220,8 +229,8 @@ class Doctor:
 
     def _states_another(self, tracker: TrackerUnderTest) -> bool:
         """Whether the covariance that a tracker returns is found not to be its own."""
-        check = next(check for check in checks_of(CHECKS) if check.name == "stated_covariance")
-        return not (self._not_made(check) or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
+        not_made = self._not_made(check_named("stated_covariance"))
+        return not (not_made or tracker.memoryless) and tracker.once(stated_covariance_fault) is not None
 
     def _not_made(self, check: DoctorCheck[Any], why: str | None = None) -> list[CheckResult]:
         """The questions of a check that are not asked by what the user states, or all of them for another reason."""

@@ -1,7 +1,7 @@
 """The records of checks and faults, the findings of an examination and the results of its checks.
 
-A check is one module of ``checks/``: its function, and its record, a :class:`DoctorCheck` with all that is known of it
-and of the faults that it names.
+A check is a function in a module of ``checks/`` under :func:`doctor_check`, which has all that is known of it and of
+the faults that it names.
 """
 
 from __future__ import annotations
@@ -188,16 +188,34 @@ class DoctorCheck(Generic[P]):
         ]
 
 
+_RECORDS: dict[tuple[str, str], DoctorCheck[Any]] = {}
+
+
+def doctor_check(*questions: Question, **about: Any) -> Callable[[Callable[P, PartResult]], Callable[P, PartResult]]:
+    """Make a function a check that answers some questions; ``about``: further fields of :class:`DoctorCheck`."""
+
+    def recorded(make: Callable[P, PartResult]) -> Callable[P, PartResult]:
+        _RECORDS[make.__module__, make.__name__] = DoctorCheck(make, questions=questions, **about)
+        return make
+
+    return recorded
+
+
 def checks_of(package: str) -> tuple[DoctorCheck[Any], ...]:
-    """The records in all modules of a package, in the order in which the checks are made."""
+    """The checks in all modules of a package, in the order in which they are made."""
     return _checks_in(package, tuple(import_module(package).__path__))
 
 
 @cache
 def _checks_in(package: str, folders: tuple[str, ...]) -> tuple[DoctorCheck[Any], ...]:
-    modules = [import_module(f"{package}.{module.name}") for module in pkgutil.iter_modules(folders)]
-    records = (value for module in modules for value in vars(module).values() if isinstance(value, DoctorCheck))
+    modules = {import_module(f"{package}.{module.name}").__name__ for module in pkgutil.iter_modules(folders)}
+    records = (record for (module, _), record in _RECORDS.items() if module in modules)
     return tuple(sorted(records, key=lambda check: check.place))
+
+
+def check_named(name: str) -> DoctorCheck[Any]:
+    """That of trackers of one object with this name."""
+    return next(check for check in checks_of(CHECKS) if check.name == name)
 
 
 def faults_of(package: str) -> dict[str, KnownFault]:

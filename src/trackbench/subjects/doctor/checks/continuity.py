@@ -14,7 +14,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Covariances
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named, predicted
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -49,6 +49,32 @@ class KeptChange(NamedTuple):
     """The same of the covariance."""
 
 
+@doctor_check(
+    Question(
+        "continuity",
+        "Does the next prediction start from the estimate that was returned?",
+        "Does the prediction after a measurement of {sensor} start from the estimate that was returned?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=45,
+    of_filters=True,
+    asks_at_misses=True,
+    faults={
+        "update_not_kept": KnownFault(
+            "the next prediction does not start from the returned estimate",
+            "Where the updated mean and covariance are stored.",
+            "Store what is returned: a local x or P, or a copy that is changed, is not the tracker's.",
+            Role(
+                "step",
+                rank=14,
+                causes="stepped",
+                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
+                drive="own_model",
+            ),
+        )
+    },
+)
 def continuity(tracker: TrackerUnderTest) -> PartResult:
     """Compare the prediction a moment after a measurement with that a moment after a missed one."""
     result, findings = PartResult(), list[Finding]()
@@ -140,34 +166,3 @@ def _jumps(tracker: TrackerUnderTest, name: str, kept: list[KeptChange]) -> Find
     )
     fault = "predicted_covariance_wrong" if tracker.once(linearises) is False else "jacobian_wrong"
     return Finding(fault, 0.92, text, shown_by="manoeuvre")
-
-
-CONTINUITY_CHECK = DoctorCheck(
-    continuity,
-    place=45,
-    questions=(
-        Question(
-            "continuity",
-            "Does the next prediction start from the estimate that was returned?",
-            "Does the prediction after a measurement of {sensor} start from the estimate that was returned?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-    of_filters=True,
-    asks_at_misses=True,
-    faults={
-        "update_not_kept": KnownFault(
-            "the next prediction does not start from the returned estimate",
-            "Where the updated mean and covariance are stored.",
-            "Store what is returned: a local x or P, or a copy that is changed, is not the tracker's.",
-            Role(
-                "step",
-                rank=14,
-                causes="stepped",
-                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
-                drive="own_model",
-            ),
-        )
-    },
-)

@@ -18,7 +18,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.returned import another_covariance
 from trackbench.subjects.doctor.exhibits import Covariances, Panel, StatedBelief, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import named, reduction_shown
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
@@ -48,6 +48,44 @@ GROWN = 0.5
 TWICE = (0.6, 1.4)
 
 
+@doctor_check(
+    Question("stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True),
+    place=40,
+    of_filters=True,
+    faults={
+        "covariance_constant": KnownFault(
+            "the covariance never changes",
+            "Where the covariance is set and returned.",
+            "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
+            "fixed gains K too.",
+            Role("step", rank=34, causes="stepped", drive="long_gap"),
+        ),
+        "covariance_diagonal": KnownFault(
+            "only the diagonal of the covariance is returned",
+            "Where the estimate is returned.",
+            "Return the whole 4 x 4 covariance, with that of position and velocity.",
+            Role("step", rank=35, causes="stepped", drive="manoeuvre"),
+        ),
+        "covariance_order": KnownFault(
+            "the covariance is returned in another order than the estimate",
+            "Where the estimate is returned.",
+            "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
+            Role("step", rank=36, causes="stepped", drive="manoeuvre"),
+        ),
+        "wrong_covariance_returned": KnownFault(
+            "another matrix is returned for the covariance",
+            "Where the estimate is returned.",
+            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not that before.",
+            Role(
+                "step",
+                rank=14,
+                causes="stepped",
+                always="covariance_not_psd predicted_covariance_not_psd",
+                drive="own_model",
+            ),
+        ),
+    },
+)
 def stated_covariance(tracker: TrackerUnderTest) -> PartResult:
     """Look whether the covariances change, and whether the gains are made of them, whole and in the order returned."""
     if not any(tracker.trials.values()):
@@ -166,6 +204,45 @@ def _apart(update: TrialUpdate, order: tuple[int, ...] | range) -> float:
     return relative_error(update.gain, linearised_gain(trial, update.used, p), scale)
 
 
+@doctor_check(
+    Question(
+        "covariance_update",
+        "Does a measurement reduce the predicted covariance?",
+        "Does a measurement of {sensor} reduce the predicted covariance?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=160,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "covariance_not_reduced": KnownFault(
+            "measurements do not reduce the covariance",
+            "Where the covariance is updated after a measurement, and where it is stored.",
+            "P = (I - K H) P, or Joseph's form, in every update, and store it; a copy that is changed is not the "
+            "state's.",
+            Role(
+                "step",
+                rank=16,
+                causes="stepped",
+                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
+                drive="own_model",
+            ),
+        ),
+        "process_noise_twice": KnownFault(
+            "the process noise is added twice",
+            "Where Q is added in the prediction, and again before the update.",
+            "Add Q once, in the prediction; sigma points that have the noise in an augmented state need none besides.",
+            Role(
+                "gain growth",
+                rank=38,
+                causes="gain_inconsistent covariance_update_wrong",
+                always="q_too_large",
+                drive="own_model",
+            ),
+        ),
+    },
+)
 def covariance_update(tracker: TrackerUnderTest) -> PartResult:
     """Compare the covariances before and after a measurement, at the regular probes."""
     result = PartResult()
@@ -298,91 +375,3 @@ def _position_sigma(update: TrialUpdate) -> float:
 
 def _predicted_sigma(update: TrialUpdate) -> float:
     return float(np.sqrt(np.trace(update.trial.prediction.covariance[:2, :2])))
-
-
-STATED_COVARIANCE_CHECK = DoctorCheck(
-    stated_covariance,
-    place=40,
-    questions=(
-        Question(
-            "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
-        ),
-    ),
-    of_filters=True,
-    faults={
-        "covariance_constant": KnownFault(
-            "the covariance never changes",
-            "Where the covariance is set and returned.",
-            "Compute it: P = F P F^T + Q in each prediction, (I - K H) P (I - K H)^T + K R K^T in each update, with "
-            "fixed gains K too.",
-            Role("step", rank=34, causes="stepped", drive="long_gap"),
-        ),
-        "covariance_diagonal": KnownFault(
-            "only the diagonal of the covariance is returned",
-            "Where the estimate is returned.",
-            "Return the whole 4 x 4 covariance, with that of position and velocity.",
-            Role("step", rank=35, causes="stepped", drive="manoeuvre"),
-        ),
-        "covariance_order": KnownFault(
-            "the covariance is returned in another order than the estimate",
-            "Where the estimate is returned.",
-            "Order rows and columns as the mean: px, py, vx, vy, by P[np.ix_(order, order)].",
-            Role("step", rank=36, causes="stepped", drive="manoeuvre"),
-        ),
-        "wrong_covariance_returned": KnownFault(
-            "another matrix is returned for the covariance",
-            "Where the estimate is returned.",
-            "Return the covariance P of the updated state: not Q or S, not a root or an inverse of P, not that before.",
-            Role(
-                "step",
-                rank=14,
-                causes="stepped",
-                always="covariance_not_psd predicted_covariance_not_psd",
-                drive="own_model",
-            ),
-        ),
-    },
-)
-
-COVARIANCE_UPDATE_CHECK = DoctorCheck(
-    covariance_update,
-    place=160,
-    questions=(
-        Question(
-            "covariance_update",
-            "Does a measurement reduce the predicted covariance?",
-            "Does a measurement of {sensor} reduce the predicted covariance?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "covariance_not_reduced": KnownFault(
-            "measurements do not reduce the covariance",
-            "Where the covariance is updated after a measurement, and where it is stored.",
-            "P = (I - K H) P, or Joseph's form, in every update, and store it; a copy that is changed is not the "
-            "state's.",
-            Role(
-                "step",
-                rank=16,
-                causes="stepped",
-                always="wrong_dt process_noise_omitted q_too_small q_too_large q_constant_per_step q_wrong_power_of_dt",
-                drive="own_model",
-            ),
-        ),
-        "process_noise_twice": KnownFault(
-            "the process noise is added twice",
-            "Where Q is added in the prediction, and again before the update.",
-            "Add Q once, in the prediction; sigma points that have the noise in an augmented state need none besides.",
-            Role(
-                "gain growth",
-                rank=38,
-                causes="gain_inconsistent covariance_update_wrong",
-                always="q_too_large",
-                drive="own_model",
-            ),
-        ),
-    },
-)

@@ -14,7 +14,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.drives import TestDrive, drive_configs
 from trackbench.subjects.doctor.evidence import evidence_run
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import BEYOND, SINGULAR
 from trackbench.subjects.doctor.rollout import Rollout, rollout
 from trackbench.subjects.doctor.session import StepFailed
@@ -101,6 +101,33 @@ class JudgedDrive(NamedTuple):
         return max(NEES[0] / max(share, 1e-12), share / (NEES[1] * self.drive.config.mismatch))
 
 
+@doctor_check(
+    *(
+        Question(
+            name,
+            f"Is the tracker as near to its target as it states ({drive.description})?",
+            motion=drive.carrier.moves,
+        )
+        for name, drive in drive_configs().items()
+    ),
+    place=230,
+    every_drive=True,
+    faults={
+        "too_far_off": KnownFault(
+            "the estimate is too far off",
+            "In the named drive at the named time; first at the checks that fail besides.",
+            "Run that drive (the report shows it), and compare the predicted with the measured values at that time.",
+            Role("driven", rank=49, causes="covariance_unbelievable", drive="manoeuvre"),
+        ),
+        "covariance_unbelievable": KnownFault(
+            "the stated covariance does not fit the errors",
+            "At Q and R, and at what happens to the covariance in the named drive at the named time.",
+            "Compare the variance that is stated with the squared errors; what is not predicted has to add its share "
+            "to it.",
+            Role("driven", drive="long_gap"),
+        ),
+    },
+)
 def drives(tracker: TrackerUnderTest) -> PartResult:
     """Run every test drive, with the measurements that the reference had."""
     result = PartResult()
@@ -308,6 +335,17 @@ def _errors(estimates: Rollout, drive: TestDrive) -> Errors:
 DRIVE = "azimuth_crossing"
 
 
+@doctor_check(
+    Question(
+        "innovations",
+        "Are all angles in the innovations wrapped?",
+        "Are all angles in the innovations of {sensor} wrapped where the azimuth passes pi?",
+        each_sensor=True,
+        shows=("azimuth_not_wrapped", "angle_mean_not_circular"),
+    ),
+    place=210,
+    of_filters=True,
+)
 def innovations(tracker: TrackerUnderTest) -> PartResult:
     """Mean, NIS, autocorrelation and unwrapped angles of the innovations of each sensor."""
     found = next((pair for pair in tracker.drives if pair[0].name == DRIVE), None)
@@ -345,48 +383,3 @@ def _autocorrelation(whitened: Array) -> float:
     both: Mask = np.asarray(known[1:] & known[:-1])
     power = float(np.sum(now[:, both] ** 2))
     return float(np.sum(now[:, both] * before[:, both])) / power if power > 0.0 else 0.0
-
-
-DRIVES_CHECK = DoctorCheck(
-    drives,
-    place=230,
-    every_drive=True,
-    questions=tuple(
-        Question(
-            name,
-            f"Is the tracker as near to its target as it states ({drive.description})?",
-            motion=drive.carrier.moves,
-        )
-        for name, drive in drive_configs().items()
-    ),
-    faults={
-        "too_far_off": KnownFault(
-            "the estimate is too far off",
-            "In the named drive at the named time; first at the checks that fail besides.",
-            "Run that drive (the report shows it), and compare the predicted with the measured values at that time.",
-            Role("driven", rank=49, causes="covariance_unbelievable", drive="manoeuvre"),
-        ),
-        "covariance_unbelievable": KnownFault(
-            "the stated covariance does not fit the errors",
-            "At Q and R, and at what happens to the covariance in the named drive at the named time.",
-            "Compare the variance that is stated with the squared errors; what is not predicted has to add its share "
-            "to it.",
-            Role("driven", drive="long_gap"),
-        ),
-    },
-)
-
-INNOVATIONS_CHECK = DoctorCheck(
-    innovations,
-    place=210,
-    questions=(
-        Question(
-            "innovations",
-            "Are all angles in the innovations wrapped?",
-            "Are all angles in the innovations of {sensor} wrapped where the azimuth passes pi?",
-            each_sensor=True,
-            shows=("azimuth_not_wrapped", "angle_mean_not_circular"),
-        ),
-    ),
-    of_filters=True,
-)

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.expected_gain import linearised_gain
-from trackbench.subjects.doctor.findings import SURE, DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import SURE, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import gain_shown, measurement_shown, update_shown
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.systematic_errors import systematic_error
@@ -34,6 +34,94 @@ NO_GAIN, CLEAR_GAIN, LEAST = 1e-6, 1e-3, 3
 EGO_MOTION = ("ego_motion_ignored", "ego_motion_wrong")
 
 
+@doctor_check(
+    Question(
+        "expectation",
+        "Is the right measurement predicted for the own estimate?",
+        "Does the tracker predict the right measurement of {sensor} for its own estimate?",
+        each_sensor=True,
+    ),
+    Question(
+        "ego_motion",
+        "Do the measurements of a moving observer count for where it is and how it moves?",
+        motion=True,
+        finds=EGO_MOTION,
+    ),
+    place=130,
+    of_filters=True,
+    faults={
+        "doppler_sign": KnownFault(
+            "the range rate has the wrong sign",
+            "Where the range rate is predicted, and where the measurement is read.",
+            "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the sensor.",
+            Role("exact", rank=13, causes="measured", drive="radial_approach"),
+        ),
+        "speed_for_range_rate": KnownFault(
+            "the range rate is not predicted as the velocity along the line of sight",
+            "Where the third component of a radar's measurement is predicted.",
+            "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its length.",
+            Role("exact", rank=14, causes="measured", drive="tangential_pass"),
+        ),
+        "degrees_for_radians": KnownFault(
+            "degrees and radians are mixed up",
+            "Where azimuths, yaws and their standard deviations are read.",
+            "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at all.",
+            Role("exact", rank=9, causes="measured noise angle arctan_quadrant", drive="azimuth_crossing"),
+        ),
+        "ego_motion_ignored": KnownFault(
+            "the sensor's own pose or velocity is left out",
+            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
+            "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
+            "target's velocity.",
+            Role(
+                "exact ego",
+                rank=10,
+                causes="measured noise arctan_quadrant",
+                always="ego_motion_wrong",
+                drive="moving_observer",
+            ),
+        ),
+        "ego_motion_wrong": KnownFault(
+            "the sensor's own pose or velocity is applied wrongly",
+            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
+            "Subtract scan.sensor_velocity from the target's velocity, both in the fixed frame, and take the component "
+            "along the line of sight: u @ (v - scan.sensor_velocity); turn positions by scan.sensor_pose[2].",
+            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
+        ),
+        "sensor_pose_ignored": KnownFault(
+            "the pose of a sensor that stands still is left out",
+            "Where measurements are converted to the fixed frame, and where they are predicted.",
+            "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
+            "mounting together.",
+            Role("exact ego", rank=11, causes="measured noise angle polar_start arctan_quadrant", drive="stationary"),
+        ),
+        "measurement_ignored": KnownFault(
+            "the measurements of a sensor, or a component of them, are never used",
+            "Where the tracker chooses its update by the sensor's name or kind, and where the gain is computed.",
+            "Check that scan.kind is compared with the right word, that no column of the gain is zero, and that no "
+            "gate rejects all.",
+            Role(
+                "exact",
+                rank=28,
+                causes="nonfinite gain noise growth covariance_update_wrong",
+                always="covariance_not_psd",
+                drive="manoeuvre",
+            ),
+        ),
+        "sensor_bias": KnownFault(
+            "the measurements of a sensor have a constant bias",
+            "Where the measurements of this sensor are read, and where its mounting is applied.",
+            "Look for an offset that is added or missing (calibration, mounting), and correct it.",
+            Role("offset", rank=31, causes="numerical gain overconfident_start", drive="own_model"),
+        ),
+        "scale_error": KnownFault(
+            "the measurements of a sensor are scaled by a constant",
+            "Where the measurements of this sensor are read, and where units are converted.",
+            "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
+            Role("offset", rank=32, causes="numerical gain overconfident_start", drive="radial_approach"),
+        ),
+    },
+)
 def expectation(tracker: TrackerUnderTest) -> PartResult:
     """Try the measurements that the right and the wrong models predict, to find the one that has no innovation."""
     result = PartResult()
@@ -212,96 +300,3 @@ def _moves(trial: Trial, kind: str) -> bool:
     return any(
         update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
     )
-
-
-EXPECTATION_CHECK = DoctorCheck(
-    expectation,
-    place=130,
-    questions=(
-        Question(
-            "expectation",
-            "Is the right measurement predicted for the own estimate?",
-            "Does the tracker predict the right measurement of {sensor} for its own estimate?",
-            each_sensor=True,
-        ),
-        Question(
-            "ego_motion",
-            "Do the measurements of a moving observer count for where it is and how it moves?",
-            motion=True,
-            finds=EGO_MOTION,
-        ),
-    ),
-    of_filters=True,
-    faults={
-        "doppler_sign": KnownFault(
-            "the range rate has the wrong sign",
-            "Where the range rate is predicted, and where the measurement is read.",
-            "The range rate is positive if the target moves away: (p . v) / |p|, with p and v relative to the sensor.",
-            Role("exact", rank=13, causes="measured", drive="radial_approach"),
-        ),
-        "speed_for_range_rate": KnownFault(
-            "the range rate is not predicted as the velocity along the line of sight",
-            "Where the third component of a radar's measurement is predicted.",
-            "Predict the component of the relative velocity along the line of sight, (p . v) / |p|, not its length.",
-            Role("exact", rank=14, causes="measured", drive="tangential_pass"),
-        ),
-        "degrees_for_radians": KnownFault(
-            "degrees and radians are mixed up",
-            "Where azimuths, yaws and their standard deviations are read.",
-            "Measurements, poses and noise are in radians here; convert once, where they enter the tracker, if at all.",
-            Role("exact", rank=9, causes="measured noise angle arctan_quadrant", drive="azimuth_crossing"),
-        ),
-        "ego_motion_ignored": KnownFault(
-            "the sensor's own pose or velocity is left out",
-            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
-            "Use scan.sensor_pose (position and yaw) for positions, and subtract scan.sensor_velocity from the "
-            "target's velocity.",
-            Role(
-                "exact ego",
-                rank=10,
-                causes="measured noise arctan_quadrant",
-                always="ego_motion_wrong",
-                drive="moving_observer",
-            ),
-        ),
-        "ego_motion_wrong": KnownFault(
-            "the sensor's own pose or velocity is applied wrongly",
-            "Where measurements are converted to the fixed frame, and where the range rate is predicted.",
-            "Subtract scan.sensor_velocity from the target's velocity, both in the fixed frame, and take the component "
-            "along the line of sight: u @ (v - scan.sensor_velocity); turn positions by scan.sensor_pose[2].",
-            Role("exact ego", rank=10, causes="measured noise arctan_quadrant", drive="moving_observer"),
-        ),
-        "sensor_pose_ignored": KnownFault(
-            "the pose of a sensor that stands still is left out",
-            "Where measurements are converted to the fixed frame, and where they are predicted.",
-            "Turn by the sensor's yaw and add its position: scan.sensor_pose has both, of the observer and the "
-            "mounting together.",
-            Role("exact ego", rank=11, causes="measured noise angle polar_start arctan_quadrant", drive="stationary"),
-        ),
-        "measurement_ignored": KnownFault(
-            "the measurements of a sensor, or a component of them, are never used",
-            "Where the tracker chooses its update by the sensor's name or kind, and where the gain is computed.",
-            "Check that scan.kind is compared with the right word, that no column of the gain is zero, and that no "
-            "gate rejects all.",
-            Role(
-                "exact",
-                rank=28,
-                causes="nonfinite gain noise growth covariance_update_wrong",
-                always="covariance_not_psd",
-                drive="manoeuvre",
-            ),
-        ),
-        "sensor_bias": KnownFault(
-            "the measurements of a sensor have a constant bias",
-            "Where the measurements of this sensor are read, and where its mounting is applied.",
-            "Look for an offset that is added or missing (calibration, mounting), and correct it.",
-            Role("offset", rank=31, causes="numerical gain overconfident_start", drive="own_model"),
-        ),
-        "scale_error": KnownFault(
-            "the measurements of a sensor are scaled by a constant",
-            "Where the measurements of this sensor are read, and where units are converted.",
-            "Look for a factor that is applied or missing (a unit, a calibration), and correct it.",
-            Role("offset", rank=32, causes="numerical gain overconfident_start", drive="radial_approach"),
-        ),
-    },
-)

@@ -22,7 +22,7 @@ from trackbench.subjects.doctor.expected_gain import (
     gain_error,
     implied,
 )
-from trackbench.subjects.doctor.findings import CERTAIN, DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import gain_shown, told_apart
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
@@ -43,8 +43,68 @@ CAUTIOUS = 3.0
 STATES = ("px", "py", "vx", "vy")
 #: What a gain that is not Kalman's is called.
 GAIN_FAULTS = ("jacobian_wrong", "gain_inconsistent")
+#: Where a wrong measurement noise is, and how to fix it.
+OWN_NOISE = (
+    "Where R of this sensor is set.",
+    "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, rad and m/s.",
+)
 
 
+@doctor_check(
+    Question(
+        "gain",
+        "Do the gains fit the geometry and the stated noise?",
+        "Do the gains for {sensor} fit its geometry and its stated noise?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=150,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "jacobian_wrong": KnownFault(
+            "a Jacobian is wrong",
+            "Where the derivative of the measurement model or of the motion model is written out.",
+            "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
+            Role("gain", rank=42, causes="numerical noise growth angle", drive="tangential_pass"),
+        ),
+        "r_too_small": KnownFault(
+            "the measurement noise is too small",
+            *OWN_NOISE,
+            Role("noise", rank=46, causes="numerical overconfident_start", drive="own_model"),
+        ),
+        "r_too_large": KnownFault(
+            "the measurement noise is too large",
+            *OWN_NOISE,
+            Role("noise", rank=47, causes="numerical", drive="own_model"),
+        ),
+        "measurement_noise_omitted": KnownFault(
+            "the measurement noise is missing from the innovation covariance",
+            "Where the innovation covariance S is computed.",
+            "S = H P H^T + R, or the sum over the sigma points plus R.",
+            Role("noise", rank=15, causes="stepped polar_start wrong_dt", drive="own_model"),
+        ),
+        "measurement_noise_twice": KnownFault(
+            "the measurement noise is added twice",
+            "Where the innovation covariance S is computed, and where R is handed to it.",
+            "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
+            Role("noise", rank=43, causes="numerical", drive="own_model"),
+        ),
+        "sigma_points_not_redrawn": KnownFault(
+            "the update uses sigma points without the process noise",
+            "Between the prediction and the update, where the moved points are used again.",
+            "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
+            "state).",
+            Role(
+                "gain",
+                rank=37,
+                causes="numerical noise growth jacobian_wrong",
+                always="gain_inconsistent",
+                drive="uneven_steps",
+            ),
+        ),
+    },
+)
 def gain(tracker: TrackerUnderTest) -> PartResult:
     """Compute the implied Jacobian and noise at the regular probes, and compare with the right ones."""
     result = PartResult()
@@ -256,69 +316,3 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
     if length > SIZE:
         said += f", one {length:.3g} times as long as the right one"
     return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"
-
-
-#: Where a wrong measurement noise is, and how to fix it.
-OWN_NOISE = (
-    "Where R of this sensor is set.",
-    "Use the covariance of the scan (scan.noise_covariance): variances, not standard deviations, in m, rad and m/s.",
-)
-
-GAIN_CHECK = DoctorCheck(
-    gain,
-    place=150,
-    questions=(
-        Question(
-            "gain",
-            "Do the gains fit the geometry and the stated noise?",
-            "Do the gains for {sensor} fit its geometry and its stated noise?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "jacobian_wrong": KnownFault(
-            "a Jacobian is wrong",
-            "Where the derivative of the measurement model or of the motion model is written out.",
-            "Derive the named entry again, and compare the whole matrix with finite differences in a test.",
-            Role("gain", rank=42, causes="numerical noise growth angle", drive="tangential_pass"),
-        ),
-        "r_too_small": KnownFault(
-            "the measurement noise is too small",
-            *OWN_NOISE,
-            Role("noise", rank=46, causes="numerical overconfident_start", drive="own_model"),
-        ),
-        "r_too_large": KnownFault(
-            "the measurement noise is too large",
-            *OWN_NOISE,
-            Role("noise", rank=47, causes="numerical", drive="own_model"),
-        ),
-        "measurement_noise_omitted": KnownFault(
-            "the measurement noise is missing from the innovation covariance",
-            "Where the innovation covariance S is computed.",
-            "S = H P H^T + R, or the sum over the sigma points plus R.",
-            Role("noise", rank=15, causes="stepped polar_start wrong_dt", drive="own_model"),
-        ),
-        "measurement_noise_twice": KnownFault(
-            "the measurement noise is added twice",
-            "Where the innovation covariance S is computed, and where R is handed to it.",
-            "Add R once: to S, or by an augmented state. If R is doubled on purpose, this is a tuning.",
-            Role("noise", rank=43, causes="numerical", drive="own_model"),
-        ),
-        "sigma_points_not_redrawn": KnownFault(
-            "the update uses sigma points without the process noise",
-            "Between the prediction and the update, where the moved points are used again.",
-            "Draw new points from the predicted mean and covariance, or let the noise be part of the points (augmented "
-            "state).",
-            Role(
-                "gain",
-                rank=37,
-                causes="numerical noise growth jacobian_wrong",
-                always="gain_inconsistent",
-                drive="uneven_steps",
-            ),
-        ),
-    },
-)

@@ -11,7 +11,7 @@ from trackbench.base.units import difference
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, with_noise
 from trackbench.subjects.doctor.right_answers import update_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
@@ -51,6 +51,20 @@ class Return(NamedTuple):
         return min(self.distances)
 
 
+@doctor_check(
+    Question("gate", "Is a target that is elsewhere after a gap taken up again?"),
+    place=200,
+    asks_at_misses=True,
+    faults={
+        "gate_never_reopens": KnownFault(
+            "a gate that has rejected the target rejects it for ever",
+            "Where a measurement is held against a gate.",
+            "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
+            "again.",
+            Role("step", drive="gap_in_a_turn"),
+        )
+    },
+)
 def gate(tracker: TrackerUnderTest) -> PartResult:
     """Let targets be elsewhere after a gap, and measure them there."""
     returns = [one for probe in tracker.probes.general[:2] if (one := _return(tracker, probe)) is not None]
@@ -76,6 +90,27 @@ def gate(tracker: TrackerUnderTest) -> PartResult:
     return PartResult().add("gate", False, text, finding)
 
 
+@doctor_check(
+    Question(
+        "gate_width",
+        "Are measurements used that are near their prediction?",
+        "Are measurements of {sensor} used that are near their prediction?",
+        each_sensor=True,
+    ),
+    place=132,
+    of_filters=True,
+    faults={
+        "gate_too_small": KnownFault(
+            "the gate is too small",
+            "Where the squared distance of a measurement is held against a threshold.",
+            "Take y^T S^-1 y with S = H P H^T + R, and the point of chi-square with as many degrees of freedom as the "
+            "measurement has, at 0.99 or more.",
+            Role(
+                "exact", rank=12, causes="measured noise growth offset", always="gate_never_reopens", drive="own_model"
+            ),
+        )
+    },
+)
 def gate_width(tracker: TrackerUnderTest) -> PartResult:
     """Follow targets with noise, and count the measurements near their prediction that move nothing."""
     near: dict[str, list[tuple[bool, Trial]]] = {name: [] for name in tracker.sensors}
@@ -167,45 +202,3 @@ def _moved(probe: Probe, error: np.ndarray, away: float) -> Probe:
     outward = outward / max(float(np.hypot(*outward)), 1e-9)
     shift = error + away * outward
     return probe._replace(target=(px + shift[0], py + shift[1], vx, vy))
-
-
-GATE_CHECK = DoctorCheck(
-    gate,
-    place=200,
-    questions=(Question("gate", "Is a target that is elsewhere after a gap taken up again?"),),
-    asks_at_misses=True,
-    faults={
-        "gate_never_reopens": KnownFault(
-            "a gate that has rejected the target rejects it for ever",
-            "Where a measurement is held against a gate.",
-            "Gate on y^T S^-1 y with S = H P H^T + R, let P grow at rejected measurements too, or start the track "
-            "again.",
-            Role("step", drive="gap_in_a_turn"),
-        )
-    },
-)
-
-GATE_WIDTH_CHECK = DoctorCheck(
-    gate_width,
-    place=132,
-    questions=(
-        Question(
-            "gate_width",
-            "Are measurements used that are near their prediction?",
-            "Are measurements of {sensor} used that are near their prediction?",
-            each_sensor=True,
-        ),
-    ),
-    of_filters=True,
-    faults={
-        "gate_too_small": KnownFault(
-            "the gate is too small",
-            "Where the squared distance of a measurement is held against a threshold.",
-            "Take y^T S^-1 y with S = H P H^T + R, and the point of chi-square with as many degrees of freedom as the "
-            "measurement has, at 0.99 or more.",
-            Role(
-                "exact", rank=12, causes="measured noise growth offset", always="gate_never_reopens", drive="own_model"
-            ),
-        )
-    },
-)

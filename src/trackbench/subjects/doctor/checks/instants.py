@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import named, update_shown
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
@@ -33,6 +33,36 @@ NEAR = 0.2
 CLEAR = 0.05
 
 
+@doctor_check(
+    Question(
+        "same_instant",
+        "Do two sensors' measurements of one instant both count?",
+        finds=("second_measurement_dropped",),
+    ),
+    Question(
+        "same_time",
+        "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
+        misses=True,
+        finds=("time_offset",),
+    ),
+    place=170,
+    of_filters=True,
+    least_sensors=2,
+    faults={
+        "second_measurement_dropped": KnownFault(
+            "of two measurements at one instant only the first is used",
+            "Where a scan with the time of the last one (a time step of zero) returns early.",
+            "With a time step of zero leave out the prediction alone, and make the update.",
+            Role("exact", rank=27, always="measurement_ignored", drive="uneven_steps"),
+        ),
+        "time_offset": KnownFault(
+            "the time of a sensor's measurements is off by a constant",
+            "Where the time of a scan is read, and where a latency is taken off or added.",
+            "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
+            Role("offset", rank=27, causes="measured growth angle sensor_bias scale_error", drive="tangential_pass"),
+        ),
+    },
+)
 def instants(tracker: TrackerUnderTest) -> PartResult:
     """Give measurements of two sensors at one instant, and ask for the estimate of one instant by each sensor."""
     result = PartResult()
@@ -142,6 +172,26 @@ def _lag(one: Array, other: Array) -> list[float]:
     return [float((other - one)[:2] @ one[2:]) / speed**2] if speed > MOVING else []
 
 
+@doctor_check(
+    Question(
+        "late",
+        "Are late measurements held against where the target was?",
+        "Are late measurements of {sensor} held against where the target was?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=220,
+    late_sensors=True,
+    faults={
+        "late_processed_as_new": KnownFault(
+            "a late measurement is processed as if it were new",
+            "Where the time since the last scan is computed, and where the time of a scan is read.",
+            "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is not "
+            "its time.",
+            Role(drive="uneven_steps"),
+        )
+    },
+)
 def late(tracker: TrackerUnderTest) -> PartResult:
     """Give old scans without noise, of sensors that the scenario says are late: they add nothing that is not known."""
     result = PartResult()
@@ -211,62 +261,3 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
 
 def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
     return session.step(empty_scan(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
-
-
-INSTANTS_CHECK = DoctorCheck(
-    instants,
-    place=170,
-    questions=(
-        Question(
-            "same_instant",
-            "Do two sensors' measurements of one instant both count?",
-            finds=("second_measurement_dropped",),
-        ),
-        Question(
-            "same_time",
-            "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
-            misses=True,
-            finds=("time_offset",),
-        ),
-    ),
-    of_filters=True,
-    least_sensors=2,
-    faults={
-        "second_measurement_dropped": KnownFault(
-            "of two measurements at one instant only the first is used",
-            "Where a scan with the time of the last one (a time step of zero) returns early.",
-            "With a time step of zero leave out the prediction alone, and make the update.",
-            Role("exact", rank=27, always="measurement_ignored", drive="uneven_steps"),
-        ),
-        "time_offset": KnownFault(
-            "the time of a sensor's measurements is off by a constant",
-            "Where the time of a scan is read, and where a latency is taken off or added.",
-            "scan.time is when the measurement was taken: predict to it, and add or subtract no latency.",
-            Role("offset", rank=27, causes="measured growth angle sensor_bias scale_error", drive="tangential_pass"),
-        ),
-    },
-)
-
-LATE_CHECK = DoctorCheck(
-    late,
-    place=220,
-    questions=(
-        Question(
-            "late",
-            "Are late measurements held against where the target was?",
-            "Are late measurements of {sensor} held against where the target was?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-    late_sensors=True,
-    faults={
-        "late_processed_as_new": KnownFault(
-            "a late measurement is processed as if it were new",
-            "Where the time since the last scan is computed, and where the time of a scan is read.",
-            "Compare scan.time with the state's time: drop an older scan, or go back to its time; arrival_time is not "
-            "its time.",
-            Role(drive="uneven_steps"),
-        )
-    },
-)

@@ -16,7 +16,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.findings import Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.units_ratio import conversion
@@ -27,6 +27,7 @@ TOLERANCE = 1e-3
 STEP = 1e-5
 
 
+@doctor_check(Question("models", "Are the Jacobians that the tracker provides right?"), place=180)
 def models(tracker: TrackerUnderTest) -> PartResult:
     """Compare each Jacobian that the tracker provides with finite differences of its model."""
     provided = [name for name in MODELS if _has(tracker, name) and _has(tracker, f"{name}_jacobian")]
@@ -103,8 +104,3 @@ def _differences(model: Callable[[Array], Array], x: Array) -> Array:
         step[j] = STEP * max(1.0, abs(float(x[j])))
         columns.append((model(x + step) - model(x - step)) / (2 * step[j]))
     return np.stack(columns, axis=1)
-
-
-MODELS_CHECK = DoctorCheck(
-    models, place=180, questions=(Question("models", "Are the Jacobians that the tracker provides right?"),)
-)

@@ -13,7 +13,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
 from trackbench.subjects.doctor.inside.pinned import models_alone
 from trackbench.subjects.doctor.inside.trace import nearest, with_value
@@ -72,6 +72,53 @@ INSTEAD: dict[str, Callable[[ModelInnovation, float, float], float]] = {
 }
 
 
+@doctor_check(
+    Question("mixing", "Does each model start from the mixture that the transition probabilities give?"),
+    Question("mode_probabilities", "Do the models' probabilities follow from the likelihoods of innovations?"),
+    Question("combination", "Is the estimate the mixture of the models?"),
+    Question("different_models", "Do the models predict differently?"),
+    place=35,
+    faults={
+        "imm_transition_transposed": KnownFault(
+            "the transition probabilities of the models are transposed",
+            "Where the probabilities of the models are multiplied by the transition probabilities.",
+            "c_j = sum over i of pi_ij mu_i, and w_ij = pi_ij mu_i / c_j, with i the model before and j the one after.",
+            Role("root exact", rank=2, causes="covariance measured driven", drive="long_run"),
+        ),
+        "imm_mixing_wrong": KnownFault(
+            "the models start from a wrong mixture",
+            "Where the means and covariances of the models are mixed before the prediction.",
+            "Model j starts from x_0j = sum over i of w_ij x_i and P_0j = sum over i of w_ij (P_i + (x_i - x_0j)(x_i - "
+            "x_0j)^T), of the estimates of all models before any is replaced.",
+            Role(
+                "root exact",
+                rank=3,
+                causes="covariance measured driven",
+                always="sums sigma_weights_wrong points",
+                drive="long_run",
+            ),
+        ),
+        "imm_likelihood_wrong": KnownFault(
+            "the probabilities of the models do not follow from their likelihoods",
+            "Where the probabilities of the models are updated after a measurement.",
+            "mu_j = c_j N(y_j; 0, S_j), divided by their sum, with the innovation y_j and its covariance S_j of each "
+            "model before its update, and the determinant of S_j.",
+            Role("root exact", rank=4, causes="covariance measured driven", drive="long_run"),
+        ),
+        "imm_combination_wrong": KnownFault(
+            "the covariance that is returned is not that of the mixture of the models",
+            "Where the estimates of the models are combined.",
+            "P = sum over j of mu_j (P_j + (x_j - x)(x_j - x)^T), with the probabilities after the measurement.",
+            Role("root exact", rank=5, causes="covariance driven", drive="long_run"),
+        ),
+        "imm_models_equal": KnownFault(
+            "two models are the same",
+            "Where the models get their motion and their process noise.",
+            "Give each model a noise or a motion of its own; do not let them share one array.",
+            Role("root exact", rank=6, causes="covariance driven", drive="long_run"),
+        ),
+    },
+)
 def modes(tracker: TrackerUnderTest) -> PartResult:
     """Hold the models' starts, their probabilities and the estimate against the equations; nothing of other filters."""
     bank_steps = tracker.once(bank_of)
@@ -264,55 +311,3 @@ def _output(step: BankStep) -> Finding:
         f"standard deviation of px is {np.sqrt(right[0, 0]):.3g} m in the mixture"
     )
     return Finding("imm_combination_wrong", CONFIDENCE, text)
-
-
-MODES_CHECK = DoctorCheck(
-    modes,
-    place=35,
-    questions=(
-        Question("mixing", "Does each model start from the mixture that the transition probabilities give?"),
-        Question("mode_probabilities", "Do the models' probabilities follow from the likelihoods of innovations?"),
-        Question("combination", "Is the estimate the mixture of the models?"),
-        Question("different_models", "Do the models predict differently?"),
-    ),
-    faults={
-        "imm_transition_transposed": KnownFault(
-            "the transition probabilities of the models are transposed",
-            "Where the probabilities of the models are multiplied by the transition probabilities.",
-            "c_j = sum over i of pi_ij mu_i, and w_ij = pi_ij mu_i / c_j, with i the model before and j the one after.",
-            Role("root exact", rank=2, causes="covariance measured driven", drive="long_run"),
-        ),
-        "imm_mixing_wrong": KnownFault(
-            "the models start from a wrong mixture",
-            "Where the means and covariances of the models are mixed before the prediction.",
-            "Model j starts from x_0j = sum over i of w_ij x_i and P_0j = sum over i of w_ij (P_i + (x_i - x_0j)(x_i - "
-            "x_0j)^T), of the estimates of all models before any is replaced.",
-            Role(
-                "root exact",
-                rank=3,
-                causes="covariance measured driven",
-                always="sums sigma_weights_wrong points",
-                drive="long_run",
-            ),
-        ),
-        "imm_likelihood_wrong": KnownFault(
-            "the probabilities of the models do not follow from their likelihoods",
-            "Where the probabilities of the models are updated after a measurement.",
-            "mu_j = c_j N(y_j; 0, S_j), divided by their sum, with the innovation y_j and its covariance S_j of each "
-            "model before its update, and the determinant of S_j.",
-            Role("root exact", rank=4, causes="covariance measured driven", drive="long_run"),
-        ),
-        "imm_combination_wrong": KnownFault(
-            "the covariance that is returned is not that of the mixture of the models",
-            "Where the estimates of the models are combined.",
-            "P = sum over j of mu_j (P_j + (x_j - x)(x_j - x)^T), with the probabilities after the measurement.",
-            Role("root exact", rank=5, causes="covariance driven", drive="long_run"),
-        ),
-        "imm_models_equal": KnownFault(
-            "two models are the same",
-            "Where the models get their motion and their process noise.",
-            "Give each model a noise or a motion of its own; do not let them share one array.",
-            Role("root exact", rank=6, causes="covariance driven", drive="long_run"),
-        ),
-    },
-)

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Estimate
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -25,6 +25,21 @@ SAME, LEAST = 1.3, 2
 ANOTHER = 1.0
 
 
+@doctor_check(
+    Question("noise_place", "Is the process noise the same wherever the scene is?", misses=True, motion=True),
+    place=115,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_depends_on_state": KnownFault(
+            "the process noise depends on the position",
+            "Where Q is computed from entries of the state.",
+            "Q of G G^T sigma^2 depends on dt alone; where it is scaled by the state, take the entry that is meant: a "
+            "speed, not a position in the fixed frame.",
+            Role("motion growth", rank=20, causes="growth numerical", drive="manoeuvre"),
+        )
+    },
+)
 def noise_place(tracker: TrackerUnderTest) -> PartResult:
     """Compare the growth of the covariance without measurements with that of the same scene elsewhere."""
     if has_samples(tracker):
@@ -68,23 +83,3 @@ def _alike(here: Estimate, there: Estimate) -> bool:
 
 def _growth(now: Estimate, then: Estimate) -> float:
     return float(np.trace((then.covariance - now.covariance)[2:, 2:]))
-
-
-NOISE_PLACE_CHECK = DoctorCheck(
-    noise_place,
-    place=115,
-    questions=(
-        Question("noise_place", "Is the process noise the same wherever the scene is?", misses=True, motion=True),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "q_depends_on_state": KnownFault(
-            "the process noise depends on the position",
-            "Where Q is computed from entries of the state.",
-            "Q of G G^T sigma^2 depends on dt alone; where it is scaled by the state, take the entry that is meant: a "
-            "speed, not a position in the fixed frame.",
-            Role("motion growth", rank=20, causes="growth numerical", drive="manoeuvre"),
-        )
-    },
-)

@@ -17,7 +17,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import gain_error, joseph, linearised_gain, relative_error
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import gain_shown
 from trackbench.subjects.doctor.samples import has_samples
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, early_trials
@@ -67,6 +67,47 @@ class UpdateErrors(NamedTuple):
     """The same, held against that of the applied gain."""
 
 
+@doctor_check(
+    Question(
+        "one_gain",
+        "Do the mean and the covariance change by one gain?",
+        "Do the mean and the covariance change by one gain with {sensor}?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=140,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "gain_inconsistent": KnownFault(
+            "the gain is not that of the tracker's own covariance and the stated models",
+            "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
+            "points or samples.",
+            "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
+            "mean by K y once.",
+            Role(
+                "gain",
+                rank=40,
+                causes="numerical noise growth angle overconfident_start",
+                always="covariance_not_psd nonfinite invalid_estimate",
+                drive="tangential_pass",
+            ),
+        ),
+        "covariance_update_wrong": KnownFault(
+            "the updated covariance is not that of the applied gain",
+            "Where the covariance is updated after a measurement.",
+            "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
+            "moves the mean.",
+            Role(
+                "step",
+                rank=28,
+                causes="numerical noise growth angle overconfident_start",
+                always="covariance_not_psd nonfinite invalid_estimate",
+                drive="own_model",
+            ),
+        ),
+    },
+)
 def one_gain(tracker: TrackerUnderTest) -> PartResult:
     """Hold the updates of the mean and of the covariance against those of the right gain."""
     result = PartResult()
@@ -292,49 +333,3 @@ def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
         added = (one.update.estimate.covariance - one.right_covariance) / spread
         squares.append(float(np.sum(added * removed) / np.sum(removed**2)))
     return float(np.sqrt(max(0.0, np.median(squares))))
-
-
-ONE_GAIN_CHECK = DoctorCheck(
-    one_gain,
-    place=140,
-    questions=(
-        Question(
-            "one_gain",
-            "Do the mean and the covariance change by one gain?",
-            "Do the mean and the covariance change by one gain with {sensor}?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "gain_inconsistent": KnownFault(
-            "the gain is not that of the tracker's own covariance and the stated models",
-            "Where the gain is computed and applied to the mean, and where its covariances are summed over sigma "
-            "points or samples.",
-            "K = P H^T S^-1 (P_xz S^-1 with the same points, weights and means in both sums), S with R once; move the "
-            "mean by K y once.",
-            Role(
-                "gain",
-                rank=40,
-                causes="numerical noise growth angle overconfident_start",
-                always="covariance_not_psd nonfinite invalid_estimate",
-                drive="tangential_pass",
-            ),
-        ),
-        "covariance_update_wrong": KnownFault(
-            "the updated covariance is not that of the applied gain",
-            "Where the covariance is updated after a measurement.",
-            "P = (I - K H) P, or (I - K H) P (I - K H)^T + K R K^T, once for each measurement, with the gain that "
-            "moves the mean.",
-            Role(
-                "step",
-                rank=28,
-                causes="numerical noise growth angle overconfident_start",
-                always="covariance_not_psd nonfinite invalid_estimate",
-                drive="own_model",
-            ),
-        ),
-    },
-)

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import with_noise
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -49,6 +49,26 @@ WRONG_OUTPUTS = (
 )
 
 
+@doctor_check(
+    Question("output", "Is the estimate px, py, vx, vy in the fixed frame?"),
+    place=20,
+    asks_at_misses=True,
+    faults={
+        "axis_swapped": KnownFault(
+            "two axes are swapped",
+            "Where measurements are read and where the estimate is returned (px, py, vx, vy).",
+            "x is along the boresight and y to its left; the azimuth starts at x; the estimate's order is px, py, vx, "
+            "vy.",
+            Role("exact", rank=7, causes="axes", drive="tangential_pass"),
+        ),
+        "axis_mirrored": KnownFault(
+            "an axis points the wrong way",
+            "Where the measurements of this sensor are read.",
+            "y is to the left of the boresight, and azimuths are counter-clockwise.",
+            Role("exact", rank=8, causes="axes", drive="azimuth_crossing"),
+        ),
+    },
+)
 def output(tracker: TrackerUnderTest) -> PartResult:
     """Follow targets without noise, and compare the estimates with the true states."""
     pairs = []
@@ -84,6 +104,18 @@ def _numbers(state: Array) -> str:
     return "(" + ", ".join(f"{value:.3g}" for value in state) + ")"
 
 
+@doctor_check(
+    Question("integers", "Are the estimates fractions, as the measurements are?"),
+    place=60,
+    faults={
+        "integer_state_matrix": KnownFault(
+            "the state or the covariance is in an array of integers",
+            "Where these arrays are made, as by np.array([0, 0, 0, 0]) or dtype=int.",
+            "Make them of floats: np.zeros(4), np.array([0.0, ...]); assigning to an array of integers truncates.",
+            Role("exact", rank=2, causes="stepped wrong_dt", always="measurement_ignored", drive="own_model"),
+        )
+    },
+)
 def integers(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks with noise, and look for whole numbers in all of their estimates."""
     random = np.random.default_rng([tracker.seed, 2])
@@ -143,40 +175,3 @@ def _constant(values: Sequence[Array]) -> bool:
 
 def _plain(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
-
-
-OUTPUT_CHECK = DoctorCheck(
-    output,
-    place=20,
-    questions=(Question("output", "Is the estimate px, py, vx, vy in the fixed frame?"),),
-    asks_at_misses=True,
-    faults={
-        "axis_swapped": KnownFault(
-            "two axes are swapped",
-            "Where measurements are read and where the estimate is returned (px, py, vx, vy).",
-            "x is along the boresight and y to its left; the azimuth starts at x; the estimate's order is px, py, vx, "
-            "vy.",
-            Role("exact", rank=7, causes="axes", drive="tangential_pass"),
-        ),
-        "axis_mirrored": KnownFault(
-            "an axis points the wrong way",
-            "Where the measurements of this sensor are read.",
-            "y is to the left of the boresight, and azimuths are counter-clockwise.",
-            Role("exact", rank=8, causes="axes", drive="azimuth_crossing"),
-        ),
-    },
-)
-
-INTEGERS_CHECK = DoctorCheck(
-    integers,
-    place=60,
-    questions=(Question("integers", "Are the estimates fractions, as the measurements are?"),),
-    faults={
-        "integer_state_matrix": KnownFault(
-            "the state or the covariance is in an array of integers",
-            "Where these arrays are made, as by np.array([0, 0, 0, 0]) or dtype=int.",
-            "Make them of floats: np.zeros(4), np.array([0.0, ...]); assigning to an array of integers truncates.",
-            Role("exact", rank=2, causes="stepped wrong_dt", always="measurement_ignored", drive="own_model"),
-        )
-    },
-)

@@ -12,7 +12,7 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named, predicted
@@ -94,6 +94,38 @@ class PredictedStep(NamedTuple):
         )
 
 
+@doctor_check(
+    Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),
+    place=80,
+    of_filters=True,
+    faults={
+        "wrong_dt": KnownFault(
+            "the time step is wrong",
+            "Where the time since the last scan is computed and stored.",
+            "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with the "
+            "state.",
+            Role("motion", rank=20, causes="measured growth time_offset", drive="uneven_steps"),
+        ),
+        "missed_scan_not_predicted": KnownFault(
+            "there is no prediction at a missed scan",
+            "Where a scan without a measurement (scan.valid is False) returns early.",
+            "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
+            Role("exact", rank=17, causes="stepped", drive="uneven_steps"),
+        ),
+        "velocity_unit": KnownFault(
+            "the velocity is in another unit than m/s",
+            "Where the estimate is returned, or where the velocity is made from positions and times.",
+            "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
+            Role(
+                "motion",
+                rank=6,
+                causes="stepped wrong_dt",
+                always="ego doppler_sign speed_for_range_rate",
+                drive="tangential_pass",
+            ),
+        ),
+    },
+)
 def prediction(tracker: TrackerUnderTest) -> PartResult:
     """Predict over steps of several lengths, each after previous steps of two lengths."""
     steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
@@ -220,6 +252,12 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
     return found
 
 
+@doctor_check(
+    Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),
+    place=100,
+    of_filters=True,
+    of_own_covariance=True,
+)
 def spreading(tracker: TrackerUnderTest) -> PartResult:
     """Early in a track and later, compare the growth of the position's covariance with the uncertainty of the velocity.
 
@@ -326,46 +364,3 @@ def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:
         least.append(grown / (step * before))
         most.append(grown / (step * (before + later) / 2))
     return min(least), max(most)
-
-
-PREDICTION_CHECK = DoctorCheck(
-    prediction,
-    place=80,
-    questions=(Question("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),),
-    of_filters=True,
-    faults={
-        "wrong_dt": KnownFault(
-            "the time step is wrong",
-            "Where the time since the last scan is computed and stored.",
-            "dt = scan.time - time of the state, in s, at every scan, missed ones too; store the new time with the "
-            "state.",
-            Role("motion", rank=20, causes="measured growth time_offset", drive="uneven_steps"),
-        ),
-        "missed_scan_not_predicted": KnownFault(
-            "there is no prediction at a missed scan",
-            "Where a scan without a measurement (scan.valid is False) returns early.",
-            "Predict to scan.time at every scan, and leave out only the update where there is no measurement.",
-            Role("exact", rank=17, causes="stepped", drive="uneven_steps"),
-        ),
-        "velocity_unit": KnownFault(
-            "the velocity is in another unit than m/s",
-            "Where the estimate is returned, or where the velocity is made from positions and times.",
-            "Return m/s; the state may have any unit, if it is converted there, with the covariance.",
-            Role(
-                "motion",
-                rank=6,
-                causes="stepped wrong_dt",
-                always="ego doppler_sign speed_for_range_rate",
-                drive="tangential_pass",
-            ),
-        ),
-    },
-)
-
-SPREADING_CHECK = DoctorCheck(
-    spreading,
-    place=100,
-    questions=(Question("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),),
-    of_filters=True,
-    of_own_covariance=True,
-)

@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.base.types import COMMON_STATE, Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.session import finite
@@ -47,6 +47,59 @@ TIED, UNTIED = 0.7, 0.1
 ABOVE = (2, 1, 0)
 
 
+@doctor_check(
+    Question(
+        "process_noise",
+        "Is the process noise that of a road vehicle?",
+        "Does the process noise fit a road vehicle?",
+        misses=True,
+        finds=("q_too_small", "q_too_large", "process_noise_omitted"),
+    ),
+    Question(
+        "noise_per_step",
+        "Does the process noise of a step depend on its length?",
+        misses=True,
+        finds=("q_constant_per_step",),
+    ),
+    place=110,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_too_small": KnownFault(
+            "the process noise is too small",
+            "Where Q is computed.",
+            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
+            "cars).",
+            Role("motion growth", rank=48, causes="numerical", drive="manoeuvre"),
+        ),
+        "q_too_large": KnownFault(
+            "the process noise is too large",
+            "Where Q is computed; check the powers of dt too.",
+            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
+            "cars).",
+            Role(
+                "motion growth",
+                rank=22,
+                causes="numerical",
+                always="predicted_covariance_not_psd covariance_not_psd",
+                drive="own_model",
+            ),
+        ),
+        "q_constant_per_step": KnownFault(
+            "the process noise does not depend on the time step",
+            "Where Q is computed, or set once.",
+            "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is zero "
+            "for dt = 0.",
+            Role("motion growth", rank=25, causes="gain growth points overconfident_start", drive="uneven_steps"),
+        ),
+        "process_noise_omitted": KnownFault(
+            "the process noise is missing from the predicted covariance",
+            "Where the covariance is predicted.",
+            "P = F P F^T + Q, or the sum over the moved points plus Q.",
+            Role("motion growth", rank=33, causes="numerical q_too_small overconfident_start", drive="manoeuvre"),
+        ),
+    },
+)
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
     """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
     # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
@@ -200,6 +253,29 @@ class Power(NamedTuple):
     """``(steps,)``"""
 
 
+@doctor_check(
+    Question(
+        "noise_powers", "Do the entries of the process noise go with the same powers of the time step?", misses=True
+    ),
+    place=120,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "q_wrong_power_of_dt": KnownFault(
+            "an entry of the process noise has a wrong power of the time step",
+            "Where Q is written out.",
+            "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, dt^2 / "
+            "2, dt for a continuous white noise.",
+            Role(
+                "motion growth",
+                rank=21,
+                causes="gain noise growth overconfident_start",
+                always="numerical",
+                drive="uneven_steps",
+            ),
+        )
+    },
+)
 def noise_powers(tracker: TrackerUnderTest) -> PartResult:
     """Compare the powers of the step with those of a white acceleration or its integrals.
 
@@ -312,88 +388,3 @@ def _power_shown(power: Power) -> OverTime:
     return OverTime(
         "Process noise of a step", "length of the step, s", steps, (course,), right_name=f"with dt^{power.right}"
     )
-
-
-PROCESS_NOISE_CHECK = DoctorCheck(
-    process_noise,
-    place=110,
-    questions=(
-        Question(
-            "process_noise",
-            "Is the process noise that of a road vehicle?",
-            "Does the process noise fit a road vehicle?",
-            misses=True,
-            finds=("q_too_small", "q_too_large", "process_noise_omitted"),
-        ),
-        Question(
-            "noise_per_step",
-            "Does the process noise of a step depend on its length?",
-            misses=True,
-            finds=("q_constant_per_step",),
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "q_too_small": KnownFault(
-            "the process noise is too small",
-            "Where Q is computed.",
-            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
-            "cars).",
-            Role("motion growth", rank=48, causes="numerical", drive="manoeuvre"),
-        ),
-        "q_too_large": KnownFault(
-            "the process noise is too large",
-            "Where Q is computed; check the powers of dt too.",
-            "For G G^T sigma^2, set sigma to half to all of the largest acceleration of the targets (1 to 9 m/s^2 for "
-            "cars).",
-            Role(
-                "motion growth",
-                rank=22,
-                causes="numerical",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="own_model",
-            ),
-        ),
-        "q_constant_per_step": KnownFault(
-            "the process noise does not depend on the time step",
-            "Where Q is computed, or set once.",
-            "Compute Q from the dt of every step: G G^T sigma^2 with G = (dt^2 / 2, dt)^T for each axis; it is zero "
-            "for dt = 0.",
-            Role("motion growth", rank=25, causes="gain growth points overconfident_start", drive="uneven_steps"),
-        ),
-        "process_noise_omitted": KnownFault(
-            "the process noise is missing from the predicted covariance",
-            "Where the covariance is predicted.",
-            "P = F P F^T + Q, or the sum over the moved points plus Q.",
-            Role("motion growth", rank=33, causes="numerical q_too_small overconfident_start", drive="manoeuvre"),
-        ),
-    },
-)
-
-NOISE_POWERS_CHECK = DoctorCheck(
-    noise_powers,
-    place=120,
-    questions=(
-        Question(
-            "noise_powers", "Do the entries of the process noise go with the same powers of the time step?", misses=True
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "q_wrong_power_of_dt": KnownFault(
-            "an entry of the process noise has a wrong power of the time step",
-            "Where Q is written out.",
-            "Position, position and velocity, velocity: dt^4 / 4, dt^3 / 2, dt^2 for G G^T sigma^2; dt^3 / 3, dt^2 / "
-            "2, dt for a continuous white noise.",
-            Role(
-                "motion growth",
-                rank=21,
-                causes="gain noise growth overconfident_start",
-                always="numerical",
-                drive="uneven_steps",
-            ),
-        )
-    },
-)

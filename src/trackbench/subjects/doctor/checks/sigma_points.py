@@ -18,7 +18,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.subjects.doctor.expected_gain import gain_error, linearised_gain
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import gain_shown, points_shown
 from trackbench.subjects.doctor.samples import sampling_noise
@@ -77,6 +77,40 @@ class Unmoved(NamedTuple):
         return abs(self.mean - 1.0) < MEAN and self.mean_apart < MEAN
 
 
+@doctor_check(
+    Question("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),
+    place=70,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "sigma_weights_wrong": KnownFault(
+            "the weights of the sigma points do not sum to one",
+            "Where the weights of the mean are computed, and where they are multiplied by the points.",
+            "W_0 = lambda / (n + lambda) and 1 / (2 (n + lambda)) for each of the 2n others; beta belongs to the "
+            "covariance alone.",
+            Role(
+                "exact",
+                rank=3,
+                causes="stepped wrong_dt velocity_unit",
+                always="sums arctan_quadrant",
+                drive="long_run",
+            ),
+        ),
+        "sigma_spread_wrong": KnownFault(
+            "the spread of the sigma points does not fit their weights",
+            "Where n + lambda is computed for the points, and for the weights.",
+            "Points at the mean +- columns of sqrt((n + lambda) P), with the n, alpha and kappa that the weights are "
+            "made of.",
+            Role("points", rank=5, causes="stepped wrong_dt", always="sums", drive="long_run"),
+        ),
+        "sigma_points_misdrawn": KnownFault(
+            "the sigma points do not have the covariance that they are drawn from",
+            "Where the matrix root of the covariance is taken and its vectors are added to the mean.",
+            "Add the columns of the lower Cholesky factor (its rows, if the factor is the upper one), not the rows.",
+            Role("points", rank=4, causes="stepped wrong_dt", always="sums", drive="long_run"),
+        ),
+    },
+)
 def no_time(tracker: TrackerUnderTest) -> PartResult:
     """Predict over no time, early in a track, and update at once after its first measurements."""
     found: list[Unmoved] = []
@@ -257,40 +291,3 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     )
     shown_by, exhibit = tracker.probes.general[0].name, None if worst is None else worst[1]
     return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by, exhibit=exhibit)
-
-
-NO_TIME_CHECK = DoctorCheck(
-    no_time,
-    place=70,
-    questions=(Question("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "sigma_weights_wrong": KnownFault(
-            "the weights of the sigma points do not sum to one",
-            "Where the weights of the mean are computed, and where they are multiplied by the points.",
-            "W_0 = lambda / (n + lambda) and 1 / (2 (n + lambda)) for each of the 2n others; beta belongs to the "
-            "covariance alone.",
-            Role(
-                "exact",
-                rank=3,
-                causes="stepped wrong_dt velocity_unit",
-                always="sums arctan_quadrant",
-                drive="long_run",
-            ),
-        ),
-        "sigma_spread_wrong": KnownFault(
-            "the spread of the sigma points does not fit their weights",
-            "Where n + lambda is computed for the points, and for the weights.",
-            "Points at the mean +- columns of sqrt((n + lambda) P), with the n, alpha and kappa that the weights are "
-            "made of.",
-            Role("points", rank=5, causes="stepped wrong_dt", always="sums", drive="long_run"),
-        ),
-        "sigma_points_misdrawn": KnownFault(
-            "the sigma points do not have the covariance that they are drawn from",
-            "Where the matrix root of the covariance is taken and its vectors are added to the mean.",
-            "Add the columns of the lower Cholesky factor (its rows, if the factor is the upper one), not the rows.",
-            Role("points", rank=4, causes="stepped wrong_dt", always="sums", drive="long_run"),
-        ),
-    },
-)

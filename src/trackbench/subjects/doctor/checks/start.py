@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
@@ -107,6 +107,31 @@ def _started(tracker: TrackerUnderTest, targets: Sequence[Approach]) -> list[Fir
     return found
 
 
+@doctor_check(
+    Question(
+        "start",
+        "Do tracks start at the target?",
+        "Do tracks that start with {sensor} start at the target?",
+        each_sensor=True,
+    ),
+    place=30,
+    faults={
+        "arctan_quadrant": KnownFault(
+            "arctan is used instead of arctan2",
+            "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
+            "track.",
+            "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one behind.",
+            Role("exact", rank=12, causes="measured angle", always="nonfinite", drive="azimuth_crossing"),
+        ),
+        "polar_start": KnownFault(
+            "a polar measurement is used as a Cartesian position",
+            "Where the first state of a track is computed from a radar measurement.",
+            "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the sensor's "
+            "pose.",
+            Role(rank=45, causes="overconfident_start sensor_bias", drive="radial_approach"),
+        ),
+    },
+)
 def first_position(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks without noise at many probes with each sensor alone."""
     result = PartResult()
@@ -229,6 +254,20 @@ def _clear(first: FirstEstimate, error: float) -> bool:
     return bool(error**2 > 4.0 * variance)
 
 
+@doctor_check(
+    Question("start_confidence", "Is the first covariance as large as the first errors?"),
+    place=50,
+    of_own_covariance=True,
+    faults={
+        "overconfident_start": KnownFault(
+            "the first covariance is too small",
+            "Where the first covariance of a track is set.",
+            "Give what the first measurements do not determine the spread of real targets: 20 m/s for the velocity of "
+            "cars.",
+            Role(drive="stationary"),
+        )
+    },
+)
 def confidence(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks of targets with many velocities, with noise, and compute the NEES of the first estimates."""
     random = np.random.default_rng([tracker.seed, 0])
@@ -281,49 +320,3 @@ def _nees(first: FirstEstimate) -> Array:
     error, covariance = first.estimate.mean - first.truth, first.estimate.covariance
     p = 0.5 * (covariance + covariance.T)
     return np.array([error[part] @ np.linalg.pinv(p[part, part]) @ error[part] for part in (slice(0, 2), slice(2, 4))])
-
-
-FIRST_POSITION_CHECK = DoctorCheck(
-    first_position,
-    place=30,
-    questions=(
-        Question(
-            "start",
-            "Do tracks start at the target?",
-            "Do tracks that start with {sensor} start at the target?",
-            each_sensor=True,
-        ),
-    ),
-    faults={
-        "arctan_quadrant": KnownFault(
-            "arctan is used instead of arctan2",
-            "Where an angle is computed from two components, such as the predicted azimuth or the course of a new "
-            "track.",
-            "Use arctan2(y, x); arctan(y / x) gives the same angle for a target ahead and for the opposite one behind.",
-            Role("exact", rank=12, causes="measured angle", always="nonfinite", drive="azimuth_crossing"),
-        ),
-        "polar_start": KnownFault(
-            "a polar measurement is used as a Cartesian position",
-            "Where the first state of a track is computed from a radar measurement.",
-            "x = r cos(azimuth), y = r sin(azimuth) in the sensor's frame, then into the fixed frame by the sensor's "
-            "pose.",
-            Role(rank=45, causes="overconfident_start sensor_bias", drive="radial_approach"),
-        ),
-    },
-)
-
-CONFIDENCE_CHECK = DoctorCheck(
-    confidence,
-    place=50,
-    questions=(Question("start_confidence", "Is the first covariance as large as the first errors?"),),
-    of_own_covariance=True,
-    faults={
-        "overconfident_start": KnownFault(
-            "the first covariance is too small",
-            "Where the first covariance of a track is set.",
-            "Give what the first measurements do not determine the spread of real targets: 20 m/s for the velocity of "
-            "cars.",
-            Role(drive="stationary"),
-        )
-    },
-)

@@ -19,7 +19,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
 from trackbench.subjects.doctor.covariance_origin import Make, indefinite, indefinite_entries, indefinite_shown, named
 from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import SINGULAR
 from trackbench.subjects.doctor.probes import TURNS, turned_mounting
 from trackbench.subjects.doctor.session import FAR, MissGiven, StepFailed, TrackerSession, apart, finite, plausible
@@ -76,6 +76,33 @@ def require_runnable(tracker: TrackerUnderTest) -> None:
     raise CannotRun(_sentence(*tracker.failures[0]))
 
 
+@doctor_check(
+    Question("steps", "Does every step return an estimate?"),
+    place=1000,
+    faults={
+        "exception_raised": KnownFault(
+            "a step raises an exception",
+            "At the named line.",
+            "Give the named measurement to the tracker in a test, and make the step pass it; a missed one (scan.valid "
+            "is False) is to be predicted, unless --no-misses says that there is none.",
+            Role("exact root", drive="uneven_steps"),
+        ),
+        "invalid_estimate": KnownFault(
+            "what a step returns is no estimate",
+            "Where the step returns.",
+            "Return (state, (mean, covariance)) with a mean (4,) and a covariance (4, 4) of finite size, or (state, "
+            "None) before the track has started.",
+            Role("exact numerical", drive="uneven_steps"),
+        ),
+        "process_ended": KnownFault(
+            "the tracker's process ended",
+            "At the named line, or in a compiled extension.",
+            "Look for a crash, an exit or an endless loop at the named measurement; with --in-process a debugger can "
+            "stop there.",
+            Role("exact", drive="uneven_steps"),
+        ),
+    },
+)
 def steps(tracker: TrackerUnderTest) -> PartResult:
     """Report on the steps that failed in all other checks."""
     findings, failed = failure_findings(tracker), tracker.failures
@@ -356,33 +383,3 @@ def _sentence(where: str, failure: StepFailed) -> str:
     values = f": {_measured(scan)}" if scan.valid.any() else ""
     values += ", where the range is 0" if where in SINGULAR else ""
     return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"
-
-
-STEPS_CHECK = DoctorCheck(
-    steps,
-    place=1000,
-    questions=(Question("steps", "Does every step return an estimate?"),),
-    faults={
-        "exception_raised": KnownFault(
-            "a step raises an exception",
-            "At the named line.",
-            "Give the named measurement to the tracker in a test, and make the step pass it; a missed one (scan.valid "
-            "is False) is to be predicted, unless --no-misses says that there is none.",
-            Role("exact root", drive="uneven_steps"),
-        ),
-        "invalid_estimate": KnownFault(
-            "what a step returns is no estimate",
-            "Where the step returns.",
-            "Return (state, (mean, covariance)) with a mean (4,) and a covariance (4, 4) of finite size, or (state, "
-            "None) before the track has started.",
-            Role("exact numerical", drive="uneven_steps"),
-        ),
-        "process_ended": KnownFault(
-            "the tracker's process ended",
-            "At the named line, or in a compiled extension.",
-            "Look for a crash, an exit or an endless loop at the named measurement; with --in-process a debugger can "
-            "stop there.",
-            Role("exact", drive="uneven_steps"),
-        ),
-    },
-)

@@ -17,7 +17,7 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
@@ -66,6 +66,27 @@ class Moved(NamedTuple):
     """Whether the mean moves by its own velocity."""
 
 
+@doctor_check(
+    Question("transition", "Does the covariance of a turning target move as its mean is predicted to?", misses=True),
+    place=102,
+    of_filters=True,
+    of_own_covariance=True,
+    faults={
+        "predicted_covariance_wrong": KnownFault(
+            "the predicted covariance does not follow from the one before",
+            "Where the covariance is predicted and stored.",
+            "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
+            "ones too.",
+            Role(
+                "step",
+                rank=13,
+                causes="stepped",
+                always="update_not_kept predicted_covariance_asymmetric covariance_asymmetric process_noise_omitted",
+                drive="long_gap",
+            ),
+        )
+    },
+)
 def transition(tracker: TrackerUnderTest) -> PartResult:
     """Predict after measured and missed scans of turning targets, and after gaps of several lengths."""
     if (wrong := _forgets(tracker) or _stays(tracker) or _about_another_mean(tracker)) is not None:
@@ -259,31 +280,3 @@ def _apart(one: Estimate, other: Estimate) -> float:
     """The largest difference of two covariances in variances of the latter."""
     sigma = np.sqrt(np.maximum(np.diag(other.covariance), 1e-12))
     return float(np.abs((one.covariance - other.covariance) / np.outer(sigma, sigma)).max())
-
-
-TRANSITION_CHECK = DoctorCheck(
-    transition,
-    place=102,
-    questions=(
-        Question(
-            "transition", "Does the covariance of a turning target move as its mean is predicted to?", misses=True
-        ),
-    ),
-    of_filters=True,
-    of_own_covariance=True,
-    faults={
-        "predicted_covariance_wrong": KnownFault(
-            "the predicted covariance does not follow from the one before",
-            "Where the covariance is predicted and stored.",
-            "P = F P F^T + Q, or the spread of the moved points about their own mean plus Q, at every scan, missed "
-            "ones too.",
-            Role(
-                "step",
-                rank=13,
-                causes="stepped",
-                always="update_not_kept predicted_covariance_asymmetric covariance_asymmetric process_noise_omitted",
-                drive="long_gap",
-            ),
-        )
-    },
-)

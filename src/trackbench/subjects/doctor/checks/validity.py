@@ -18,7 +18,7 @@ from trackbench.subjects.doctor.covariance_origin import (
     named,
 )
 from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import SINGULAR, WorstCase, asymmetry, least_eigenvalue, scaled
 from trackbench.subjects.doctor.probes import Probe, with_noise
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
@@ -38,6 +38,73 @@ LONG, AT_LEAST = 1.0, 2
 RARE = 1e-3
 
 
+@doctor_check(
+    Question("finite", "Is every number of every estimate finite?", finds=("nonfinite",)),
+    Question(
+        "symmetric",
+        "Is every covariance symmetric?",
+        finds=("covariance_asymmetric", "predicted_covariance_asymmetric"),
+    ),
+    Question(
+        "definite",
+        "Is every covariance positive definite?",
+        finds=("covariance_not_psd", "predicted_covariance_not_psd"),
+    ),
+    Question(
+        "predicted_definite",
+        "Does a prediction over 1 s leave the covariance positive definite?",
+        misses=True,
+        finds=("predicted_covariance_not_psd",),
+    ),
+    place=900,
+    asks_at_misses=True,
+    faults={
+        "nonfinite": KnownFault(
+            "the estimate is not finite",
+            "At square roots, and at divisions by a range, a speed, a yaw rate or a time step that can be zero.",
+            "Use the limit where the divisor is zero (straight motion for a turn rate of zero); skip a time step of "
+            "zero.",
+            Role("exact numerical", drive="uneven_steps"),
+        ),
+        "covariance_asymmetric": KnownFault(
+            "the covariance is not symmetric",
+            "In the update of the covariance, and where the first one is set or the estimate is returned.",
+            "Use Joseph's form or P - K S K^T, and P = (P + P^T) / 2 after it.",
+            Role(rank=29, causes="numerical gain azimuth_not_wrapped", drive="long_run"),
+        ),
+        "predicted_covariance_asymmetric": KnownFault(
+            "the prediction makes the covariance asymmetric",
+            "In the prediction, where Q is written out and where F P F^T is computed.",
+            "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 only "
+            "hides a wrong entry.",
+            Role(
+                rank=23,
+                causes="numerical gain azimuth_not_wrapped covariance_asymmetric",
+                always="predicted_covariance_not_psd covariance_not_psd",
+                drive="long_run",
+            ),
+        ),
+        "covariance_not_psd": KnownFault(
+            "the covariance is not positive definite",
+            "In the update of the covariance, and in the weights of sigma points.",
+            "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
+            Role("exact numerical", rank=41, causes="covariance", always="nonfinite", drive="long_run"),
+        ),
+        "predicted_covariance_not_psd": KnownFault(
+            "the prediction makes the covariance indefinite",
+            "In the prediction, where Q is computed, and in the weights of sigma points.",
+            "Compute Q as G G^T sigma^2, which has no negative eigenvalue; check the sign and the power of dt of each "
+            "entry, and the central weight. Symmetrising does not mend it.",
+            Role(
+                "exact numerical",
+                rank=24,
+                causes="covariance points",
+                always="nonfinite covariance_not_psd",
+                drive="long_run",
+            ),
+        ),
+    },
+)
 def validity(tracker: TrackerUnderTest) -> PartResult:
     """Report the checks of all estimates of the examination; add those of targets at rest and at the sensor."""
     for probe in (tracker.probes.at_rest, tracker.probes.at_sensor):
@@ -173,6 +240,23 @@ def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
     return float(np.sqrt(np.nanmedian(squares)))
 
 
+@doctor_check(
+    Question(
+        "repeatable",
+        "Do three fresh trackers give the same estimates?",
+        "Do three fresh trackers give the same estimates from the same measurements?",
+    ),
+    place=10,
+    faults={
+        "not_deterministic": KnownFault(
+            "the same measurements give another estimate",
+            "At random numbers without a seed, and at values kept in the class or module instead of the state.",
+            "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
+            "says random = True.",
+            Role(rank=1, always="every", drive="uneven_steps"),
+        )
+    },
+)
 def repeatability(tracker: TrackerUnderTest) -> PartResult:
     """Give the same measurements to three fresh trackers."""
     probe = tracker.probes.general[0]
@@ -220,96 +304,3 @@ def _copied(session: TrackerSession) -> str:
         return ""
     text = f"; copy.deepcopy cannot copy it ({why}), so that each measurement is tried on a fresh one that is given all"
     return f"{text} scans before it again, which takes longer"
-
-
-REPEATABILITY_CHECK = DoctorCheck(
-    repeatability,
-    place=10,
-    questions=(
-        Question(
-            "repeatable",
-            "Do three fresh trackers give the same estimates?",
-            "Do three fresh trackers give the same estimates from the same measurements?",
-        ),
-    ),
-    faults={
-        "not_deterministic": KnownFault(
-            "the same measurements give another estimate",
-            "At random numbers without a seed, and at values kept in the class or module instead of the state.",
-            "Seed the generator in __init__, and keep all memory in the state or the instance. A filter of samples "
-            "says random = True.",
-            Role(rank=1, always="every", drive="uneven_steps"),
-        )
-    },
-)
-
-VALIDITY_CHECK = DoctorCheck(
-    validity,
-    place=900,
-    questions=(
-        Question("finite", "Is every number of every estimate finite?", finds=("nonfinite",)),
-        Question(
-            "symmetric",
-            "Is every covariance symmetric?",
-            finds=("covariance_asymmetric", "predicted_covariance_asymmetric"),
-        ),
-        Question(
-            "definite",
-            "Is every covariance positive definite?",
-            finds=("covariance_not_psd", "predicted_covariance_not_psd"),
-        ),
-        Question(
-            "predicted_definite",
-            "Does a prediction over 1 s leave the covariance positive definite?",
-            misses=True,
-            finds=("predicted_covariance_not_psd",),
-        ),
-    ),
-    asks_at_misses=True,
-    faults={
-        "nonfinite": KnownFault(
-            "the estimate is not finite",
-            "At square roots, and at divisions by a range, a speed, a yaw rate or a time step that can be zero.",
-            "Use the limit where the divisor is zero (straight motion for a turn rate of zero); skip a time step of "
-            "zero.",
-            Role("exact numerical", drive="uneven_steps"),
-        ),
-        "covariance_asymmetric": KnownFault(
-            "the covariance is not symmetric",
-            "In the update of the covariance, and where the first one is set or the estimate is returned.",
-            "Use Joseph's form or P - K S K^T, and P = (P + P^T) / 2 after it.",
-            Role(rank=29, causes="numerical gain azimuth_not_wrapped", drive="long_run"),
-        ),
-        "predicted_covariance_asymmetric": KnownFault(
-            "the prediction makes the covariance asymmetric",
-            "In the prediction, where Q is written out and where F P F^T is computed.",
-            "Compute Q as G G^T sigma^2, or mirror the named entry, and transpose the second F; P = (P + P^T) / 2 only "
-            "hides a wrong entry.",
-            Role(
-                rank=23,
-                causes="numerical gain azimuth_not_wrapped covariance_asymmetric",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="long_run",
-            ),
-        ),
-        "covariance_not_psd": KnownFault(
-            "the covariance is not positive definite",
-            "In the update of the covariance, and in the weights of sigma points.",
-            "Use Joseph's form, or P - K S K^T with the gain of the same S; check the sign of each weight.",
-            Role("exact numerical", rank=41, causes="covariance", always="nonfinite", drive="long_run"),
-        ),
-        "predicted_covariance_not_psd": KnownFault(
-            "the prediction makes the covariance indefinite",
-            "In the prediction, where Q is computed, and in the weights of sigma points.",
-            "Compute Q as G G^T sigma^2, which has no negative eigenvalue; check the sign and the power of dt of each "
-            "entry, and the central weight. Symmetrising does not mend it.",
-            Role(
-                "exact numerical",
-                rank=24,
-                causes="covariance points",
-                always="nonfinite covariance_not_psd",
-                drive="long_run",
-            ),
-        ),
-    },
-)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.exhibits import Predictions
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import named, predicted, update_shown
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -27,6 +27,20 @@ COURSE_UNKNOWN = 0.4
 MOVING = 2.0
 
 
+@doctor_check(
+    Question("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
+    place=90,
+    of_filters=True,
+    faults={
+        "velocity_not_kept": KnownFault(
+            "the velocity changes where nothing says so",
+            "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a step.",
+            "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise for "
+            "it.",
+            Role("step", rank=26, causes="stepped wrong_dt", drive="tangential_pass"),
+        )
+    },
+)
 def velocity(tracker: TrackerUnderTest) -> PartResult:
     """Follow targets of constant velocity, and predict them; then measure them where they are predicted."""
     over = {step: _predicted(tracker, step) for step in (SHORT, LONG)}
@@ -103,22 +117,3 @@ def _ratio(before: Estimate, after: Estimate) -> list[float]:
     if across > COURSE_UNKNOWN**2 * (vx * vx + vy * vy) ** 2:
         return []
     return [float(np.hypot(vx, vy) / np.hypot(*before.mean[2:]))]
-
-
-VELOCITY_CHECK = DoctorCheck(
-    velocity,
-    place=90,
-    questions=(
-        Question("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
-    ),
-    of_filters=True,
-    faults={
-        "velocity_not_kept": KnownFault(
-            "the velocity changes where nothing says so",
-            "Where the transition is written out, and where the velocity is scaled, limited or smoothed after a step.",
-            "Constant velocity leaves vx and vy as they are; a decay has to be exp(-dt / tau), with process noise for "
-            "it.",
-            Role("step", rank=26, causes="stepped wrong_dt", drive="tangential_pass"),
-        )
-    },
-)

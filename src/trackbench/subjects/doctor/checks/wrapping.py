@@ -18,7 +18,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import jumps_of_course
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.expected_gain import gain_error
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
 from trackbench.subjects.doctor.right_answers import named
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
@@ -78,6 +78,56 @@ class Jump(NamedTuple):
     """That of the predicted azimuth, in standard deviations of the measurement."""
 
 
+@doctor_check(
+    Question(
+        "azimuth_wrapping",
+        "Is the update of a target with the azimuth pi the same as with any other?",
+        finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
+    ),
+    Question(
+        "course_wrapping",
+        "Is the update of a target with the course pi the same as with any other?",
+        finds=("course_not_wrapped",),
+    ),
+    place=190,
+    of_filters=True,
+    faults={
+        "azimuth_not_wrapped": KnownFault(
+            "an angle is not wrapped to (-pi, pi]",
+            "Where the innovation, or the difference of sigma points from their mean, is computed.",
+            "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 pi) - "
+            "pi.",
+            Role("exact angle", rank=44, causes="numerical", drive="azimuth_crossing"),
+        ),
+        "angle_mean_not_circular": KnownFault(
+            "angles of sigma points are averaged or subtracted across pi",
+            "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
+            "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap every "
+            "difference from the mean.",
+            Role(
+                "exact angle",
+                rank=18,
+                causes="measured noise angle",
+                always="azimuth_not_wrapped",
+                drive="azimuth_crossing",
+            ),
+        ),
+        "course_not_wrapped": KnownFault(
+            "a difference of courses in the state is not wrapped to (-pi, pi]",
+            "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences from "
+            "it.",
+            "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences from "
+            "one point.",
+            Role(
+                "exact angle",
+                rank=19,
+                causes="stepped",
+                always="predicted_covariance_not_psd covariance_not_psd",
+                drive="long_run",
+            ),
+        ),
+    },
+)
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
     """Try measurements beside a target at the azimuth pi, and beside one with the course pi; follow one through it."""
     result = PartResult()
@@ -328,58 +378,3 @@ def _text(trial: Trial, side: float, size: float) -> str:
             f"(plain difference {measured - predicted:+.4f})"
         )
     return f"{at}: the update differs by {size:.3g} of its standard deviations from that of the same target turned away"
-
-
-WRAPPING_CHECK = DoctorCheck(
-    wrapping,
-    place=190,
-    questions=(
-        Question(
-            "azimuth_wrapping",
-            "Is the update of a target with the azimuth pi the same as with any other?",
-            finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
-        ),
-        Question(
-            "course_wrapping",
-            "Is the update of a target with the course pi the same as with any other?",
-            finds=("course_not_wrapped",),
-        ),
-    ),
-    of_filters=True,
-    faults={
-        "azimuth_not_wrapped": KnownFault(
-            "an angle is not wrapped to (-pi, pi]",
-            "Where the innovation, or the difference of sigma points from their mean, is computed.",
-            "Wrap every difference of angles, of the azimuth and of the course in the state: d = (d + pi) % (2 pi) - "
-            "pi.",
-            Role("exact angle", rank=44, causes="numerical", drive="azimuth_crossing"),
-        ),
-        "angle_mean_not_circular": KnownFault(
-            "angles of sigma points are averaged or subtracted across pi",
-            "Where the mean of the sigma points' azimuths is computed, and their differences from it.",
-            "mean = a_0 + sum w wrap(a - a_0) with a_0 of one point, or atan2(sum w sin a, sum w cos a); wrap every "
-            "difference from the mean.",
-            Role(
-                "exact angle",
-                rank=18,
-                causes="measured noise angle",
-                always="azimuth_not_wrapped",
-                drive="azimuth_crossing",
-            ),
-        ),
-        "course_not_wrapped": KnownFault(
-            "a difference of courses in the state is not wrapped to (-pi, pi]",
-            "Where the mean of the sigma points, or of the models of an IMM, is computed, and their differences from "
-            "it.",
-            "Wrap every difference of courses: d = (d + pi) % (2 pi) - pi; for a mean, that of the differences from "
-            "one point.",
-            Role(
-                "exact angle",
-                rank=19,
-                causes="stepped",
-                always="predicted_covariance_not_psd covariance_not_psd",
-                drive="long_run",
-            ),
-        ),
-    },
-)

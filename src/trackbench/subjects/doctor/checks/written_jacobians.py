@@ -17,7 +17,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Matrices, Panel
-from trackbench.subjects.doctor.findings import PROVEN, DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.findings import PROVEN, Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.inside.own_filter import INSTANT, NARROW, OwnFilter, covariances_apart, own_filter
 from trackbench.subjects.doctor.inside.trace import Assigned
 from trackbench.subjects.doctor.session import StepFailed
@@ -42,6 +42,11 @@ TIMES, FALLS = (0.05, 0.1, 0.2, 0.4), 0.2
 TARGETS = 3
 
 
+@doctor_check(
+    Question("written_jacobians", "Are the Jacobians that lines write the derivatives, and does noise grow with time?"),
+    place=104,
+    of_filters=True,
+)
 def written_jacobians(tracker: TrackerUnderTest) -> PartResult:
     """Look into predictions and updates; nothing of a filter whose mean and covariance are not found."""
     looked, finding = tracker.once(wrong_line)
@@ -181,15 +186,3 @@ def _last_values(assigned: Sequence[Assigned], shape: tuple[int, ...]) -> list[A
 
 def _same(value: Array, other: Array) -> bool:
     return bool(np.abs(value - other).max() < 1e-4 * np.abs(other).max())
-
-
-WRITTEN_JACOBIANS_CHECK = DoctorCheck(
-    written_jacobians,
-    place=104,
-    questions=(
-        Question(
-            "written_jacobians", "Are the Jacobians that lines write the derivatives, and does noise grow with time?"
-        ),
-    ),
-    of_filters=True,
-)

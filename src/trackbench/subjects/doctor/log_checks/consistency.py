@@ -13,7 +13,7 @@ from trackbench.base.types import Array
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.checks.process_noise import BAND
 from trackbench.subjects.doctor.exhibits import Course, OverTime
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.findings import Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.followed_log import LogInnovations, RecordedLog
 from trackbench.subjects.doctor.session import NO_PREDICTION
 
@@ -27,6 +27,7 @@ CAUSES = (
     "r_too_large",
     "sensor_bias",
 )
+_GROWTH = ("q_too_small", "q_too_large", "covariance_unbelievable")
 #: Innovations of a sensor that are needed, and the blocks into which they are cut.
 LEAST, BLOCKS = 60, 20
 #: Share of the errors of a block mean that an interval leaves out on each side: where the limit is far from what is
@@ -60,6 +61,16 @@ def block_interval(values: Array, outside: float = OUTSIDE) -> tuple[float, floa
     return mean, mean - reach, mean + reach
 
 
+@doctor_check(
+    Question(
+        "log_noise",
+        "Does the covariance change as the stated noise says?",
+        "Does the covariance change as the stated noise of {sensor} says?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=40,
+)
 def noise(log: RecordedLog) -> PartResult:
     """Compare the variance that the change of the covariance implies with the stated one."""
     result = PartResult()
@@ -85,6 +96,16 @@ def noise(log: RecordedLog) -> PartResult:
     return result
 
 
+@doctor_check(
+    Question(
+        "log_timing",
+        "Are the innovations without a trace of a time offset?",
+        "Are the innovations of {sensor} without a trace of a time offset?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=50,
+)
 def timing(log: RecordedLog) -> PartResult:
     """Fit the time by which the measurements of each sensor are off, and try the largest one on the tracker."""
     result, fits = PartResult(), {}
@@ -126,6 +147,36 @@ def _tried(log: RecordedLog, sensor: str, offset: float) -> Finding | None:
     return Finding("time_offset", 0.92, text, sensor=None if others else sensor)
 
 
+@doctor_check(
+    Question(
+        "log_nis",
+        "Are the innovations as large as the own covariance and the stated noise say?",
+        "Are the innovations of {sensor} as large as the own covariance and its stated noise say?",
+        each_sensor=True,
+        misses=True,
+        finds=_GROWTH,
+        shows=CAUSES,
+    ),
+    Question(
+        "log_whiteness",
+        "Are successive innovations uncorrelated?",
+        "Are successive innovations of {sensor} uncorrelated?",
+        each_sensor=True,
+        misses=True,
+        finds=_GROWTH,
+        shows=CAUSES,
+    ),
+    Question(
+        "log_mean",
+        "Is the mean of the innovations zero?",
+        "Is the mean of the innovations of {sensor} zero?",
+        each_sensor=True,
+        misses=True,
+        finds=("sensor_bias",),
+        shows=(*CAUSES, *_GROWTH),
+    ),
+    place=60,
+)
 def innovations(log: RecordedLog) -> PartResult:
     """Judge the mean, the size and the correlation of the innovations of each sensor."""
     result, growth = PartResult(), dict[str, Finding]()
@@ -179,6 +230,16 @@ def _mean(result: PartResult, sensor: str, of: LogInnovations, lags: bool) -> No
     result.add(f"log_mean.{sensor}", not off, text, finding)
 
 
+@doctor_check(
+    Question(
+        "log_wrapping",
+        "Is an azimuth wrapped where it passes pi?",
+        "Is the azimuth of {sensor} wrapped where it passes pi?",
+        each_sensor=True,
+        misses=True,
+    ),
+    place=55,
+)
 def wrapped(log: RecordedLog) -> PartResult:
     """Compare the updates where the difference of two angles passes pi with what the own covariance says."""
     result = PartResult()
@@ -221,78 +282,3 @@ def _each(log: RecordedLog) -> list[tuple[str, LogInnovations, str | None]]:
         few = f"{len(of.time)} innovations, of {LEAST} needed" if len(of.time) < LEAST else None
         judged.append((sensor, of, few if log.followed.moved else NO_PREDICTION))
     return judged
-
-
-NOISE_CHECK = DoctorCheck(
-    noise,
-    place=40,
-    questions=(
-        Question(
-            "log_noise",
-            "Does the covariance change as the stated noise says?",
-            "Does the covariance change as the stated noise of {sensor} says?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-)
-TIMING_CHECK = DoctorCheck(
-    timing,
-    place=50,
-    questions=(
-        Question(
-            "log_timing",
-            "Are the innovations without a trace of a time offset?",
-            "Are the innovations of {sensor} without a trace of a time offset?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-)
-_GROWTH = ("q_too_small", "q_too_large", "covariance_unbelievable")
-WRAPPED_CHECK = DoctorCheck(
-    wrapped,
-    place=55,
-    questions=(
-        Question(
-            "log_wrapping",
-            "Is an azimuth wrapped where it passes pi?",
-            "Is the azimuth of {sensor} wrapped where it passes pi?",
-            each_sensor=True,
-            misses=True,
-        ),
-    ),
-)
-INNOVATIONS_CHECK = DoctorCheck(
-    innovations,
-    place=60,
-    questions=(
-        Question(
-            "log_nis",
-            "Are the innovations as large as the own covariance and the stated noise say?",
-            "Are the innovations of {sensor} as large as the own covariance and its stated noise say?",
-            each_sensor=True,
-            misses=True,
-            finds=_GROWTH,
-            shows=CAUSES,
-        ),
-        Question(
-            "log_whiteness",
-            "Are successive innovations uncorrelated?",
-            "Are successive innovations of {sensor} uncorrelated?",
-            each_sensor=True,
-            misses=True,
-            finds=_GROWTH,
-            shows=CAUSES,
-        ),
-        Question(
-            "log_mean",
-            "Is the mean of the innovations zero?",
-            "Is the mean of the innovations of {sensor} zero?",
-            each_sensor=True,
-            misses=True,
-            finds=("sensor_bias",),
-            shows=(*CAUSES, *_GROWTH),
-        ),
-    ),
-)

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.errors import counted
 from trackbench.base.types import Scan
 from trackbench.subjects.doctor.checks.steps import fault_of_error
-from trackbench.subjects.doctor.findings import DoctorCheck, Finding, PartResult, Question
+from trackbench.subjects.doctor.findings import Finding, PartResult, Question, doctor_check
 from trackbench.subjects.doctor.followed_log import GAP, RecordedLog
 from trackbench.subjects.doctor.session import NO_PREDICTION
 
@@ -20,6 +20,15 @@ SHARE = (0.85, 1.15)
 DISPLACEMENT, LEAST = 0.05, 20
 
 
+@doctor_check(
+    Question(
+        "log_stamps",
+        "Has each scan of the log a time of its own?",
+        "Has each scan of {sensor} in the log a time of its own?",
+        each_sensor=True,
+    ),
+    place=10,
+)
 def stamps(log: RecordedLog) -> PartResult:
     """Report the time steps of each sensor, and scans of one sensor that have the same time."""
     result = PartResult()
@@ -41,6 +50,7 @@ def stamps(log: RecordedLog) -> PartResult:
     return result
 
 
+@doctor_check(Question("log_steps", "Does every scan of the log give an estimate?"), place=20)
 def answered(log: RecordedLog) -> PartResult:
     """Report the steps that failed and the estimates that are not finite, the first of each as a finding."""
     failures, not_finite = log.followed.failures, log.followed.not_finite
@@ -62,6 +72,15 @@ def answered(log: RecordedLog) -> PartResult:
     return PartResult().add("log_steps", False, "; ".join(texts), *findings)
 
 
+@doctor_check(
+    Question(
+        "log_prediction",
+        "Is the estimate predicted by its velocity times the time step between the scans of the log?",
+        misses=True,
+        shows=("time_offset",),
+    ),
+    place=30,
+)
 def moved(log: RecordedLog) -> PartResult:
     """Compare how far predictions move along their velocity with the velocity times the time step."""
     if not log.followed.moved:
@@ -76,34 +95,3 @@ def moved(log: RecordedLog) -> PartResult:
     still = abs(ratio) < 1.0 - SHARE[0]
     fault = "missed_scan_not_predicted" if still else "wrong_dt"
     return PartResult().add("log_prediction", False, text, Finding(fault, 0.9, text, factor=None if still else ratio))
-
-
-STAMPS_CHECK = DoctorCheck(
-    stamps,
-    place=10,
-    questions=(
-        Question(
-            "log_stamps",
-            "Has each scan of the log a time of its own?",
-            "Has each scan of {sensor} in the log a time of its own?",
-            each_sensor=True,
-        ),
-    ),
-)
-ANSWERED_CHECK = DoctorCheck(
-    answered,
-    20,
-    (Question("log_steps", "Does every scan of the log give an estimate?"),),
-)
-MOVED_CHECK = DoctorCheck(
-    moved,
-    place=30,
-    questions=(
-        Question(
-            "log_prediction",
-            "Is the estimate predicted by its velocity times the time step between the scans of the log?",
-            misses=True,
-            shows=("time_offset",),
-        ),
-    ),
-)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.base.types import Array, Scan, Tracks
-from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     NEAR,
@@ -57,6 +57,18 @@ BEHIND = 0.25
 BEGINNING, SLOWER, AWAITED = 0.6, 1.5, 3.0
 
 
+@doctor_check(
+    Question("nearer_of_two", "Does a track not take the farther of two detections?"),
+    place=11,
+    faults={
+        "assignment_inverted": KnownFault(
+            "a track takes the farthest detection in its gate",
+            "Where the assignment is computed: whether it seeks the least or the largest sum, and of what.",
+            "linear_sum_assignment seeks the least sum: give it distances, or maximize=True with likelihoods.",
+            Role(rank=0, always="tracks associated_unpredicted gated_after_assignment gate_too_large order_dependent"),
+        )
+    },
+)
 def nearer_of_two(make: Make, site: Site) -> PartResult:
     """Two detections in a track's gate, on one side of where it is expected and then on the other, in both orders."""
     target = OBJECTS[:, 0]
@@ -81,6 +93,18 @@ def nearer_of_two(make: Make, site: Site) -> PartResult:
     return note(PartResult(), "nearer_of_two", not min(taken) > FARTHER, text, "assignment_inverted")
 
 
+@doctor_check(
+    Question("predicted_place", "Does a track take the detection where it is predicted to be?"),
+    place=12,
+    faults={
+        "associated_unpredicted": KnownFault(
+            "detections are compared with tracks that are not predicted",
+            "Where the distance of detections from tracks is computed, and where tracks are predicted.",
+            "Predict all tracks to scan.time first, mean and covariance; then compute the distances.",
+            Role(rank=0, always="tracks gate_too_small gate_too_large gated_after_assignment order_dependent"),
+        )
+    },
+)
 def predicted_place(make: Make, site: Site) -> PartResult:
     """After a moment without a scan, a detection where a fast object is predicted and one where it was."""
     ways = [way for target in FAST.T if (way := _way_back(make, site, target)) is not None]
@@ -121,6 +145,7 @@ def _mean_of(tracks: Tracks, identity: int) -> Array | None:
     return tracks.mean[:, column[0]] if len(column) else None
 
 
+@doctor_check(Question("new_predicted", "Is a new track predicted from one detection to the next?"), place=13)
 def new_predicted(make: Make, site: Site) -> PartResult:
     """The same first detections with more time between them: a track that is predicted is another one after them."""
     behind = [lag for target in OBJECTS.T if (lag := _behind_at_first(make, site, target)) is not None]
@@ -155,6 +180,18 @@ def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
     return _behind(tracks, moved(slow, scans[last].time)[:, None])
 
 
+@doctor_check(
+    Question("allowed_pair", "Does a pair that no gate allows keep none from a detection of its own?"),
+    place=22,
+    faults={
+        "gated_after_assignment": KnownFault(
+            "pairs that the gate does not allow take part in the assignment",
+            "Where the costs of the assignment are computed, and where pairs beyond the gate are dropped.",
+            "Give pairs beyond the gate one high cost before the assignment; drop those of them that it chooses.",
+            Role(rank=1, always="tracks"),
+        )
+    },
+)
 def allowed_pair(make: Make, site: Site) -> PartResult:
     """Two tracks and two detections. Of the four pairs the gates allow one.
 
@@ -194,6 +231,7 @@ def _moved_by(make: Make, scans: Sequence[Scan], tracks: Tracks, column: int, de
     return 0.0 if after is None else float(np.hypot(*(after - tracks.mean[:, column])[:2]))
 
 
+@doctor_check(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"), place=42)
 def missed_among_others(make: Make, site: Site) -> PartResult:
     """An object goes, and every scan has false alarms elsewhere."""
     random, target = np.random.default_rng(6), np.array([30.0, 20, 2, 3])
@@ -215,6 +253,20 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
     return note(PartResult(), "deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
 
 
+@doctor_check(
+    Question("ended_alone", "When tracks end, do the others stay?"),
+    Question("predicted_alone", "When tracks end, are the others predicted?"),
+    place=44,
+    faults={
+        "wrong_track_deleted": KnownFault(
+            "a track is deleted whose object is detected",
+            "Where tracks are removed from their list, and where their missed scans are counted.",
+            "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
+            "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
+            Role(rank=6, always="never_deletes double_tracks ids_reused"),
+        )
+    },
+)
 def ended_alone(make: Make, site: Site) -> PartResult:
     """Two objects go at once, and three stay."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, np.random.default_rng(7))
@@ -255,6 +307,7 @@ def _behind(tracks: Tracks, targets: Array) -> float:
     return float(np.abs(np.sum(away[:2] * targets[2:], axis=0) / np.sum(targets[2:] ** 2, axis=0)).max() * RATE)
 
 
+@doctor_check(Question("ended_detected", "Does a track stay while its object is detected?"), place=43)
 def ended_detected(make: Make, site: Site) -> PartResult:
     """Three objects; every fourth scan is empty."""
     session, random = MultiObjectSession(make), np.random.default_rng(9)
@@ -270,82 +323,3 @@ def ended_detected(make: Make, site: Site) -> PartResult:
         return PartResult()
     text = f"of {len(lost)} objects that three of four scans detect for {DETECTED:g} s, {sum(lost)} lose their tracks"
     return note(PartResult(), "ended_detected", not lost.any(), text, "wrong_track_deleted")
-
-
-NEARER_OF_TWO_CHECK = DoctorCheck(
-    nearer_of_two,
-    place=11,
-    questions=(Question("nearer_of_two", "Does a track not take the farther of two detections?"),),
-    faults={
-        "assignment_inverted": KnownFault(
-            "a track takes the farthest detection in its gate",
-            "Where the assignment is computed: whether it seeks the least or the largest sum, and of what.",
-            "linear_sum_assignment seeks the least sum: give it distances, or maximize=True with likelihoods.",
-            Role(rank=0, always="tracks associated_unpredicted gated_after_assignment gate_too_large order_dependent"),
-        )
-    },
-)
-
-PREDICTED_PLACE_CHECK = DoctorCheck(
-    predicted_place,
-    place=12,
-    questions=(Question("predicted_place", "Does a track take the detection where it is predicted to be?"),),
-    faults={
-        "associated_unpredicted": KnownFault(
-            "detections are compared with tracks that are not predicted",
-            "Where the distance of detections from tracks is computed, and where tracks are predicted.",
-            "Predict all tracks to scan.time first, mean and covariance; then compute the distances.",
-            Role(rank=0, always="tracks gate_too_small gate_too_large gated_after_assignment order_dependent"),
-        )
-    },
-)
-
-NEW_PREDICTED_CHECK = DoctorCheck(
-    new_predicted,
-    place=13,
-    questions=(Question("new_predicted", "Is a new track predicted from one detection to the next?"),),
-)
-
-ALLOWED_PAIR_CHECK = DoctorCheck(
-    allowed_pair,
-    place=22,
-    questions=(Question("allowed_pair", "Does a pair that no gate allows keep none from a detection of its own?"),),
-    faults={
-        "gated_after_assignment": KnownFault(
-            "pairs that the gate does not allow take part in the assignment",
-            "Where the costs of the assignment are computed, and where pairs beyond the gate are dropped.",
-            "Give pairs beyond the gate one high cost before the assignment; drop those of them that it chooses.",
-            Role(rank=1, always="tracks"),
-        )
-    },
-)
-
-MISSED_AMONG_OTHERS_CHECK = DoctorCheck(
-    missed_among_others,
-    place=42,
-    questions=(Question("deletion.among_others", "Does a track end when all detections are elsewhere?"),),
-)
-
-ENDED_DETECTED_CHECK = DoctorCheck(
-    ended_detected,
-    place=43,
-    questions=(Question("ended_detected", "Does a track stay while its object is detected?"),),
-)
-
-ENDED_ALONE_CHECK = DoctorCheck(
-    ended_alone,
-    place=44,
-    questions=(
-        Question("ended_alone", "When tracks end, do the others stay?"),
-        Question("predicted_alone", "When tracks end, are the others predicted?"),
-    ),
-    faults={
-        "wrong_track_deleted": KnownFault(
-            "a track is deleted whose object is detected",
-            "Where tracks are removed from their list, and where their missed scans are counted.",
-            "Keep those that are to stay: tracks = [track for track in tracks if not lost(track)]; an index is wrong "
-            "once an earlier track has been removed. A detection sets the count of missed scans back to 0.",
-            Role(rank=6, always="never_deletes double_tracks ids_reused"),
-        )
-    },
-)

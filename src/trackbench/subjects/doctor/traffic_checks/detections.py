@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Scan, Tracks
-from trackbench.subjects.doctor.findings import CheckResult, DoctorCheck, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import CheckResult, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     NEAR,
@@ -42,6 +42,25 @@ CERTAIN = 1e-10
 FOLLOWED = 1.5
 
 
+@doctor_check(
+    Question("gate_outside", "Does a track leave out a detection that cannot be its own?"),
+    Question("gate_inside", "Does a track take a detection that is likely to be its own?"),
+    place=20,
+    faults={
+        "gate_too_small": KnownFault(
+            "the gate is too small",
+            "Where the squared distance of a detection is held against a threshold.",
+            "Take the point of chi-square with as many degrees of freedom as the measurement has, at 0.99 or more.",
+            Role(rank=1, always="tracks pd_misstated clutter_misstated"),
+        ),
+        "gate_too_large": KnownFault(
+            "the gate lets in what cannot be the track's own",
+            "Where the squared distance of a detection is held against a threshold.",
+            "Gate by the squared distance in units of the innovation's covariance, at 0.9999 of chi-square or less.",
+            Role(rank=6, always="double_tracks never_deletes ids_reused confirms_too_soon"),
+        ),
+    },
+)
 def gate(make: Make, site: Site) -> PartResult:
     """One detection at a known distance from where a track expects it."""
     # A small gate loses objects that are fast: from their first detection they are not where a track expects them.
@@ -92,6 +111,25 @@ def _step(make: Make, site: Site, target: Array, component: int, distance: float
     return float(steps.max(initial=0.0) / np.hypot(*(gain @ away)[:2])), count
 
 
+@doctor_check(
+    Question("detection_probability", "Does a miss count as the sensor's detection probability says?"),
+    Question("clutter", "Does a detection count as the stated clutter says?"),
+    place=70,
+    faults={
+        "pd_misstated": KnownFault(
+            "a miss does not count as the sensor's detection probability says",
+            "Where the probability of a miss is computed.",
+            "Use scan.detection_probability, times the probability of the gate; or state no existence, if it is none.",
+            Role(rank=4, always="never_deletes double_tracks confirms_too_late clutter_misstated"),
+        ),
+        "clutter_misstated": KnownFault(
+            "a detection does not count as the stated clutter says",
+            "Where the likelihood of a detection is divided by the density of false alarms.",
+            "Use scan.clutter_density: false alarms per unit volume of the measurement space (m, rad, m/s) and scan.",
+            Role(rank=5, always="gate_too_large confirms_too_soon confirms_too_late double_tracks"),
+        ),
+    },
+)
 def stated_figures(make: Make, site: Site) -> PartResult:
     """What a miss and a detection do to the odds of existence, at no time after the last scan."""
     result = PartResult()
@@ -176,50 +214,3 @@ class _Track:
         if column is None or tracks.existence is None:
             return None
         return float(tracks.existence[column] / max(1 - tracks.existence[column], np.finfo(float).eps))
-
-
-GATE_CHECK = DoctorCheck(
-    gate,
-    place=20,
-    questions=(
-        Question("gate_outside", "Does a track leave out a detection that cannot be its own?"),
-        Question("gate_inside", "Does a track take a detection that is likely to be its own?"),
-    ),
-    faults={
-        "gate_too_small": KnownFault(
-            "the gate is too small",
-            "Where the squared distance of a detection is held against a threshold.",
-            "Take the point of chi-square with as many degrees of freedom as the measurement has, at 0.99 or more.",
-            Role(rank=1, always="tracks pd_misstated clutter_misstated"),
-        ),
-        "gate_too_large": KnownFault(
-            "the gate lets in what cannot be the track's own",
-            "Where the squared distance of a detection is held against a threshold.",
-            "Gate by the squared distance in units of the innovation's covariance, at 0.9999 of chi-square or less.",
-            Role(rank=6, always="double_tracks never_deletes ids_reused confirms_too_soon"),
-        ),
-    },
-)
-
-STATED_FIGURES_CHECK = DoctorCheck(
-    stated_figures,
-    place=70,
-    questions=(
-        Question("detection_probability", "Does a miss count as the sensor's detection probability says?"),
-        Question("clutter", "Does a detection count as the stated clutter says?"),
-    ),
-    faults={
-        "pd_misstated": KnownFault(
-            "a miss does not count as the sensor's detection probability says",
-            "Where the probability of a miss is computed.",
-            "Use scan.detection_probability, times the probability of the gate; or state no existence, if it is none.",
-            Role(rank=4, always="never_deletes double_tracks confirms_too_late clutter_misstated"),
-        ),
-        "clutter_misstated": KnownFault(
-            "a detection does not count as the stated clutter says",
-            "Where the likelihood of a detection is divided by the density of false alarms.",
-            "Use scan.clutter_density: false alarms per unit volume of the measurement space (m, rad, m/s) and scan.",
-            Role(rank=5, always="gate_too_large confirms_too_soon confirms_too_late double_tracks"),
-        ),
-    },
-)

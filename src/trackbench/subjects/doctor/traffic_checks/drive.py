@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.types import Array, Scan, Tracks
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.traffic.set_distances import gospa_of_sets
-from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
+from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
@@ -73,16 +73,10 @@ def reference() -> Stepper:
     return DirectTracks(build_multi(FilterConfig.model_validate(options)))
 
 
+@doctor_check(Question("traffic_drive", "Are the tracks as near to a drive's traffic as the reference's?"), place=90)
 def traffic_drive(make: Make, site: Site) -> PartResult:
     """The same scans for the tracker and the reference."""
     scans = traffic_scans(site)
     own, other = (gospa_of(MultiObjectSession(fresh).follow(scans), scans) for fresh in (make, reference))
     text = f"GOSPA is {own:.3g} m, the reference's {other:.3g} m"
     return PartResult().add("traffic_drive", own <= LIMIT * other, text)
-
-
-TRAFFIC_DRIVE_CHECK = DoctorCheck(
-    traffic_drive,
-    place=90,
-    questions=(Question("traffic_drive", "Are the tracks as near to a drive's traffic as the reference's?"),),
-)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Tracks
 from trackbench.driving.faults import fault_of
-from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
+from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import OBJECTS, RATE, Make, MultiObjectSession, Site, moved, nearest, note
 
 #: An old scan is older than the latest one by the latency of its sensor, within these, s; and where it has none.
@@ -27,6 +27,11 @@ CLEAR = 0.05
 BEHIND = 0.5
 
 
+@doctor_check(
+    Question("late", "Is an old scan held against where the objects were?"),
+    Question("all_late", "Are tracks predicted from when a scan was taken, not from when it arrived?"),
+    place=80,
+)
 def late(make: Make, site: Site) -> PartResult:
     """An old scan after newer ones, given late and as if it were new; of a sensor that is late, scans that all are."""
     result = PartResult()
@@ -100,13 +105,3 @@ def _all_late(make: Make, site: Site, age: float, result: PartResult) -> None:
 def _place(tracks: Tracks, target: Array) -> Array | None:
     column = nearest(tracks, target)
     return None if column is None else tracks.mean[:2, column]
-
-
-LATE_CHECK = DoctorCheck(
-    late,
-    place=80,
-    questions=(
-        Question("late", "Is an old scan held against where the objects were?"),
-        Question("all_late", "Are tracks predicted from when a scan was taken, not from when it arrived?"),
-    ),
-)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask, Scan, Tracks
-from trackbench.subjects.doctor.findings import DoctorCheck, KnownFault, PartResult, Question, Role
+from trackbench.subjects.doctor.findings import KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.traffic import (
     NEAR,
     OBJECTS,
@@ -40,6 +40,25 @@ FURTHER, EVERY, OFTEN, JUDGED = 5.0, 10, 1.1, 0.5
 EMPTY, COMING = 3, 8
 
 
+@doctor_check(
+    Question("double_tracks", "Has each object one track?"),
+    Question("confirmation", "Is an object that every scan detects soon a track?"),
+    place=10,
+    faults={
+        "confirms_too_late": KnownFault(
+            "tracks are confirmed too late",
+            "Where a tentative track becomes a confirmed one.",
+            "Ask for fewer detections (3 of 5), or for a lower score or probability of existence (0.95).",
+        ),
+        "double_tracks": KnownFault(
+            "an object has two tracks",
+            "Where a detection starts a new track.",
+            "Let only those detections start one that no track is likely to have caused, and merge tracks that "
+            "coincide.",
+            Role(rank=8, always="confirms_too_soon"),
+        ),
+    },
+)
 def following(make: Make, site: Site) -> PartResult:
     """Three objects far apart, each detected in every scan."""
     scans = site.scans(OBJECTS, 3.0, np.random.default_rng(1))
@@ -51,6 +70,9 @@ def following(make: Make, site: Site) -> PartResult:
     return _single_tracks(result, "double_tracks", count)
 
 
+@doctor_check(
+    Question("double_tracks.beside", "Does a false alarm beside an object give it no second track?"), place=14
+)
 def beside(make: Make, site: Site) -> PartResult:
     """Three objects, and now and then a false alarm beside each of them, which no track of it expects."""
     session, alone, random = MultiObjectSession(make), MultiObjectSession(make), np.random.default_rng(10)
@@ -72,6 +94,9 @@ def beside(make: Make, site: Site) -> PartResult:
     return _single_tracks(PartResult(), "double_tracks.beside", _on_objects(answers[-last:], scans[-last:]))
 
 
+@doctor_check(
+    Question("double_tracks.together", "Has each object one track for all sensors together?"), place=80, least_sensors=2
+)
 def together(make: Make, sites: Sequence[Site]) -> PartResult:
     """The same objects, seen by sensors in turn."""
     random, seconds = np.random.default_rng(2), 2.0
@@ -82,6 +107,19 @@ def together(make: Make, sites: Sequence[Site]) -> PartResult:
     )
 
 
+@doctor_check(
+    Question("false_alarms", "Does a single detection make no track?"),
+    place=30,
+    faults={
+        "confirms_too_soon": KnownFault(
+            "tracks are confirmed too soon",
+            "Where a tentative track becomes a confirmed one.",
+            "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
+            "reach.",
+            Role(rank=9, always="double_tracks"),
+        )
+    },
+)
 def false_alarms(make: Make, site: Site) -> PartResult:
     """Detections of nothing, one a scan, each at another place."""
     random = np.random.default_rng(3)
@@ -95,6 +133,25 @@ def false_alarms(make: Make, site: Site) -> PartResult:
     return note(PartResult(), "false_alarms", len(ids) <= FALSE_TRACKS * count, text, "confirms_too_soon")
 
 
+@doctor_check(
+    Question("identities", "Has a new object a new identity?"),
+    Question("deletion", "Does a track end when its object has gone?"),
+    place=40,
+    faults={
+        "never_deletes": KnownFault(
+            "tracks are not deleted",
+            "Where a track without detections is looked at.",
+            "Delete a track after about a second in view without a detection, or when its existence has become "
+            "improbable.",
+            Role(rank=7, always="double_tracks"),
+        ),
+        "ids_reused": KnownFault(
+            "identities are used again",
+            "Where a new track gets its id.",
+            "Count up through the whole run; do not number the tracks by their place in the list.",
+        ),
+    },
+)
 def leaving(make: Make, site: Site) -> PartResult:
     """An object goes and others stay; they go; twice others come elsewhere."""
     random, stay, away = np.random.default_rng(4), 2.0, LONGEST + 0.5
@@ -128,6 +185,18 @@ def leaving(make: Make, site: Site) -> PartResult:
     return result
 
 
+@doctor_check(
+    Question("order", "Does the order of the detections change nothing?"),
+    place=50,
+    faults={
+        "order_dependent": KnownFault(
+            "the order of the detections changes the tracks",
+            "Where detections are assigned to tracks one after the other.",
+            "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
+            Role(rank=2, always="tracks gate_too_large ids_reused"),
+        )
+    },
+)
 def order(make: Make, site: Site) -> PartResult:
     """Objects that are far from each other before they meet, their detections in two random orders."""
     objects, changed = _meeting(site), ""
@@ -169,6 +238,18 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
     return ""
 
 
+@doctor_check(
+    Question("empty_scan", "Are tracks predicted to an empty scan?"),
+    place=60,
+    faults={
+        "empty_scan_not_predicted": KnownFault(
+            "tracks are not predicted to an empty scan",
+            "Where a scan without detections returns early.",
+            "Predict at every scan, empty ones too, and count the miss.",
+            Role(rank=3, always="never_deletes pd_misstated ids_reused wrong_track_deleted"),
+        )
+    },
+)
 def empty_scan(make: Make, site: Site) -> PartResult:
     """A few empty scans after objects that every scan detected."""
     session = MultiObjectSession(make)
@@ -223,106 +304,3 @@ def _until_none(session: MultiObjectSession, scans: Sequence[Scan]) -> list[Trac
         if not len(answers[-1].ids):
             break
     return answers
-
-
-FOLLOWING_CHECK = DoctorCheck(
-    following,
-    place=10,
-    questions=(
-        Question("double_tracks", "Has each object one track?"),
-        Question("confirmation", "Is an object that every scan detects soon a track?"),
-    ),
-    faults={
-        "confirms_too_late": KnownFault(
-            "tracks are confirmed too late",
-            "Where a tentative track becomes a confirmed one.",
-            "Ask for fewer detections (3 of 5), or for a lower score or probability of existence (0.95).",
-        ),
-        "double_tracks": KnownFault(
-            "an object has two tracks",
-            "Where a detection starts a new track.",
-            "Let only those detections start one that no track is likely to have caused, and merge tracks that "
-            "coincide.",
-            Role(rank=8, always="confirms_too_soon"),
-        ),
-    },
-)
-
-BESIDE_CHECK = DoctorCheck(
-    beside,
-    place=14,
-    questions=(Question("double_tracks.beside", "Does a false alarm beside an object give it no second track?"),),
-)
-
-FALSE_ALARMS_CHECK = DoctorCheck(
-    false_alarms,
-    place=30,
-    questions=(Question("false_alarms", "Does a single detection make no track?"),),
-    faults={
-        "confirms_too_soon": KnownFault(
-            "tracks are confirmed too soon",
-            "Where a tentative track becomes a confirmed one.",
-            "A single detection is no track: ask for 3 of 5, or for a score or an existence that clutter does not "
-            "reach.",
-            Role(rank=9, always="double_tracks"),
-        )
-    },
-)
-
-LEAVING_CHECK = DoctorCheck(
-    leaving,
-    place=40,
-    questions=(
-        Question("identities", "Has a new object a new identity?"),
-        Question("deletion", "Does a track end when its object has gone?"),
-    ),
-    faults={
-        "never_deletes": KnownFault(
-            "tracks are not deleted",
-            "Where a track without detections is looked at.",
-            "Delete a track after about a second in view without a detection, or when its existence has become "
-            "improbable.",
-            Role(rank=7, always="double_tracks"),
-        ),
-        "ids_reused": KnownFault(
-            "identities are used again",
-            "Where a new track gets its id.",
-            "Count up through the whole run; do not number the tracks by their place in the list.",
-        ),
-    },
-)
-
-ORDER_CHECK = DoctorCheck(
-    order,
-    place=50,
-    questions=(Question("order", "Does the order of the detections change nothing?"),),
-    faults={
-        "order_dependent": KnownFault(
-            "the order of the detections changes the tracks",
-            "Where detections are assigned to tracks one after the other.",
-            "Assign all of a scan at once (scipy.optimize.linear_sum_assignment), or by marginal probabilities.",
-            Role(rank=2, always="tracks gate_too_large ids_reused"),
-        )
-    },
-)
-
-EMPTY_SCAN_CHECK = DoctorCheck(
-    empty_scan,
-    place=60,
-    questions=(Question("empty_scan", "Are tracks predicted to an empty scan?"),),
-    faults={
-        "empty_scan_not_predicted": KnownFault(
-            "tracks are not predicted to an empty scan",
-            "Where a scan without detections returns early.",
-            "Predict at every scan, empty ones too, and count the miss.",
-            Role(rank=3, always="never_deletes pd_misstated ids_reused wrong_track_deleted"),
-        )
-    },
-)
-
-TOGETHER_CHECK = DoctorCheck(
-    together,
-    place=80,
-    questions=(Question("double_tracks.together", "Has each object one track for all sensors together?"),),
-    least_sensors=2,
-)

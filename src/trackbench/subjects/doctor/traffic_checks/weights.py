@@ -19,7 +19,7 @@ from trackbench.base import linalg
 from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Scan, Tracks
 from trackbench.driving.faults import TrackFault
-from trackbench.subjects.doctor.findings import DoctorCheck, PartResult, Question
+from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
 from trackbench.subjects.doctor.traffic import (
     DETECTION,
     OBJECTS,
@@ -126,6 +126,13 @@ class WeighedTrack:
         return next(((clutter, odds) for clutter, odds in tried if odds is not None), (0.0, None))
 
 
+@doctor_check(
+    Question("weight_of_misses", "Does a detection weigh against a miss as the detection probability says?"),
+    Question("weight_of_clutter", "Does a detection weigh against a miss as the stated clutter says?"),
+    Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
+    Question("spread_of_one", "Does the covariance have the spread of what a detection and a miss say?"),
+    place=72,
+)
 def weights(make: Make, site: Site) -> PartResult:
     """State other detection probabilities and clutter, and give two detections at once."""
     result, target = PartResult(), OBJECTS[:, 0]
@@ -213,15 +220,3 @@ def _of_one(track: WeighedTrack, result: PartResult) -> None:
         "spread of the two means"
     )
     note(result, "spread_of_one", SPREAD < added < MOST, text, "covariance_update_wrong")
-
-
-WEIGHTS_CHECK = DoctorCheck(
-    weights,
-    place=72,
-    questions=(
-        Question("weight_of_misses", "Does a detection weigh against a miss as the detection probability says?"),
-        Question("weight_of_clutter", "Does a detection weigh against a miss as the stated clutter says?"),
-        Question("spread_of_means", "Does the covariance have the spread of what several detections say?"),
-        Question("spread_of_one", "Does the covariance have the spread of what a detection and a miss say?"),
-    ),
-)
