@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 from tests.support.past_results import SCENE, past
 
-from trackbench.report.annotations import to_annotations
-from trackbench.report.junit import Case, Suite
+from trackbench.report.junit import Case, Suite, to_annotations
 
 Cli = Callable[..., Any]
 EXPECT = """\

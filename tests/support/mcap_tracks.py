@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.subjects.export.mcap import stamp_of, written
-from trackbench.subjects.export.schemas import SCHEMAS, STAMP, schema_of
+from trackbench.subjects.export.mcap import SCHEMAS, STAMP, schema_of, stamp_of, written
 from trackbench.truth.recorded.foxglove import TRACKS
 from trackbench.truth.track_rows import TrackRows
 

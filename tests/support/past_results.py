@@ -12,7 +12,7 @@ import numpy as np
 import trackbench as tb
 from trackbench.metrics import ratio, root
 from trackbench.results import Result, Tables
-from trackbench.results.provenance import Provenance
+from trackbench.results.summary import Provenance
 
 SCENE = """\
 name: scene

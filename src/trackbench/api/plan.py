@@ -14,7 +14,7 @@ from trackbench.base.types import NotedProgress, Progress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
 from trackbench.results import Result
-from trackbench.results.provenance import Provenance
+from trackbench.results.summary import Provenance
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
 from trackbench.truth import LoadedTruth

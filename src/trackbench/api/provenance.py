@@ -14,7 +14,7 @@ from typing import Any
 
 from trackbench.base import at_hand
 from trackbench.base.plugins import searched
-from trackbench.results.provenance import Provenance
+from trackbench.results.summary import Provenance
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import is_shipped
 from trackbench.trackers.config import PluginConfig

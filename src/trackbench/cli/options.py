@@ -31,8 +31,7 @@ github_option = click.option(
 
 def write_suites(suites: Sequence[Suite], junit: Path | None, github: bool, as_json: bool) -> None:
     """Write those of ``--junit``, and print those of ``--github``."""
-    from trackbench.report.annotations import to_annotations
-    from trackbench.report.junit import to_xml
+    from trackbench.report.junit import to_annotations, to_xml
     from trackbench.results import write_text
 
     if junit is not None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.execution import one_blas_thread
@@ -16,15 +19,74 @@ from trackbench.compare.comparability import (
     groups_of_cells,
     require_same_metric,
 )
-from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant
+from trackbench.compare.comparison import (
+    ComparedResult,
+    ComparedScenario,
+    Comparison,
+    Entrant,
+    EntrantScore,
+    OrderInWorlds,
+)
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.ranking import Pairings, ranking, scores, sets_of_scenes
-from trackbench.compare.reproduce import commands
-from trackbench.compare.worlds import orders
 from trackbench.metrics import Metric
 from trackbench.results import Result, merged_places
+
+
+def orders(
+    cells: Iterable[ScenarioResults], ranked_by: str, scores: Sequence[EntrantScore], pairings: Pairings
+) -> list[OrderInWorlds]:
+    """Each pair of trackers of each scenario that has several worlds, in the order of their errors in the first."""
+    by_base: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        scenario = cell.entries[0].result.summary.scenario
+        if scenario.world is not None:
+            by_base.setdefault(scenario.base, {})[scenario.world] = cell.scenario
+    result = []
+    for base, worlds in by_base.items():
+        first, *others = (_errors(scores, name, ranked_by) for name in worlds.values())
+        names = [name for name in sorted(first, key=first.__getitem__) if all(name in other for other in others)]
+        for a, b in combinations(names, 2) if others else ():
+            ahead = {world: pairings.better(name, a, b) for world, name in worlds.items()}
+            result.append(OrderInWorlds(scenario=base, a=a, b=b, ahead=ahead))
+    return result
+
+
+def _errors(scores: Sequence[EntrantScore], scenario: str, metric: str) -> dict[str, float]:
+    """Of the contenders of a scenario."""
+    own = [score for score in scores if score.scenario == scenario and score.rank is not None and not score.reference]
+    return {score.entrant.tracker: value for score in own if (value := score.value(metric)) is not None}
+
+
+def commands(
+    sets: Sequence[ResultSet], metrics: Sequence[str], trackers: Sequence[str] | None, limits: Sequence[Limit]
+) -> list[str]:
+    """One for each run, and one for the comparison; none where a result does not say how it was made."""
+    if not all(entry.result.summary.command for item in sets for entry in item.entries):
+        return []
+    places = [_places(item) for item in sets]
+    runs = [
+        f"{entry.result.summary.command} {shlex.join(['--out', str(out)])}"
+        for item, (out, _) in zip(sets, places, strict=True)
+        for entry in item.entries
+    ]
+    options = [word for metric in metrics for word in ("--metric", metric)]
+    options += [] if trackers is None else ["--trackers", ",".join(trackers)]
+    options += [word for limit in limits for word in (OPTION, f"{limit.metric}:{limit.percent:g}")]
+    compared = shlex.join(["trackbench", "compare", *(str(path) for _, path in places), *options])
+    return [*dict.fromkeys(runs), compared]
+
+
+def _places(item: ResultSet) -> tuple[Path, Path]:
+    """The folder into which the runs of a set are written, and what a comparison names then."""
+    path = Path(item.label)
+    path = path.parent if path.suffix == ".json" else path
+    if len(item.entries) > 1 or item.entries[0].label != item.label:
+        return path, path
+    name = item.entries[0].result.name
+    return (path.parent, path) if path.name == name else (path, path / name)
 
 
 @one_blas_thread()

@@ -1,6 +1,5 @@
 """The result of a run: typed, saved whole or not at all, and loaded again."""
 
-from trackbench.results.differences import Difference, difference_table
 from trackbench.results.folder import (
     EXAMINATION,
     SUMMARY,
@@ -14,12 +13,11 @@ from trackbench.results.folder import (
     write_text,
 )
 from trackbench.results.metric_value import ConditionVerdict, MetricValue, PartVerdict, by_value
-from trackbench.results.result import MOST_DRAWN, Result, merged_places, summary_of
-from trackbench.results.scenario_summary import TruthSummary
+from trackbench.results.result import MOST_DRAWN, Difference, Result, difference_table, merged_places, summary_of
+from trackbench.results.scenario_summary import TruthAudit, TruthSummary
 from trackbench.results.summary import SCHEMA_VERSION, ExpectationResult, PrecisionReached, Summary
 from trackbench.results.tables import Tables
 from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, FiledRows, Health, TrackerResult
-from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [
     "EXAMINATION",

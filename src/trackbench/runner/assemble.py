@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
 import platform
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.errors import counted
 from trackbench.base.types import Array, Indices, Truth
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Evaluation, Interval, Metric, health, no_metrics, ratio
@@ -34,7 +36,6 @@ from trackbench.results.scenario_summary import (
 from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
-from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
 from trackbench.runner.filed_run import offset_of
@@ -52,6 +53,21 @@ from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
 from trackbench.truth.track_rows import TrackRows
+
+log = logging.getLogger(__name__)
+
+
+def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
+    """Say of a tracker that the fused engine left it to NumPy, and why."""
+    if used.why_numpy:
+        how = "computed by NumPy" if used.engine == "numpy" else "computed by NumPy in part"
+        # Of a user's own model it is said without --verbose.
+        level = logging.WARNING if used.of_user else logging.INFO
+        log.log(level, "%s: %s was %s: %s", where, name, how, used.why_numpy)
+    if used.again:
+        members = counted(used.again, "member")
+        log.info("%s: %s: %s of batches computed again by NumPy, where the trace did not hold", where, name, members)
+
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 

@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.base.types import KINEMATICS, Array, Mask, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.results.truth_audit import EndedEarly, PositionJump, Repairs, TruthAudit, VelocityMismatch
+from trackbench.results.scenario_summary import EndedEarly, PositionJump, Repairs, TruthAudit, VelocityMismatch
 from trackbench.truth import jumps
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 

@@ -19,7 +19,7 @@ from gymnasium.envs.registration import load_env_creator
 from trackbench.base.deferred import imported_when_used
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Observer, Progress, Truth, no_progress
-from trackbench.results.truth_audit import EndedEarly
+from trackbench.results.scenario_summary import EndedEarly
 from trackbench.truth.audit import Reported, audit, by_euler
 from trackbench.truth.config import FixedObserver, HighwayOptions
 from trackbench.truth.frames import Frames, bodies_near, held, lane_edges, target_bodies, with_sizes

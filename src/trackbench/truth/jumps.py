@@ -9,7 +9,7 @@ from pydantic import Field
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Mask, Truth
-from trackbench.results.truth_audit import VelocityJumps
+from trackbench.results.scenario_summary import VelocityJumps
 
 #: No vehicle on wheels accelerates like this, m/s^2: twice the grip of a tyre, whose coefficient of friction on dry
 #: asphalt is 0.8 to 0.9 (Wong, Theory of Ground Vehicles, section 1.3). One grip would also count the cars that a

@@ -14,7 +14,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.subjects.envelope.axes import MapAxis, between, distance, overrides, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
-from trackbench.subjects.envelope.refine import refined
+from trackbench.subjects.envelope.mapping import refined
 
 
 def axis(unit: float | None = None, **config: Any) -> MapAxis:

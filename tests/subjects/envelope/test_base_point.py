@@ -7,7 +7,7 @@ import pytest
 import trackbench as tb
 from trackbench.scenario.load import scenario_of
 from trackbench.subjects.envelope.axes import axes_of
-from trackbench.subjects.envelope.base_point import base_point
+from trackbench.subjects.envelope.task import base_point
 
 SCENARIO = {
     "name": "small",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.support.claims import claim_of
 
 from trackbench.subjects.envelope.axes import distance
-from trackbench.subjects.envelope.faces import base_of, nearest_failing
+from trackbench.subjects.envelope.counter import base_of, nearest_failing
 
 #: Eleven values of each, a tenth of the range apart.
 SQUARE: dict[str, Any] = {

@@ -11,8 +11,16 @@ from tests.support.claims import claim_of
 
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.config import Axis
-from trackbench.subjects.envelope.margin_text import border, holding, margin_sentence, undecided
-from trackbench.subjects.envelope.margins import AxisMargin, Crossing, lines_near_base, margins
+from trackbench.subjects.envelope.margins import (
+    AxisMargin,
+    Crossing,
+    along,
+    border,
+    holding,
+    lines_near_base,
+    margins,
+    undecided,
+)
 
 LINE = {"q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 21}}
 SQUARE = {
@@ -99,10 +107,7 @@ def test_the_line_goes_through_the_scenario_or_near_it():
     assert [value for _, value in along_q.at] == [1.0]
     assert not along_r.through_base
     assert [value for _, value in along_r.at] == [1.5]
-    assert margin_sentence(along_r, claim.limits) == (
-        "ekf holds position_rmse below 1 m up to 4 deg (1 to 10) of r, at q 1.5 m, "
-        "the cells nearest to the scenario's own values"
-    )
+    assert (holding(along_r), along(along_r)) == ("up to 4 deg (1 to 10)", "q 1.5 m")
 
 
 def test_each_category_has_its_line():

@@ -160,7 +160,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_an_interrupted_export_leaves_the_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     export(SCENARIO, tmp_path / "scans")
     before = {file.name: file.read_bytes() for file in (tmp_path / "scans").iterdir()}
-    monkeypatch.setattr("trackbench.subjects.export.formats.scan_table", lambda *_: 1 / 0)
+    monkeypatch.setattr("trackbench.subjects.export.api.scan_table", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         export(SCENARIO, tmp_path / "scans")
     assert {file.name: file.read_bytes() for file in (tmp_path / "scans").iterdir()} == before

@@ -13,8 +13,7 @@ from tests.support.recorded_log import WALKERS, Errors, write_log
 from trackbench.subjects.log_audit.api import audit
 from trackbench.subjects.log_audit.noise import noise_of
 from trackbench.truth.recorded.drive import Motion
-from trackbench.truth.recorded.noise import body_sigmas, white_sigma
-from trackbench.truth.recorded.robust import clipped
+from trackbench.truth.recorded.robust import body_sigmas, clipped, white_sigma
 
 SMALL = Errors(
     time_offset_s=0.03,

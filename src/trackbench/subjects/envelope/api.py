@@ -43,9 +43,9 @@ from trackbench.subjects.envelope.claim import (
 from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.decide import CellDecision
+from trackbench.subjects.envelope.files import hashes_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins
-from trackbench.subjects.envelope.named_files import hashes_of
 from trackbench.subjects.envelope.sensitivity import Sensitivity, sensitivities
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.suites import CheapestSuite, cheapest_suites

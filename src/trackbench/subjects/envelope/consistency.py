@@ -20,7 +20,7 @@ from trackbench.subjects.envelope.claim import (
     place_of_cell,
 )
 from trackbench.subjects.envelope.decide import together
-from trackbench.subjects.envelope.refine import refined
+from trackbench.subjects.envelope.mapping import refined
 
 #: What follows from the scenario in the claim.
 HEADER = ("scenario", "claim", "confidence", "spent", "extents", "seed", "envelope", "limits", "base")

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from trackbench import results
 from trackbench.api import session
+from trackbench.base.errors import InputError
+from trackbench.base.files import read_bytes
 from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
+from trackbench.scenario import Scenario
 from trackbench.scenario.written import written_with_changes
 from trackbench.subjects.envelope.claim import CLAIM, PARTS, Claim, Envelope
 from trackbench.subjects.envelope.counter_models import COUNTER_EXAMPLES, ShownExample
@@ -85,3 +91,49 @@ def _write_parts(made: Envelope, path: Path) -> None:
     import pyarrow.parquet as pq
 
     pq.write_table(made.parts, path, compression="zstd")
+
+
+def hashes_of(loaded: Scenario) -> dict[str, str]:
+    """By name, as the scenario has it or relative to its folder, the sha256 of each file."""
+    files = sorted(dict(_named(loaded)).items())
+    return {name: hashlib.sha256(read_bytes(file)).hexdigest() for name, file in files}
+
+
+def require_same(loaded: Scenario, hashes: Mapping[str, str]) -> None:
+    """Make sure that the files are those of which the hashes are.
+
+    Raises:
+        InputError: one is missing or another.
+    """
+    here = hashes_of(loaded)
+    for name, digest in hashes.items():
+        if name not in here:
+            message = f"{name}, which the scenario names, is not there: say by --beside in which folder it is"
+            raise InputError(message, file=loaded.path)
+        if here[name] != digest:
+            message = f"{name} is not the one of the claim: its sha256 is {here[name][:12]}..., not {digest[:12]}..."
+            raise InputError(message, file=loaded.path)
+
+
+def _named(loaded: Scenario) -> Iterator[tuple[str, Path]]:
+    folder = loaded.path.resolve().parent
+    texts = {*_texts(loaded.document.value), *_texts(loaded.config.truth.model_dump(mode="json"))}
+    for text in texts:
+        path = os.path.expanduser(os.path.expandvars(text))
+        file = next((file for file in (folder / path, Path(path)) if os.path.isfile(file)), None)
+        if file is not None:
+            yield text, file
+    for top in {text.partition(":")[0].partition(".")[0] for text in texts if ":" in text}:
+        if top.isidentifier():
+            modules = [folder / f"{top}.py", *(folder / top).rglob("*.py")]
+            yield from ((str(file.relative_to(folder)), file) for file in modules if file.is_file())
+
+
+def _texts(node: Any) -> Iterator[str]:
+    waiting = [node]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, dict | list):
+            waiting += node.values() if isinstance(node, dict) else node
+        elif isinstance(node, str):
+            yield node

@@ -16,8 +16,7 @@ from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
 from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label, marked_points
-from trackbench.subjects.envelope.margin_text import along
-from trackbench.subjects.envelope.margins import AxisMargin, margins
+from trackbench.subjects.envelope.margins import AxisMargin, along, margins
 
 #: Of one panel, points.
 _HEIGHT = 200.0

@@ -32,7 +32,7 @@ from trackbench.subjects.envelope.claim import (
     read_envelope,
 )
 from trackbench.subjects.envelope.consistency import Discrepancy, contradictions
-from trackbench.subjects.envelope.named_files import require_same
+from trackbench.subjects.envelope.files import require_same
 
 #: Share of the cells that are replayed.
 SHARE = 0.1

@@ -8,8 +8,7 @@ from trackbench.base.types import Array
 from trackbench.document import Cell, Column, Table, Tone
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimCell, Envelope, State
-from trackbench.subjects.envelope.margin_text import along, holding, undecided
-from trackbench.subjects.envelope.margins import AxisMargin, excess, margins
+from trackbench.subjects.envelope.margins import AxisMargin, along, excess, holding, margins, undecided
 from trackbench.subjects.envelope.sensitivity import Sensitivity, Swing, sensitivities
 
 #: Cells of the table; the others are in the claim.

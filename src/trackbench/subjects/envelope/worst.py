@@ -21,12 +21,11 @@ from trackbench.runner.work import BlockRuns
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder, scenario_of, select_trackers
 from trackbench.subjects.envelope.axes import MapAxis, Point, from_share, overrides
-from trackbench.subjects.envelope.base_point import base_point
 from trackbench.subjects.envelope.cells import Extent, Requirement, make_runs
 from trackbench.subjects.envelope.config import Search
 from trackbench.subjects.envelope.counter_models import WorstRun
 from trackbench.subjects.envelope.mapping import EnvelopeMap
-from trackbench.subjects.envelope.task import EnvelopeTask
+from trackbench.subjects.envelope.task import EnvelopeTask, base_point
 
 #: Share of the runs that try other seeds at the worst point that was found.
 ON_SEEDS = 0.25

@@ -10,7 +10,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.truth.config.columns import UNITS
 from trackbench.truth.recorded import Drive
 from trackbench.truth.recorded.drive import Motion
-from trackbench.truth.recorded.noise import THIRD, body_sigmas, travelled, white_sigma
+from trackbench.truth.recorded.robust import THIRD, body_sigmas, travelled, white_sigma
 
 #: Variance of the mean square of N third differences of white noise, times N: twice the sum of the squares of their
 #: autocorrelation.

@@ -21,16 +21,15 @@ from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Metric
 from trackbench.metrics.traffic import TRACK_METRICS, TRACKS, run_sums
 from trackbench.results import Failure
+from trackbench.runner.assemble import log_left_to_numpy
 from trackbench.runner.block import run_block
-from trackbench.runner.engines import log_left_to_numpy
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.subjects.tuning.entry import Entry, Values, combined, entry_with, varies_in_batch
-from trackbench.subjects.tuning.labelled import PackedAvailability, score_labelled
-from trackbench.subjects.tuning.log_time import GAP, LogTime
+from trackbench.subjects.tuning.labelled import GAP, LogTime, PackedAvailability, score_labelled
 from trackbench.subjects.tuning.measures import OF_TRACKS, Sums, metrics_of_trial
 from trackbench.subjects.tuning.parameters import Parameter
 from trackbench.trackers.config import FilterConfig

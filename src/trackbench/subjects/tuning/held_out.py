@@ -19,7 +19,7 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.recorded_checks import same_every_run
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.log_time import GAP, LogTime
+from trackbench.subjects.tuning.labelled import GAP, LogTime
 from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import Objective
 from trackbench.truth.sources import RecordingTruth

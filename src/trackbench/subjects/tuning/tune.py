@@ -17,7 +17,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.engine.equations import ComputedBy
 from trackbench.metrics.intervals import Interval, paired
-from trackbench.runner.engines import log_left_to_numpy
+from trackbench.runner.assemble import log_left_to_numpy
 from trackbench.scenario import Scenario
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome

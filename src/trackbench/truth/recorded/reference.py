@@ -13,7 +13,7 @@ from trackbench.truth.config.columns import TruthColumns
 from trackbench.truth.config.recording import RecordingOptions, ReferenceTruth
 from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
-from trackbench.truth.recorded.noise import noise_of
+from trackbench.truth.recorded.robust import noise_of
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.track_rows import longest_gap
 
