@@ -5,9 +5,10 @@ from __future__ import annotations
 import inspect
 import json
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -49,16 +50,14 @@ def _trackers() -> Iterator[Row]:
     return _plugins(TRACKERS, options_in_words)
 
 
-def _filters() -> Iterable[Row]:
-    from trackbench.trackers.builtin import FILTERS
+def _table(target: str) -> Iterable[Row]:
+    """The entries of a mapping."""
+    return cast("Mapping[str, str]", resolve(target)).items()
 
-    return FILTERS.items()
 
-
-def _motion_models() -> Iterator[Row]:
-    from trackbench.models.motion import MOTION_MODELS
-
-    return _plugins(MOTION_MODELS, _options)
+def _registered(target: str, *without: str) -> Iterator[Row]:
+    """The plug-ins of a registry with their options, but for some fields."""
+    return _plugins(resolve(target), partial(_options, without=without))
 
 
 def _sensors() -> Iterator[Row]:
@@ -70,24 +69,9 @@ def _sensors() -> Iterator[Row]:
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
 
-def _sensor_effects() -> Iterator[Row]:
-    from trackbench.models.sensors.effects import EFFECTS
-
-    return _plugins(EFFECTS, lambda effect: _options(effect, without=("type",)))
-
-
-def _functions() -> Iterator[Row]:
-    from trackbench.functions import FUNCTIONS
-
-    return _plugins(FUNCTIONS, lambda function: _options(function, without=("use",)))
-
-
 def _truth() -> Iterator[Row]:
-    from trackbench.truth import TRUTH_SOURCES
-    from trackbench.truth.tracks import TRAFFIC_FORMATS
-
-    yield from _plugins(TRUTH_SOURCES, lambda source: _options(source, without=("source",)))
-    for name, words in _plugins(TRAFFIC_FORMATS, _options):
+    yield from _registered("trackbench.truth:TRUTH_SOURCES", "source")
+    for name, words in _registered("trackbench.truth.tracks:TRAFFIC_FORMATS"):
         yield name, f"format of recorded-traffic: {words}"
 
 
@@ -129,12 +113,6 @@ def _metrics() -> Iterator[Row]:
     yield from of(metric_paths(hidden=True, truth=False), "hidden identities, no truth: ")
 
 
-def _worlds() -> Iterable[Row]:
-    from trackbench.scenario.worlds import MEANING
-
-    return MEANING.items()
-
-
 def _envs() -> Iterator[Row]:
     from trackbench.truth import list_envs
 
@@ -144,14 +122,14 @@ def _envs() -> Iterator[Row]:
 _CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "scenarios": _scenarios,
     "trackers": _trackers,
-    "filters": _filters,
-    "motion-models": _motion_models,
+    "filters": partial(_table, "trackbench.trackers.builtin:FILTERS"),
+    "motion-models": partial(_registered, "trackbench.models.motion:MOTION_MODELS"),
     "sensors": _sensors,
-    "sensor-effects": _sensor_effects,
-    "functions": _functions,
+    "sensor-effects": partial(_registered, "trackbench.models.sensors.effects:EFFECTS", "type"),
+    "functions": partial(_registered, "trackbench.functions:FUNCTIONS", "use"),
     "truth": _truth,
     "metrics": _metrics,
-    "worlds": _worlds,
+    "worlds": partial(_table, "trackbench.scenario.worlds:MEANING"),
     "envs": _envs,
 }
 _OF_SUBJECTS = dict(offered("lists"))

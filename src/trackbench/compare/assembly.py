@@ -1,4 +1,4 @@
-"""One comparison, of whatever results are given."""
+"""One comparison, of whatever results are given: who is ahead in which world, and the commands that make it again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Equations as a graph."""
+"""Equations as a graph; products with zero are left out of it on the condition that the other factor is finite."""
 
 from __future__ import annotations
 

@@ -28,7 +28,6 @@ from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.numbers import decimals, fixed, reach
 from trackbench.report.sentences import (
     expectations_met,
-    headline,
     listed_of,
     other_switch_costs,
     value_and_limit,
@@ -36,6 +35,7 @@ from trackbench.report.sentences import (
     verdict_on_tracks,
 )
 from trackbench.report.tables import INTERVAL, TONE, metric_of, missing_cell, tracker_table
+from trackbench.report.verdict import headline
 from trackbench.results import MetricValue, Result, TrackerResult
 
 

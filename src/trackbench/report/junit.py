@@ -1,4 +1,4 @@
-"""Results as a JUnit file, which CI systems show: expectations and regressions as test cases.
+"""Results for CI systems: expectations and regressions as test cases of a JUnit file, and as lines of GitHub Actions.
 
 Valid against the schema of Ant's JUnit tasks (https://github.com/windyroad/JUnit-Schema), the strictest in use.
 """

@@ -9,7 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.metrics.differences import MOST_CHARGED
 from trackbench.metrics.verdicts import mean_text, meaning, what_is_off
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.numbers import decimals, fixed, in_brackets, interval, joined, margin_words, meaningful, percent
+from trackbench.report.numbers import decimals, fixed, interval, joined, percent
 from trackbench.report.pairs import Pairs
 from trackbench.report.scenes import runs_in_words
 from trackbench.report.tables import value_text
@@ -267,11 +267,8 @@ def missing_estimates(result: Result) -> list[str]:
     for tracker in result.scored:
         for path, what in (("position_rmse", "position"), ("velocity_rmse", "velocity")):
             metric = tracker.metrics.get(path)
-            if metric is not None and _much_is_charged(metric):
-                charged = f"{percent(metric.charged_share)} of its squared {what} error is charged"
-                sentences.append(
-                    f"{tracker.name}: {charged} for missing estimates ({_without_charged(metric)} without)"
-                )
+            if metric is not None and (text := charged(metric, f"{what} error")):
+                sentences.append(f"{tracker.name}: {text}")
     turned = Pairs(result).turned([tracker.name for tracker in result.contenders])
     for name, others in turned.items():
         sentences.append(
@@ -289,57 +286,14 @@ def below_the_bound(result: Result) -> list[str]:
     return sentences
 
 
-def _much_is_charged(metric: MetricValue) -> bool:
-    return metric.charged_share is not None and metric.charged_share > MOST_CHARGED
-
-
-def _without_charged(metric: MetricValue) -> str:
-    return f"{fixed(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
-
-
-def headline(result: Result) -> str:
-    """Which tracker is the most accurate, by how much, and whether the difference was shown.
-
-    One that knows the true origin of each detection is not held against the others.
-    """
-    summary, names = result.summary, [tracker.name for tracker in result.contenders]
-    labelled = summary.identities == "known"
-    if not names:
-        # Where all finished and identities are hidden, there was nothing to track.
-        reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
-        reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
-        return f"{reason[0].upper()}{reason[1:]}."
-    metric = result.contenders[0].metrics[summary.headline]
-    places = max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
-    bounds = in_brackets(metric.ci95, places)
-    value = fixed(metric.value, places)
-    lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
-    text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
-    pairs = Pairs(result)
-    verdicts = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
-    if summary.score.baseline is not None and verdicts.get(summary.score.baseline) == "better":
-        text += f"; it is better than {summary.score.baseline}, the baseline"
-    equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
-    if equivalent:
-        text += f"; equivalent to {_listed(equivalent)} (within {margin_words(summary.score.margin, 'm')})"
-    if undecided:
-        text += f"; whether it is better than {_listed(undecided)} is undecided"
-    if turned := pairs.turned(names).get(names[0], []):
-        text += f"; it is not called better than {_listed(turned)}: its errors are smaller only with what is charged"
-    if _much_is_charged(metric):
-        charged = f"{percent(metric.charged_share)} of its squared error is charged for missing estimates"
-        text += f"; {charged} ({_without_charged(metric)} without)"
-    second = pairs.get(names[1], names[0]) if len(names) > 1 else None
-    if equivalent or undecided or turned or second is None:
-        return text + "."
-    gap = meaningful(second.value, second.ci95)
-    bounds = in_brackets(second.ci95, gap)
-    of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
-    return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
-
-
-def _listed(trackers: Sequence[str]) -> str:
-    return joined(trackers) if len(trackers) <= MOST_DRAWN else counted(len(trackers), "tracker")
+def charged(metric: MetricValue, error: str) -> str:
+    """What is charged for missing estimates, where that is much of an error; else empty."""
+    if metric.charged_share is None or metric.charged_share <= MOST_CHARGED:
+        return ""
+    without = f"{fixed(metric.without_charged, decimals([metric.without_charged]))} {metric.unit}"
+    return (
+        f"{percent(metric.charged_share)} of its squared {error} is charged for missing estimates ({without} without)"
+    )
 
 
 def precision_reached(precision: PrecisionReached, runs: int) -> str:

@@ -1,17 +1,17 @@
-"""What an engineer says aloud of a run: what went wrong, and who is best, how surely."""
+"""What an engineer says aloud of a run: what went wrong, and who is best, how surely; in a line and in full."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.metrics.function_events import function_labels
-from trackbench.report.numbers import decimals, fixed, joined, margin_words, meaningful
+from trackbench.report.numbers import decimals, fixed, in_brackets, joined, margin_words, meaningful
 from trackbench.report.pairs import Pairs
-from trackbench.report.sentences import expectations_met
+from trackbench.report.sentences import charged, expectations_met
 from trackbench.report.tables import metric_of
-from trackbench.results import Result, TrackerResult
+from trackbench.results import MOST_DRAWN, Result, TrackerResult
 
 #: More names than these are counted.
 NAMED = 3
@@ -32,8 +32,54 @@ def verdict_of_run(result: Result) -> str:
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
 
 
-def _some(names: list[str]) -> str:
-    return joined(names) if len(names) <= NAMED else counted(len(names), "tracker")
+def headline(result: Result) -> str:
+    """Which tracker is the most accurate, by how much, and whether the difference was shown.
+
+    One that knows the true origin of each detection is not held against the others.
+    """
+    summary, names = result.summary, [tracker.name for tracker in result.contenders]
+    labelled = summary.identities == "known"
+    if not names:
+        # Where all finished and identities are hidden, there was nothing to track.
+        reasons = {result.why_unscored(tracker) for tracker in result.unscored if tracker.failed is None}
+        reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
+        return f"{reason[0].upper()}{reason[1:]}."
+    metric = result.contenders[0].metrics[summary.headline]
+    places = max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
+    bounds = in_brackets(metric.ci95, places)
+    value = fixed(metric.value, places)
+    lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
+    text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
+    pairs = Pairs(result)
+    verdicts = _verdicts(names, pairs)
+    if summary.score.baseline is not None and verdicts.get(summary.score.baseline) == "better":
+        text += f"; it is better than {summary.score.baseline}, the baseline"
+    equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
+    if equivalent:
+        text += f"; equivalent to {_some(equivalent, MOST_DRAWN)} (within {margin_words(summary.score.margin, 'm')})"
+    if undecided:
+        text += f"; whether it is better than {_some(undecided, MOST_DRAWN)} is undecided"
+    if turned := pairs.turned(names).get(names[0], []):
+        others = _some(turned, MOST_DRAWN)
+        text += f"; it is not called better than {others}: its errors are smaller only with what is charged"
+    if much := charged(metric, "error"):
+        text += f"; {much}"
+    second = pairs.get(names[1], names[0]) if len(names) > 1 else None
+    if equivalent or undecided or turned or second is None:
+        return text + "."
+    gap = meaningful(second.value, second.ci95)
+    bounds = in_brackets(second.ci95, gap)
+    of_next = f"The {'RMSE' if labelled else summary.headline_name} of the next, {names[1]},"
+    return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
+
+
+def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
+    """By tracker, the verdict on the first of some against it."""
+    return {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+
+
+def _some(names: Sequence[str], most: int = NAMED) -> str:
+    return joined(names) if len(names) <= most else counted(len(names), "tracker")
 
 
 def _best(result: Result) -> str:
@@ -45,10 +91,10 @@ def _best(result: Result) -> str:
         return f"no truth, so {counted(len(contenders), 'tracker')} without a ranking"
     what = "position error" if summary.identities == "known" else summary.headline_name
     over = f"over {scenes} scenes " if (scenes := len(summary.truth.scenes)) else ""
-    best, *others = [tracker.name for tracker in contenders]
+    best, *others = names = [tracker.name for tracker in contenders]
     errors = {tracker.name: metric_of(tracker, summary.headline).value for tracker in contenders}
     pairs = Pairs(result)
-    words = {name: pair.verdict for name in others if (pair := pairs.get(best, name))}
+    words = _verdicts(names, pairs)
     open_ = [name for name, word in words.items() if word != "better"]
     if not words:
         have = "has the smallest" if others else "has a"

@@ -1,4 +1,4 @@
-"""The result of a run."""
+"""The result of a run, and the differences between its trackers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was run, in ``result.json``: the scenario, its truth and its sensors."""
+"""What was run, in ``result.json``: the scenario, its truth with what its audit did, and its sensors."""
 
 from __future__ import annotations
 

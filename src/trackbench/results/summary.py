@@ -1,4 +1,4 @@
-"""A whole ``result.json``."""
+"""A whole ``result.json``, with when it was made and of which code."""
 
 from __future__ import annotations
 

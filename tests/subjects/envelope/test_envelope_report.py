@@ -18,8 +18,14 @@ from trackbench.metrics.intervals import ALL_THE_SAME
 from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.map_figures import map_figure
-from trackbench.subjects.envelope.report import claim_sentence, envelope_document, envelope_summary, headlines
-from trackbench.subjects.envelope.tables import MOST_CELLS, cells_table
+from trackbench.subjects.envelope.report import (
+    MOST_CELLS,
+    cells_table,
+    claim_sentence,
+    envelope_document,
+    envelope_summary,
+    headlines,
+)
 
 AXES = {
     "q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 5},

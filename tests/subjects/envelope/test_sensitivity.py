@@ -9,8 +9,7 @@ from tests.support.claims import claim_of, envelope_of
 from trackbench.subjects.envelope.axes import axes_of
 from trackbench.subjects.envelope.claim import Envelope, parts_of
 from trackbench.subjects.envelope.config import EnvelopeConfig
-from trackbench.subjects.envelope.sensitivity import sensitivities
-from trackbench.subjects.envelope.surface import Surface
+from trackbench.subjects.envelope.sensitivity import Surface, sensitivities
 
 AXES = {
     "q": {"key": "sensors.radar.range_sigma_m", "from": 1.0, "to": 3.0, "levels": 5},

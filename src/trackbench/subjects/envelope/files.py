@@ -1,4 +1,4 @@
-"""The folder of an envelope: its claim, the values of its runs, and its pages."""
+"""The folder of an envelope: its claim, the values of its runs, and its pages; the files that its scenario names."""
 
 from __future__ import annotations
 

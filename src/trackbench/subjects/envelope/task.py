@@ -1,4 +1,4 @@
-"""What is mapped, and how surely: from the ``envelope:`` block of a scenario."""
+"""What is mapped, how surely, and where the scenario itself lies: from the ``envelope:`` block of a scenario."""
 
 from __future__ import annotations
 

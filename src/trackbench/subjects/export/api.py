@@ -1,4 +1,4 @@
-"""``trackbench.export``."""
+"""``trackbench.export``, and the formats in which scans and truths are written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard deviations from the values near the middle, of rows to whose noise that of the reference is added."""
+"""Standard deviations from the values near the middle, and with them the noise of the rows of a recorded truth."""
 
 from __future__ import annotations
 
