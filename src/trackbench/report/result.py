@@ -4,19 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.document import (
-    Block,
-    Code,
-    Document,
-    Figure,
-    Item,
-    Items,
-    Paragraph,
-    Row,
-    Section,
-    Table,
-    TrackerStyle,
-)
+from trackbench.document import Block, Code, Document, Figure, Item, Items, Paragraph, Row, Section, Table, TrackerStyle
 from trackbench.document.palette import tracker_styles
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.moments import EstimateMoment

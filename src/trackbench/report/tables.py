@@ -12,16 +12,7 @@ from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
-from trackbench.report.numbers import (
-    NOT_AVAILABLE,
-    decimals,
-    fixed,
-    half_width,
-    interval,
-    percent,
-    short,
-    signed,
-)
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
 

@@ -15,13 +15,7 @@ from trackbench.subjects.doctor.checks.one_gain import update_faults
 from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
 from trackbench.subjects.doctor.checks.written_jacobians import wrong_line
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
-from trackbench.subjects.doctor.expected_gain import (
-    ImpliedModel,
-    SamplingErrors,
-    averaged_models,
-    gain_error,
-    implied,
-)
+from trackbench.subjects.doctor.expected_gain import ImpliedModel, SamplingErrors, averaged_models, gain_error, implied
 from trackbench.subjects.doctor.findings import CERTAIN, Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.right_answers import gain_shown, told_apart
 from trackbench.subjects.doctor.samples import sampling_noise

@@ -20,16 +20,7 @@ from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Scan, Tracks
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
-from trackbench.subjects.doctor.traffic import (
-    DETECTION,
-    OBJECTS,
-    Make,
-    MultiObjectSession,
-    Site,
-    moved,
-    nearest,
-    note,
-)
+from trackbench.subjects.doctor.traffic import DETECTION, OBJECTS, Make, MultiObjectSession, Site, moved, nearest, note
 from trackbench.subjects.doctor.traffic_checks.detections import INSIDE
 
 #: Time for which an object is followed, s.
