@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from collections import Counter
-from functools import partial
 from hashlib import sha256
 from typing import Any
 
@@ -32,7 +31,7 @@ def to_html(document: Document) -> str:
     )
     tests: Any = environment.tests
     for kind in (model.Section, model.Row, model.Paragraph, model.Status, model.Items, model.Code, Table, Figure):
-        tests[kind.__name__.lower()] = partial(_is_a, kind)
+        tests[kind.__name__.lower()] = lambda block, kind=kind: isinstance(block, kind)
     shared = _shared(document)
     script = loader.get_source(environment, "document.js")[0]
     made: Any = environment.get_template("document.html.j2").render(
@@ -51,10 +50,6 @@ def to_html(document: Document) -> str:
         script_hash=b64encode(sha256(script.encode()).digest()).decode(),
     )
     return str(made)
-
-
-def _is_a(kind: type, block: object) -> bool:
-    return isinstance(block, kind)
 
 
 def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:

@@ -156,14 +156,10 @@ def print_summary(result: Result, console: Console) -> None:
 def print_outcome(result: Result, console: Console) -> None:
     """One line, and what failed."""
     console.print(Text(f"{result.name}: {expectations_met(result.summary.expectations)}"), highlight=False)
-    _print_failed_trackers(result, console)
-    _print_missed(result, console)
-
-
-def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
         label, why = _unranked(result, tracker)
         print_hanging(console, Text.assemble(label, " "), Text(f"{tracker.name}: {why}"))
+    _print_missed(result, console)
 
 
 def _unranked(result: Result, tracker: TrackerResult) -> tuple[Text, str]:

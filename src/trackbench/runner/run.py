@@ -98,14 +98,9 @@ class PendingRun:
         """The result, once all runs are done; as ``run``."""
         blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        _say_unshown(blocks)
+        for name, lines in sum((block.unshown for block in blocks), Counter[str]()).items():
+            log.warning("%s printed %s more, which were not shown", name, counted(lines, "line"))
         return assemble(self._loaded, self._truths, self._work, blocks, command)
-
-
-def _say_unshown(blocks: list[Block]) -> None:
-    """Say how much of the output of trackers was not shown."""
-    for name, lines in sum((block.unshown for block in blocks), Counter[str]()).items():
-        log.warning("%s printed %s more, which were not shown", name, counted(lines, "line"))
 
 
 def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:

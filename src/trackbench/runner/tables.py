@@ -47,7 +47,10 @@ def labelled_tables(work: Work, blocks: Sequence[Block], evaluated: Evaluated) -
     records: Records = {
         "steps": [_step_record(name, item, work.longest_time) for name, item in evaluations.items()],
         "nis": _nis_records(scores, times),
-        "runs": [_run_record(name, item, scores[name], work, own_columns) for name, item in evaluations.items()],
+        "runs": [
+            {**run_keys(name, work), **run_sums_record(item, scores[name], own_columns)}
+            for name, item in evaluations.items()
+        ],
         "breakdown": [
             {"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)
         ],
@@ -164,15 +167,8 @@ def _bounds(name: str, dof: int, count: Array) -> Record:
     return {f"{name}_low": np.where(count > 0, low, np.nan), f"{name}_high": np.where(count > 0, high, np.nan)}
 
 
-def _run_record(
-    name: str, evaluation: Evaluation, scores: BlockScores, work: Work, own_columns: Sequence[str]
-) -> Record:
-    """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
-    return {**run_keys(name, work), **run_sums_record(evaluation, scores, own_columns)}
-
-
 def run_sums_record(evaluation: Evaluation, scores: BlockScores, own_columns: Sequence[str]) -> Record:
-    """What each run leaves."""
+    """Errors in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
     missing = np.full(len(scores.due), np.nan)
     nis, nis_count = (
         sum((item.per_run[NIS[row]] for item in scores.nis.values()), np.zeros_like(scores.due))

@@ -35,7 +35,9 @@ def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Proble
     fed = truth.feeds(kinds)
     yield from _columns(truth, kinds)
     yield from _hidden(scenario, truth)
-    yield from _without_truth(scenario, truth, fed)
+    for name in scenario.sensors if truth.without_truth else ():
+        if name not in fed:
+            yield Problem(("truth", "readings"), f"{name} is missing: nothing can be synthesised without a truth")
     if truth.format == "udacity":
         yield from _one_of_each(fed)
     for name in fed:
@@ -93,12 +95,6 @@ def _hidden(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem
         if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
             message = f"oracle is told of which object each detection is; nothing says so of {', '.join(unlabelled)}"
             yield Problem(("trackers", name, "associate", "method"), message)
-
-
-def _without_truth(scenario: ScenarioConfig, truth: RecordingTruth, fed: dict[str, str]) -> Iterator[Problem]:
-    for name in scenario.sensors if truth.without_truth else ():
-        if name not in fed:
-            yield Problem(("truth", "readings"), f"{name} is missing: nothing can be synthesised without a truth")
 
 
 def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:

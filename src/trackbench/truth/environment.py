@@ -322,12 +322,10 @@ class Recorder:
             dt: between two, s.
             places: number of bodies; places that no vehicle has had yet are absent.
         """
-        frames = [*self.frames[first:], self._now()]
+        now = {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
+        frames = [*self.frames[first:], now]
         raw = _stacked(frames, max(places, len(self._bodies)))
         return self._frames(raw, range(raw.shape[2]), dt, np.full(len(frames), math.nan))
-
-    def _now(self) -> dict[int, tuple[float, ...]]:
-        return {self._number(v): (*_state(v), float(v.action["steering"])) for v in self._env.road.vehicles}
 
     def _frames(self, raw: Array, numbers: Iterable[int], dt: float, clock: Array) -> Frames:
         px, down, clockwise, speed, vx, vy_down, crashed, steering = raw

@@ -158,14 +158,11 @@ def start_points(axes: Sequence[MapAxis], config: EnvelopeConfig, own: Sequence[
 
     Source of the sequence: Owen (1998), "Scrambling Sobol' and Niederreiter-Xing points".
     """
-    points = _grid(axes) if config.design == "grid" else _sobol(axes, config)
+    grid = config.design == "grid"
+    points = list(product(*(axis.values for axis in axes))) if grid else _sobol(axes, config)
     inside = [value for axis, value in zip(axes, own, strict=True) if value is not None and axis.takes(value)]
     points += [tuple(inside)] if len(inside) == len(axes) else []
     return list(dict.fromkeys(points))[: config.cells]
-
-
-def _grid(axes: Sequence[MapAxis]) -> list[Point]:
-    return list(product(*(axis.values for axis in axes)))
 
 
 def _sobol(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:

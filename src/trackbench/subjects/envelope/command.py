@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -63,7 +63,8 @@ class EnvelopeGroup(click.Group):
         except click.UsageError as error:
             close = alike(first, WORDS, 0.6)
             if close and "extra argument" in error.message:
-                _mistaken(ctx, first, close[0])
+                problem = f"a scenario stands alone, and {first!r} is no command. Did you mean {close[0]!r}?"
+                raise click.UsageError(problem, ctx) from None
             raise
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -77,10 +78,6 @@ class EnvelopeGroup(click.Group):
 def _parts(item: str) -> list[str]:
     """``--verify=CLAIM`` as two words."""
     return item.split("=", 1) if item.startswith("--verify=") else [item]
-
-
-def _mistaken(ctx: click.Context, word: str, meant: str) -> NoReturn:
-    raise click.UsageError(f"a scenario stands alone, and {word!r} is no command. Did you mean {meant!r}?", ctx)
 
 
 def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

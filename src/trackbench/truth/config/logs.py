@@ -19,7 +19,7 @@ from trackbench.base.errors import InputError, nearest, shortened
 ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
 
 
-def _text_or_list(value: Any) -> str | None:
+def text_or_list(value: Any) -> str | None:
     """The tag of a union of a text and a list."""
     return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None
 
@@ -28,7 +28,7 @@ FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
     Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
     Discriminator(
-        _text_or_list,
+        text_or_list,
         custom_error_type=PROBLEM,
         custom_error_message="write a file, a folder of files, a pattern, or a list of files, such as "
         "[monday.csv, tuesday.csv]",

@@ -11,13 +11,9 @@ from trackbench.base.config import LIST, MAPPING, PROBLEM, WORD, Config, NonNega
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
+from trackbench.truth.config.logs import text_or_list
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
-
-
-def _vehicle_shape(value: Any) -> str | None:
-    return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None
-
 
 Vehicle = Annotated[str, Field(min_length=1)]
 
@@ -28,7 +24,7 @@ class VehicleObserver(Config):
     vehicle: Annotated[
         Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
         Discriminator(
-            _vehicle_shape,
+            text_or_list,
             custom_error_type=PROBLEM,
             custom_error_message='write the id of a vehicle as text, such as "12", or a list of ids, each of which '
             "makes a scene",
