@@ -148,6 +148,17 @@ def test_an_undecided_verdict_tells_of_missing_estimates(whole, turning, share):
     assert meaning(optimistic, breakdown) == "the errors are larger than its covariance states"
 
 
+def test_a_word_that_one_part_gives_says_so_where_the_mean_is_undecided() -> None:
+    slow = ConditionVerdict(name="velocity alone", mean=2.3, ci95=(2.1, 2.5), verdict="pessimistic")
+    straight = ConditionVerdict(name="straight", mean=4.5, ci95=(3.5, 5.6), verdict="consistent")
+    nees = MetricValue(
+        value=4.5, unit="1", dof=4, ci95=(3.5, 5.6), verdict="pessimistic", conditions=(straight, slow), parts=()
+    )
+    said = "the errors are smaller than its covariance states"
+    assert meaning(nees, None) == f"{said}, as shown for velocity alone; the mean NEES is undecided"
+    assert meaning(nees.model_copy(update={"ci95": (3.0, 3.5)}), None) == said
+
+
 @pytest.mark.parametrize("runs", [20, 100, 1000])
 def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
     """Mean NEES of scenes of 25 independent instants of 4 degrees of freedom: chi-square over 25."""

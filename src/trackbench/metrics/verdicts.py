@@ -243,8 +243,8 @@ _MORE_LARGE = "; large errors are more frequent than its mean NEES explains"
 
 
 def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
-    """The same; of an undecided one with the share of the estimates, where it is for missing ones that more runs would
-    not tell."""
+    """The same, with where alone it holds if the mean is undecided. Of an undecided one with the share of the estimates
+    that are given, where more runs would not tell for those that are missing."""
     word = nees.verdict or "undecided"
     if word == "undecided" and breakdown is not None:
         conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
@@ -262,7 +262,19 @@ def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
         if "undecided" in tails - without_missing:
             share = f"{100 * every.given / every.count:.3g} % given"
             return f"too many estimates are missing to say whether large errors are as frequent as stated: {share}"
-    return MEANING[word] + (_MORE_LARGE if nees.also else "")
+    where = f", as shown for {places}; the mean NEES is undecided" if (places := only_where(nees)) else ""
+    return MEANING[word] + where + (_MORE_LARGE if nees.also else "")
+
+
+def only_where(nees: MetricValue, most: int = 2) -> str:
+    """Where a covariance is off of which the mean NEES is undecided: "braking, velocity alone"; else empty."""
+    word = nees.verdict
+    if word not in ("optimistic", "pessimistic") or nees.ci95 is None or verdict(nees.ci95, nees.dof or 4) == word:
+        return ""
+    conditions = nees.conditions or ()
+    names = [item.name for item in (*conditions, *(nees.parts or ())) if item.verdict == word]
+    names += [f"{item.name} {part.name}" for item in conditions for part in item.parts if part.verdict == word]
+    return _first(names, most)
 
 
 #: The verdicts of which a reader must know where or by how much, as a heading.

@@ -11,7 +11,7 @@ from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
 from trackbench.report.functions import function_tables
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, joined, short
 from trackbench.report.pairs import Standing, standing
 from trackbench.report.scenes import basis_of_intervals, runs_in_words, values_of_few_scenes
 from trackbench.report.sentences import (
@@ -263,14 +263,16 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
 
 def words_explained(trackers: Sequence[TrackerResult]) -> list[str]:
     """What the verdicts on the covariances mean, but for those of which more is said; in the order of ``MEANING``."""
-    lines: dict[str, None] = {}
+    lines = []
     for word in (word for word in MEANING if word not in NAMED):
+        said: dict[str, list[str]] = {}
         for tracker in trackers:
             nees = metric_of(tracker, "nees")
             if nees.verdict == word:
                 alone = nees.model_copy(update={"also": None})
-                lines[f"{word}: {meaning(alone, tracker.breakdown)}"] = None
-    return [*lines]
+                said.setdefault(meaning(alone, tracker.breakdown), []).append(tracker.name)
+        lines += [f"{word}{f' ({joined(names)})' * (len(said) > 1)}: {text}" for text, names in said.items()]
+    return lines
 
 
 def _notes(result: Result) -> list[str]:

@@ -21,6 +21,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.metrics.moments import EstimateMoment
+from trackbench.metrics.verdicts import only_where
 from trackbench.metrics.verdicts import verdict as verdict_of_mean
 from trackbench.report import tables
 from trackbench.report.association import against_oracle
@@ -122,7 +123,10 @@ def at_a_glance(result: Result) -> Table:
     barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
-        (Column("covariance", "what the mean NEES says of it", left=True), [*map(_judged, nees), *failed]),
+        (
+            Column("covariance", "what the NEES says of it, all in all and under each condition", left=True),
+            [*map(_judged, nees), *failed],
+        ),
     ]
     return tracker_table("at-a-glance", [*trackers, *unscored], columns)
 
@@ -136,8 +140,8 @@ def _barred(metric: MetricValue, places: int) -> Cell:
 
 
 def _judged(nees: MetricValue) -> Cell:
-    """The main word of a covariance's verdict, of tracks that of their mean NEES, and what else is off."""
+    """The main word of a covariance's verdict (of tracks, of their mean NEES), where alone it holds, and what else is off."""
     if nees.value is None:
         return missing_cell(nees)
     word = nees.verdict or verdict_of_mean(nees.ci95, nees.dof or 4)
-    return Cell(word, (nees.also,) if nees.also else (), TONE[word], chip=True)
+    return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), TONE[word], chip=True)

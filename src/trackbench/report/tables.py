@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, only_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
@@ -70,9 +70,9 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
         return missing_cell(metric)
     ci95 = None if metric.ci95 is None else [scale * end for end in metric.ci95]
     cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.words)
-    if metric.without_charged is None:
-        return cell
-    return replace(cell, details=(*cell.details, f"given {short(scale * metric.without_charged, places)}"))
+    charged = metric.without_charged
+    more = (only_where(metric), "" if charged is None else f"given {short(scale * charged, places)}")
+    return replace(cell, details=(*cell.details, *filter(None, more)))
 
 
 def missing_cell(metric: MetricValue) -> Cell:

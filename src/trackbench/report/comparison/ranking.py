@@ -11,7 +11,7 @@ from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import FEWEST_SETS, FEWEST_TRACKERS
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Row, Section, Table
 from trackbench.document.palette import Styles
-from trackbench.metrics.verdicts import NAMED, mean_text, what_is_off
+from trackbench.metrics.verdicts import NAMED, mean_text, only_where, what_is_off
 from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import label, rank_figure, reference_figure
 from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer
@@ -24,9 +24,9 @@ _RANKED = (
     "pairs)."
 )
 _NEES = (
-    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
-    "off under the conditions that are named and not under others; heavy-tailed: too many errors "
-    "are large; undecided: too few runs or scenes, or too many missing estimates, to say."
+    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; where "
+    "the mean is undecided, what is off is named; mixed: off under the conditions that are named and not under others; "
+    "heavy-tailed: too many errors are large; undecided: too few runs or scenes, or too many missing estimates, to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."
 
@@ -168,7 +168,7 @@ def _nees(score: EntrantScore, _: int) -> Cell:
         return Cell(NOT_AVAILABLE)
     assert nees.value is not None
     off = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word in NAMED]
-    details = tuple(text for text in (nees.words, *off) if text)
+    details = tuple(text for text in (nees.words, only_where(nees), *off) if text)
     return Cell(mean_text(nees.value), details, TONE.get(nees.verdict, ""))
 
 
