@@ -123,10 +123,7 @@ def at_a_glance(result: Result) -> Table:
     barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
-        (
-            Column("covariance", "what the NEES says of it, all in all and under each condition", left=True),
-            [*map(_judged, nees), *failed],
-        ),
+        (Column("covariance", "what the NEES says, by conditions too", left=True), [*map(_judged, nees), *failed]),
     ]
     return tracker_table("at-a-glance", [*trackers, *unscored], columns)
 
@@ -140,7 +137,7 @@ def _barred(metric: MetricValue, places: int) -> Cell:
 
 
 def _judged(nees: MetricValue) -> Cell:
-    """The main word of a covariance's verdict (of tracks, of their mean NEES), where alone it holds, and what else is off."""
+    """The main word of a covariance's verdict, of tracks that of their mean NEES, and where alone it holds."""
     if nees.value is None:
         return missing_cell(nees)
     word = nees.verdict or verdict_of_mean(nees.ci95, nees.dof or 4)
