@@ -272,7 +272,8 @@ def only_where(nees: MetricValue, most: int = 2) -> str:
     if word not in ("optimistic", "pessimistic") or nees.ci95 is None or verdict(nees.ci95, nees.dof or 4) == word:
         return ""
     conditions = nees.conditions or ()
-    names = [item.name for item in (*conditions, *(nees.parts or ())) if item.verdict == word]
+    names = [condition.name for condition in conditions if condition.verdict == word]
+    names += [part.name for part in nees.parts or () if part.verdict == word]
     names += [f"{item.name} {part.name}" for item in conditions for part in item.parts if part.verdict == word]
     return _first(names, most)
 
