@@ -84,7 +84,7 @@ def test_several_runs_are_a_comparison(cli: Cli, two: Path) -> None:
 
 def test_a_run_in_a_terminal(cli: Cli, two: Path) -> None:
     shown = cli("report", str(two / "tiny")).out
-    assert shown.startswith("tiny\n")
+    assert shown.startswith("tiny: ")
     assert "Truth and sensors" in shown
 
 

@@ -26,6 +26,7 @@ def test_the_page_shows_the_files(fenced: Fenced) -> None:
     assert shown == {path.name: path.read_text(encoding="utf-8") for path in examples if path.is_file()}
 
 
-def test_the_readme_shows_what_the_page_shows(fenced: Fenced) -> None:
-    found = next(block.text for block in fenced(ROOT / "README.md") if "azimuth_not_wrapped" in block.text)
-    assert found in PAGE.read_text(encoding="utf-8")
+def test_the_readme_shows_what_a_student_sees(fenced: Fenced) -> None:
+    shown = next(block.text for block in fenced(ROOT / "README.md") if "an angle is not wrapped" in block.text)
+    page = (DOCS / "start" / "student.md").read_text(encoding="utf-8")
+    assert all(line in page for line in shown.splitlines())

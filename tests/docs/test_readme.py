@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,3 +41,21 @@ def test_the_tracker_of_the_readme_works(
 
 def test_the_readme_is_short() -> None:
     assert len(README.read_text(encoding="utf-8").split()) <= 1100
+
+
+def rows(page: Path, heading: str) -> dict[str, dict[str, str]]:
+    """The first table after a heading: by the first cell of a row, its others by their columns."""
+    lines = page.read_text(encoding="utf-8").partition(heading)[2].splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("|"))
+    table = [[cell.strip() for cell in line.strip("|").split("|")] for line in itertools.takewhile(bool, lines[first:])]
+    return {row[0]: dict(zip(table[0][1:], row[1:], strict=True)) for row in table[2:]}
+
+
+def test_the_table_of_worlds_is_that_of_the_results() -> None:
+    worlds = ("ideal", "human", "typical", "recorded")
+    readme = rows(README, "In which world")
+    results = rows(ROOT / "results" / "worlds" / "comparison.md", "## Position RMSE")
+    assert len(readme) == len(worlds)
+    for shown, world in zip(readme.values(), worlds, strict=True):
+        for tracker, value in shown.items():
+            assert float(value) == round(float(results[f"highway-{world}"][tracker].partition(" ")[0].strip("*")), 3)
