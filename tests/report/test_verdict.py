@@ -10,9 +10,14 @@ from rich.console import Console
 from tests.support.differences import with_differences
 from tests.support.example_result import make_result
 
+from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary
-from trackbench.report.verdict import verdict_of_run
-from trackbench.results import ExpectationResult, Result
+from trackbench.report.first_screen import at_a_glance
+from trackbench.report.pairs import standing
+from trackbench.report.result import result_document
+from trackbench.report.tables import tone_of
+from trackbench.report.verdict import headline, verdict_of_run
+from trackbench.results import ExpectationResult, Health, MetricValue, Result
 
 
 def expectation(metric: str = "position_rmse", *, passed: bool = True) -> ExpectationResult:
@@ -53,12 +58,12 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
         ),
         (
             {(BEST, NEXT): "equivalent"},
-            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 1 % or 5 mm",
+            "ukf_ctrv and ekf_ctrv have the smallest position error, 0.382 to 0.385 m; equivalent within 5 mm",
         ),
         # Equivalent to the best, but not to each other.
         (
             {(BEST, NEXT): "equivalent", (BEST, THIRD): "equivalent"},
-            "ukf_ctrv has the smallest position error, 0.382 m; equivalent to ekf_ctrv and ekf_cv within 1 % or 5 mm",
+            "ukf_ctrv has the smallest position error, 0.382 m; equivalent to ekf_ctrv and ekf_cv within 5 mm",
         ),
         # One whose error is far outside the interval of the best has not the smallest too.
         (
@@ -73,7 +78,41 @@ BEST, NEXT, THIRD = "ukf_ctrv", "ekf_ctrv", "ekf_cv"
     ],
 )
 def test_who_is_best_how_surely(verdicts: dict[tuple[str, str], str], sentence: str) -> None:
-    assert said(result_where([BEST, NEXT, THIRD], verdicts)) == sentence
+    assert said(result_where([BEST, NEXT, THIRD], verdicts)) == f"{sentence} in this scene"
+
+
+def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
+    result = result_where([BEST, NEXT], {(BEST, NEXT): "undecided"})
+    lost = [
+        tracker.model_copy(update={"health": Health(diverged_runs=1 if tracker.name == NEXT else 0)})
+        for tracker in result.summary.trackers
+    ]
+    diverged = result.updated(trackers=lost)
+    best = "ukf_ctrv has the smallest position error, 0.382 m; not shown better than ekf_ctrv (diverged) in this scene"
+    assert said(diverged) == f"ekf_ctrv diverged in 1 of 100 runs; {best}"
+    assert standing(diverged).cells == ["a", "diverged"]
+    screen = to_markdown(result_document(diverged))
+    assert "**ekf_ctrv diverged in 1 of 100 runs. ukf_ctrv has the smallest" in screen
+    first, second = (row[1] for row in at_a_glance(diverged).rows)
+    assert first.details[0].startswith("±")
+    assert (second.details, second.tone) == (("diverged in 1 of 100 runs",), "bad")
+    # Shown to be worse all the same, it has its letter.
+    assert standing(result_where([BEST, NEXT], {}).updated(trackers=lost)).cells == ["a", "b"]
+
+
+def test_a_mean_that_is_shown_above_is_no_milder_than_optimistic() -> None:
+    nees = MetricValue(unit="1", value=7e7, ci95=(8e6, 7e8), dof=4, verdict="mixed")
+    assert tone_of(nees) == tone_of(nees.model_copy(update={"verdict": "optimistic"})) == "bad"
+    assert tone_of(nees.model_copy(update={"value": 4.0, "ci95": (3.9, 4.1)})) == "warn"
+
+
+def test_the_margin_that_held_is_said() -> None:
+    result = result_where([BEST, NEXT, THIRD], {(BEST, NEXT): "equivalent", (BEST, THIRD): "undecided"})
+    margins = {(BEST, NEXT): 0.0123, (NEXT, THIRD): 0.1}
+    items = [item.model_copy(update={"margin": margins.get((item.a, item.b), 0.005)}) for item in result.differences]
+    held = with_differences(result, items)
+    assert "equivalent to ekf_ctrv within 12 mm" in headline(held)
+    assert "no difference over 5 to 100 mm" in standing(held).meaning
 
 
 def test_a_single_tracker_is_called_best_of_nothing() -> None:
@@ -85,7 +124,7 @@ def test_what_went_wrong_comes_first_and_what_went_right_last() -> None:
     assert said(result_where([BEST], {}, expectation(), expectation())) == f"{best}; all 2 expectations met"
     missed = result_where([BEST], {}, expectation(), expectation(passed=False))
     assert said(missed) == f"1 of 2 expectations failed; {best}"
-    assert said(make_result()).startswith("mine failed; 1 of 2 expectations failed; ")
+    assert said(make_result()).startswith("mine failed; ekf_tight diverged in 3 of 100 runs; 1 of 2 exp")
 
 
 def test_functions_are_in_the_verdict_only_where_something_is_expected_of_them() -> None:
@@ -100,7 +139,11 @@ def test_functions_are_in_the_verdict_only_where_something_is_expected_of_them()
     warned = result.updated(trackers=trackers)
     assert "RMS delay" not in said(warned)
     expected = warned.updated(expectations=[expectation("warn_error.aeb")])
-    assert said(expected).startswith("smallest RMS delay: ukf_ctrv 0.1 s (aeb); ukf_ctrv has")
+    tied = "smallest RMS delay: all trackers 0.1 to 1.1 s (aeb), not shown to differ; ukf_ctrv has"
+    assert said(expected).startswith(tied)
+    tested = expected.differences[0].model_copy(update={"metric": "warn_error.aeb"})
+    shown = with_differences(expected, [*expected.differences, tested])
+    assert said(shown).startswith("smallest RMS delay: ukf_ctrv 0.1 s (aeb); ukf_ctrv has")
     output = io.StringIO()
     print_summary(warned, Console(file=output, width=80))
     assert sum(line.split()[:2] in (["aeb", name] for name in names) for line in output.getvalue().splitlines()) == 2

@@ -86,7 +86,7 @@ def test_the_terminal_has_room(traffic_result: Result, nees: float, capsys: pyte
     assert sorted(names) == ["gnn", "naive", "oracle*", "pmb"]
     # An oracle is in no group.
     assert [len(line.split()) for line in rows] == [10 if name == "oracle*" else 11 for name in names]
-    assert lines[first + 4] == "group: no difference over 1 % or 5 mm shown between those that share a letter"
+    assert lines[first + 4] == "group: no difference over 5.6 to 13 mm shown between those that share a letter"
 
 
 @pytest.mark.parametrize("width", [40, 60, 80])
@@ -169,7 +169,7 @@ def test_the_oracle_is_held_against_the_best_that_shares_its_filter(traffic_resu
             (-0.16, -0.04),
             "0.04 m): the interval is of this pair alone, and Holm's correction",
         ),
-        ((0.004, 0.2), "): it is not shown to be more than 1 % or 5 mm."),
+        ((0.004, 0.2), "): it is not shown to be more than 20 mm."),
         ((-0.1, 0.2), "0.2 m)."),
     ],
 )

@@ -34,7 +34,7 @@ def against_oracle(result: Result) -> Iterator[str]:
 def _sentence(summary: Summary, oracle: TrackerResult, best: str, pair: Pair) -> str:
     places, metric = meaningful(pair.value, pair.ci95), oracle.metrics[summary.headline]
     own = fixed(metric.value, max(places, decimals([metric.value])))
-    margin = margin_words(summary.score.margin, "m")
+    margin = margin_words([pair.margin])
     bounds = in_brackets(pair.ci95, places, " of the difference")
     # Where the interval alone would say that there is a difference.
     least = 0.0 if pair.ci95 is None else max(pair.ci95[0], -pair.ci95[1])

@@ -27,9 +27,9 @@ from trackbench.report.sentences import (
     reused_identities,
     value_and_limit,
 )
-from trackbench.report.tables import OUTCOME_TONE, TONE, metric_of
+from trackbench.report.tables import OUTCOME_TONE, metric_of, tone_of
 from trackbench.report.verdict import verdict_of_run
-from trackbench.results import Result, TrackerResult
+from trackbench.results import MetricValue, Result, TrackerResult
 
 #: By kind of result the columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = {
@@ -97,7 +97,7 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
     if path == "nees":
         means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
         width = max(map(len, means))
-        styles = [STYLE[TONE[m.verdict or ""]] for m in metrics]
+        styles = [STYLE[tone_of(m)] for m in metrics]
         # Both words fit 80 columns in this form; a note below has the whole one.
         words = [m.words.replace(", heavy-tailed", "+") for m in metrics]
         return [
@@ -105,7 +105,9 @@ def _estimate_cells(trackers: Sequence[TrackerResult], path: str, digits: int, _
             for mean, word, style in zip(means, words, styles, strict=True)
         ]
     places = decimals([metric.value for metric in metrics], digits)
-    ends = intervals_in_short(metrics, places) if path == "position_rmse" else [""] * len(metrics)
+    # The interval of a mean that few runs decide says nothing.
+    told = [MetricValue(unit=m.unit) if t.health.diverged_runs else m for t, m in zip(trackers, metrics, strict=True)]
+    ends = intervals_in_short(told, places) if path == "position_rmse" else [""] * len(metrics)
     return [Text(f"{short(m.value, places)} {end}".rstrip()) for m, end in zip(metrics, ends, strict=True)]
 
 

@@ -28,6 +28,7 @@ from trackbench.report.association import against_oracle
 from trackbench.report.figures.map import map_of_run, map_of_tracks
 from trackbench.report.numbers import decimals, fixed, reach
 from trackbench.report.sentences import (
+    divergence,
     expectations_met,
     listed_of,
     other_switch_costs,
@@ -35,7 +36,7 @@ from trackbench.report.sentences import (
     verdict,
     verdict_on_tracks,
 )
-from trackbench.report.tables import INTERVAL, TONE, metric_of, missing_cell, tracker_table
+from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
 from trackbench.report.verdict import headline
 from trackbench.results import MetricValue, Result, TrackerResult
 
@@ -120,7 +121,9 @@ def at_a_glance(result: Result) -> Table:
     metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
     places = decimals(metric.value for metric in metrics)
     failed = [Cell("failed" if tracker.failed else "not ranked", tone="bad", chip=True) for tracker in unscored]
-    barred = [*(_barred(metric, places) for metric in metrics), *(Cell("") for _ in unscored)]
+    runs = result.summary.runs
+    cells = [_barred(metric, places, divergence(t, runs)) for t, metric in zip(trackers, metrics, strict=True)]
+    barred = [*cells, *(Cell("") for _ in unscored)]
     columns = [
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
         (Column("covariance", "what the NEES says, by conditions too", left=True), [*map(_judged, nees), *failed]),
@@ -128,10 +131,13 @@ def at_a_glance(result: Result) -> Table:
     return tracker_table("at-a-glance", [*trackers, *unscored], columns)
 
 
-def _barred(metric: MetricValue, places: int) -> Cell:
+def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:
+    """Of what diverged that alone: the interval of a mean that few runs decide says nothing."""
     value, ci95 = metric.value, metric.ci95
     if value is None:
         return missing_cell(metric)
+    if diverged:
+        return Cell(fixed(value, places), (diverged,), "bad", bar=(value, value, value))
     spread = (reach(value, ci95, places),) if ci95 else ()
     return Cell(fixed(value, places), spread, bar=(value, *(ci95 or (value, value))))
 
@@ -141,4 +147,4 @@ def _judged(nees: MetricValue) -> Cell:
     if nees.value is None:
         return missing_cell(nees)
     word = nees.verdict or verdict_of_mean(nees.ci95, nees.dof or 4)
-    return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), TONE[word], chip=True)
+    return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), tone_of(nees, word), chip=True)

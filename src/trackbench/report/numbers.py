@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Sequence
 
 from trackbench.results.metric_value import MetricValue
-from trackbench.results.score_summary import MarginSummary
 
 NOT_AVAILABLE = "n/a"
 #: By how much the longer half of an interval may be longer than the other and be written as ±.
@@ -102,10 +101,7 @@ def joined(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
-def margin_words(margin: MarginSummary, unit: str) -> str:
-    """ "1 % or 5 mm", of which the larger counts."""
-    absolute = margin.absolute(unit)
-    parts = [f"{margin.percent:g} %"] if margin.percent or not absolute else []
-    if absolute:
-        parts.append(f"{1000 * absolute:g} mm" if unit == "m" and absolute < 1 else f"{absolute:g} {unit}")
-    return " or ".join(parts)
+def margin_words(margins: Iterable[float]) -> str:
+    """ "5 mm", or "5 to 12 mm" of differences with several: the margins that held, in m."""
+    ends = [float(f"{1000 * margin:.2g}") for margin in margins]
+    return f"{' to '.join(dict.fromkeys(f'{end:g}' for end in (min(ends), max(ends))))} mm"

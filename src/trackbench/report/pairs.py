@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase
 
@@ -48,13 +48,15 @@ class Pair:
 
 
 class Pairs:
-    """The judged pairs of a result by the metric that ranks, looked up in either order."""
+    """The judged pairs of a result by a metric, that which ranks unless given, looked up in either order."""
 
-    def __init__(self, result: Result) -> None:
-        path = result.summary.headline
+    def __init__(self, result: Result, path: str | None = None) -> None:
+        path = path or result.summary.headline
         self._items = {
             (item.a, item.b): item for item in result.differences if item.metric == path and item.verdict is not None
         }
+        self.margins = [item.margin for item in self._items.values()] or [result.summary.score.margin.absolute("m")]
+        """Up to which differences do not matter, m."""
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
@@ -73,6 +75,14 @@ class Pairs:
         """Whether one is called better than the other: shown by more than the margin."""
         item = self._items.get((a, b)) or self._items.get((b, a))
         return item is not None and item.better is not None
+
+    def within(self, name: str, others: Iterable[str]) -> str:
+        """ "within 5 mm": up to what a difference from each of the others does not matter."""
+        return f"within {margin_words(pair.margin for other in others if (pair := self.get(name, other)))}"
+
+    def undecided(self, name: str) -> bool:
+        """Whether in some pair with it neither is called better."""
+        return any(name in names and item.better is None for names, item in self._items.items())
 
     def turned(self, names: Sequence[str]) -> dict[str, list[str]]:
         """By tracker, those of ``names`` than which it is not called better: for missing estimates alone it is."""
@@ -112,7 +122,7 @@ def standing(result: Result) -> Standing:
     A reference or a smoother is no competitor and has none.
     """
     score, pairs = result.summary.score, Pairs(result)
-    margin, names = margin_words(score.margin, "m"), [tracker.name for tracker in result.contenders if tracker.paired]
+    margin, names = margin_words(pairs.margins), [tracker.name for tracker in result.contenders if tracker.paired]
     if score.against is None:
         heading = short = "group"
         meaning, cells = f"no difference over {margin} shown between those that share a letter", groups(names, pairs)
@@ -127,4 +137,6 @@ def standing(result: Result) -> Standing:
         if (parts := len(result.summary.truth.scenes) or result.summary.runs) > 2:
             times = f"{times_as_large(len(names), parts - 1):.2g} times as large as with 2"
             meaning += f"; with {len(names)} trackers a difference must be about {times} to be shown"
+    # An interval of runs of which few decide the mean says nothing.
+    cells |= {t.name: "diverged" for t in result.contenders if t.health.diverged_runs and pairs.undecided(t.name)}
     return Standing(heading, short, meaning, [cells.get(tracker.name, "") for tracker in result.scored])

@@ -34,7 +34,7 @@ from trackbench.report.first_screen import competing, first_screen, picture
 from trackbench.report.functions import functions_section
 from trackbench.report.moments import events_section, moments_section, worst_moments
 from trackbench.report.numbers import joined, margin_words, percent
-from trackbench.report.pairs import standing
+from trackbench.report.pairs import Pairs, standing
 from trackbench.report.scenes import ONE_RUN, basis_of_intervals, scenes, values_of_few_scenes, without_interval
 from trackbench.report.sentences import (
     FALSE_OF_REFERENCE,
@@ -226,7 +226,11 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
     cost = cost_against_accuracy(drawn, styles, summary.headline)
     beside = Row((tables.key_differences(result), *([cost] if cost else [])))
     text = _DIFFERENCES.format(
-        metric=summary.headline_name, margin=margin_words(summary.score.margin, "m"), family=_family(result)
+        metric=summary.headline_name,
+        margin=margin_words(Pairs(result).margins),
+        percent=summary.score.margin.percent,
+        mm=1000 * summary.score.margin.position_m,
+        family=_family(result),
     )
     title = "All pairs"
     if summary.identities == "known":
@@ -240,7 +244,8 @@ def _differences(result: Result, styles: Mapping[str, TrackerStyle]) -> Section:
 
 _DIFFERENCES = (
     "Differences of {metric}, paired: every tracker saw the same truth and the same noise. Negative means smaller "
-    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two. {family} Equivalent: the "
+    "errors. Better and worse: shown to differ by more than the margin, {margin}: the larger of {percent:g} % of the "
+    "better value and {mm:g} mm. {family} Equivalent: the "
     "interval lies within that margin; undecided: neither, more runs or scenes would tell. Each interval is that of "
     "its pair alone, without the correction. By other metrics no tracker is called better unless an expectation names "
     "them."

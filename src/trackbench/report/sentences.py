@@ -105,8 +105,8 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
         parts.append(f"{nees.words}: {meaning(nees, tracker.breakdown)} ({'; '.join(values)})")
         if tracker.breakdown is not None:
             parts += calibration_clauses(tracker.breakdown)
-    if health.diverged_runs:
-        parts.append(f"diverged in {health.diverged_runs} of {counted(runs, 'run')}")
+    if words := divergence(tracker, runs):
+        parts.append(words)
     if health.repaired_covariances:
         parts.append(f"covariance repaired {counted(health.repaired_covariances, 'time')}")
     if health.missing_estimates:
@@ -114,6 +114,12 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     if health.non_finite_estimates:
         parts.append(counted(health.non_finite_estimates, "non-finite estimate"))
     return "; ".join(parts)
+
+
+def divergence(tracker: TrackerResult, runs: int) -> str:
+    """ "diverged in 1 of 10 runs"; empty where none did."""
+    number = tracker.health.diverged_runs
+    return f"diverged in {number} of {counted(runs, 'run')}" if number else ""
 
 
 def verdict_on_tracks(tracker: TrackerResult) -> str:

@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, only_where
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, only_where, verdict
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
@@ -52,6 +52,12 @@ def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
     return tracker.metrics.get(path, NO_METRIC)
 
 
+def tone_of(metric: MetricValue, word: str | None = None) -> Tone:
+    """Of a verdict, its own unless given: where the mean is shown above what is right, that of an optimistic one."""
+    above = metric.dof is not None and verdict(metric.ci95, metric.dof) == "optimistic"
+    return "bad" if above else TONE[word or metric.verdict or ""]
+
+
 def values(trackers: Sequence[TrackerResult], path: str, significant: int = 3, scale: float = 1.0) -> list[Cell]:
     """One metric down a column, with the same decimals for all; its verdict and interval are the small print."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
@@ -72,7 +78,7 @@ def _value(metric: MetricValue, places: int, scale: float) -> Cell:
     cell = estimate_cell(short(scale * metric.value, places), ci95, places, metric.words)
     charged = metric.without_charged
     more = (only_where(metric), "" if charged is None else f"given {short(scale * charged, places)}")
-    return replace(cell, details=(*cell.details, *filter(None, more)))
+    return replace(cell, details=(*cell.details, *filter(None, more)), tone=tone_of(metric))
 
 
 def missing_cell(metric: MetricValue) -> Cell:

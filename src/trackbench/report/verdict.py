@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 from trackbench.base.errors import counted
 from trackbench.metrics.function_events import function_labels
-from trackbench.report.numbers import decimals, fixed, in_brackets, joined, margin_words, meaningful
+from trackbench.report.numbers import decimals, fixed, in_brackets, joined, meaningful
 from trackbench.report.pairs import Pairs
-from trackbench.report.sentences import charged, expectations_met
+from trackbench.report.sentences import charged, divergence, expectations_met
 from trackbench.report.tables import metric_of
 from trackbench.results import MOST_DRAWN, Result, TrackerResult
 
@@ -28,7 +28,8 @@ def verdict_of_run(result: Result) -> str:
     outcome = outcome[0].lower() + outcome[1:] if expectations else ""
     failed = _some([tracker.name for tracker in result.unscored if tracker.failed])
     met = all(item.passed for item in expectations)
-    clauses = [failed and f"{failed} failed", "" if met else outcome, *_of_functions(result), _best(result)]
+    went_wrong = [failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
+    clauses = [*went_wrong, *_of_functions(result), _best(result)]
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
 
 
@@ -48,17 +49,19 @@ def headline(result: Result) -> str:
     places = max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
     bounds = in_brackets(metric.ci95, places)
     value = fixed(metric.value, places)
-    lead = "is the most accurate in position" if labelled else f"has the smallest {summary.headline_name}"
-    text = f"{names[0]} {lead}: {value} m{' RMSE' * labelled}{bounds}"
+    text = f"{names[0]} has the smallest {summary.headline_name}: {value} m{bounds}"
+    if words := _diverged(result, MOST_DRAWN):
+        text = f"{words}. {text}"
     pairs = Pairs(result)
     verdicts = _verdicts(names, pairs)
     if summary.score.baseline is not None and verdicts.get(summary.score.baseline) == "better":
         text += f"; it is better than {summary.score.baseline}, the baseline"
     equivalent, undecided = ([n for n in verdicts if verdicts[n] == word] for word in ("equivalent", "undecided"))
     if equivalent:
-        text += f"; equivalent to {_some(equivalent, MOST_DRAWN)} (within {margin_words(summary.score.margin, 'm')})"
+        others = _some(_marked(result, equivalent), MOST_DRAWN)
+        text += f"; equivalent to {others} {pairs.within(names[0], equivalent)}"
     if undecided:
-        text += f"; whether it is better than {_some(undecided, MOST_DRAWN)} is undecided"
+        text += f"; whether it is better than {_some(_marked(result, undecided), MOST_DRAWN)} is undecided"
     if turned := pairs.turned(names).get(names[0], []):
         others = _some(turned, MOST_DRAWN)
         text += f"; it is not called better than {others}: its errors are smaller only with what is charged"
@@ -78,6 +81,19 @@ def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     return {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
 
 
+def _diverged(result: Result, most: int) -> str:
+    """Which contenders diverged, of more than ``most`` how many: "div diverged in 1 of 10 runs"; empty of none."""
+    told = [(t.name, words) for t in result.contenders if (words := divergence(t, result.summary.runs))]
+    if len(told) > most:
+        return f"{counted(len(told), 'tracker')} diverged in some runs"
+    return joined([" ".join(each) for each in told])
+
+
+def _marked(result: Result, names: Sequence[str]) -> list[str]:
+    """The names, those that diverged with a word for it."""
+    return [f"{name} (diverged)" if result[name].health.diverged_runs else name for name in names]
+
+
 def _some(names: Sequence[str], most: int = NAMED) -> str:
     return joined(names) if len(names) <= most else counted(len(names), "tracker")
 
@@ -91,6 +107,8 @@ def _best(result: Result) -> str:
         return f"no truth, so {counted(len(contenders), 'tracker')} without a ranking"
     what = "position error" if summary.identities == "known" else summary.headline_name
     over = f"over {scenes} scenes " if (scenes := len(summary.truth.scenes)) else ""
+    # Where each run has a motion of its own, the differences are not of one scene.
+    here = "" if scenes or (summary.truth.model_extra or {}).get("random") else " in this scene"
     best, *others = names = [tracker.name for tracker in contenders]
     errors = {tracker.name: metric_of(tracker, summary.headline).value for tracker in contenders}
     pairs = Pairs(result)
@@ -102,23 +120,22 @@ def _best(result: Result) -> str:
     tied = [best, *open_]
     low, high = contenders[0].metrics[summary.headline].ci95 or (0.0, 0.0)
     alike = len(tied) <= NAMED and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
+    alike &= not any(result[name].health.diverged_runs for name in tied)
     near = [words[name] == "equivalent" or low <= (errors[name] or 0.0) <= high for name in open_]
     if open_ and alike and all(near) and {words[name] for name in open_} <= {"equivalent", "undecided"}:
         error = _error([result[name] for name in tied], summary.headline)
         same = all(words[name] == "equivalent" for name in open_)
-        how = f"equivalent within {margin_words(summary.score.margin, 'm')}" if same else "not shown to differ"
-        return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}"
-    whom = _than(open_ or [*words], len(words))
+        how = f"equivalent {pairs.within(best, open_)}" if same else "not shown to differ"
+        return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}{here}"
+    equivalent = {words[name] for name in open_} == {"equivalent"}
+    names = _marked(result, open_ or [*words])
+    every = "all" if equivalent or not open_ else "any of the"
+    which = every if len(names) == len(words) else f"{len(names)} of the"
+    whom = joined(names) if len(names) <= NAMED else f"{which} {len(words)} others"
     shown = f"not shown better than {whom}" if open_ else f"shown better than {whom}"
-    if open_ and {words[name] for name in open_} == {"equivalent"}:
-        shown = f"equivalent to {whom} within {margin_words(summary.score.margin, 'm')}"
-    return f"{over}{best} has the smallest {what}, {_error(contenders[:1], summary.headline)}; {shown}"
-
-
-def _than(names: list[str], total: int) -> str:
-    if len(names) <= NAMED:
-        return joined(names)
-    return f"all {total} others" if len(names) == total else f"{len(names)} of {total} others"
+    if equivalent:
+        shown = f"equivalent to {whom} {pairs.within(best, open_)}"
+    return f"{over}{best} has the smallest {what}, {_error(contenders[:1], summary.headline)}; {shown}{here}"
 
 
 def _error(trackers: list[TrackerResult], path: str) -> str:
@@ -133,14 +150,23 @@ def _error(trackers: list[TrackerResult], path: str) -> str:
 def _of_functions(result: Result) -> Iterator[str]:
     """Of the functions of which something is expected, who decides closest to the truth."""
     expected = {item.metric.rpartition(".")[2] for item in result.summary.expectations}
-    closest: dict[str, list[str]] = {}
+    closest: dict[tuple[str, str], list[str]] = {}
     for label in function_labels(path for tracker in result.scored for path in tracker.metrics):
         contenders = [(tracker.name, metric_of(tracker, f"warn_error.{label}").value) for tracker in result.contenders]
         errors = {name: value for name, value in contenders if value is not None}
         if label in expected and errors:
-            least = min(errors.values())
-            names = [name for name, value in errors.items() if value == least]
+            names, values = zip(*_not_later(result, f"warn_error.{label}", errors), strict=True)
             of = "all trackers" if len(names) == len(contenders) > 1 else _some(names)
-            closest.setdefault(of, []).append(f"{fixed(least, decimals([least], 1))} s ({label})")
+            ends = dict.fromkeys(fixed(end, decimals(values[:1], 1)) for end in (values[0], values[-1]))
+            unlike = ", not shown to differ" if values[0] < values[-1] else ""
+            closest.setdefault((of, unlike), []).append(f"{' to '.join(ends)} s ({label})")
     if closest:
-        yield f"smallest RMS delay: {', '.join(f'{names} {joined(errors)}' for names, errors in closest.items())}"
+        texts = [f"{of} {joined(delays)}{unlike}" for (of, unlike), delays in closest.items()]
+        yield f"smallest RMS delay: {', '.join(texts)}"
+
+
+def _not_later(result: Result, path: str, errors: Mapping[str, float]) -> list[tuple[str, float]]:
+    """The tracker with the smallest error, and those of which a larger one is not shown, in order of their errors."""
+    first, *others = sorted(errors, key=lambda name: errors[name])
+    pairs = Pairs(result, path)
+    return [(name, errors[name]) for name in (first, *others) if name == first or not pairs.differ(first, name)]

@@ -16,7 +16,7 @@ from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import label, rank_figure, reference_figure
 from trackbench.report.comparison.sentences import NAMES, compared, ranking_answer
 from trackbench.report.numbers import NOT_AVAILABLE, REACH, decimals, fixed, interval, reach, short
-from trackbench.report.tables import TONE
+from trackbench.report.tables import tone_of
 
 _RANKED = (
     f"With {REACH}. Bold: the best of the scenario, and every tracker that was not shown to be worse "
@@ -169,7 +169,7 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     assert nees.value is not None
     off = [what_is_off(nees, 2, word) for word in (nees.verdict, nees.also) if word in NAMED]
     details = tuple(text for text in (nees.words, only_where(nees), *off) if text)
-    return Cell(mean_text(nees.value), details, TONE.get(nees.verdict, ""))
+    return Cell(mean_text(nees.value), details, tone_of(nees))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
