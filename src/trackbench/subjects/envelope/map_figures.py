@@ -52,18 +52,18 @@ def map_figure(claim: Claim, pair: tuple[int, int], style: TrackerStyle) -> Figu
         _label(canvas, parts)
 
     legend = [
-        LegendEntry("holds", STATE_COLOURS["holds"], "band"),
-        LegendEntry("fails", STATE_COLOURS["fails"], "hatched"),
-        LegendEntry("not decided", STATE_COLOURS["undecided"], "lined"),
-        LegendEntry("border", INK),
+        LegendEntry("between cells that hold", STATE_COLOURS["holds"], "band"),
+        LegendEntry("between cells that fail", STATE_COLOURS["fails"], "hatched"),
+        LegendEntry("between others", STATE_COLOURS["undecided"], "lined"),
+        LegendEntry("border, interpolated", INK),
         *_mark_legend(marks),
     ]
     counts = claim.counts(style.name)
     required = " and ".join(limit.text for limit in claim.limits_of(style.name))
     caption = (
         f"{required}. Cells that hold are dots, those that fail crosses, undecided ones rings; the small ones were "
-        "added near the border. The border is interpolated; its band, what is not decided, reaches from the last cells "
-        "that hold to the first that fail."
+        "added near the border. What is claimed is the cells. Between them an area is coloured by its three cells "
+        "where they are alike; where they are not, it is lined, and the border in it is interpolated."
     )
     return Figure(
         f"map-{_file(style.name)}-{_names(parts)}",
@@ -100,7 +100,8 @@ def borders_figure(claim: Claim, pair: tuple[int, int], styles: Sequence[Tracker
     return Figure(
         f"borders-{_names(parts)}",
         f"Borders over {parts[0].across.name} and {parts[0].up.name}",
-        "Where each tracker stops to meet its requirement, with its band." + left_out,
+        "Where each tracker stops to meet its requirement, interpolated; the band is the area between cells that are "
+        "not alike or are undecided." + left_out,
         f"The borders of {counted(len(styles), 'tracker')} over {parts[0].across.name} and {parts[0].up.name}",
         paint,
         _height(parts),
