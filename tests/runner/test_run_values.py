@@ -10,7 +10,7 @@ import pytest
 import trackbench as tb
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.traffic import TRACK_METRICS
-from trackbench.runner.run_values import run_values
+from trackbench.runner.tables import run_values
 from trackbench.runner.work import BlockRuns, work_of
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.envelope.cells import make_runs

@@ -15,7 +15,7 @@ from trackeval.datasets import MotChallenge2DBox
 from trackeval.metrics import CLEAR, HOTA
 
 import trackbench as tb
-from trackbench.metrics.track_events import events_of
+from trackbench.metrics.function_events import events_of
 from trackbench.results import Result
 
 QUIET = {"PRINT_CONFIG": False}

@@ -17,7 +17,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.results import Result, Tables
 from trackbench.subjects.recording.contents import contents_of, ranking
 from trackbench.subjects.recording.data import read

@@ -18,7 +18,7 @@ from trackbench.document import Document, Figure, Section, Table, every
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
-from trackbench.metrics.track_events import events_of
+from trackbench.metrics.function_events import events_of
 from trackbench.report.association import against_oracle, comparisons
 from trackbench.report.console import print_summary
 from trackbench.report.figures.map import draw_surroundings

@@ -11,7 +11,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.metrics.track_events import events_of
+from trackbench.metrics.function_events import events_of
 from trackbench.results import Result
 from trackbench.results.declared import FUNCTION_TABLES, HIDDEN
 from trackbench.runner import traffic_sums

@@ -14,7 +14,7 @@ from pyarrow import csv
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import DUE, OPTIONAL, Array
-from trackbench.metrics.track_events import instants
+from trackbench.metrics.function_events import instants
 from trackbench.results import Result
 from trackbench.results.columns import split
 

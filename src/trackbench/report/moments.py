@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
+from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.metrics.moments import EstimateMoment, worst
 from trackbench.metrics.recorded_run import recorded_run
-from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, percent
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result

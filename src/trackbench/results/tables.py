@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.results.declared import HIDDEN, LABELLED
-from trackbench.results.table_check import TableLayout, require_table
+from trackbench.results.folder import TableLayout, require_table
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -18,7 +18,7 @@ from trackbench.metrics.functions.sums import (
     while_driving,
 )
 from trackbench.results.columns import Record
-from trackbench.results.table_check import NO_OBJECT
+from trackbench.results.folder import NO_OBJECT
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.work import Work

@@ -38,7 +38,7 @@ from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import HiddenMeasurements
 from trackbench.sensing.view import unscored
 from trackbench.trackers.answers import NO_TRACK, TrackerFault, require_covariances, tracks_of_run
-from trackbench.truth.recorded.stretches import stretch_of
+from trackbench.truth.recorded.cycles import stretch_of
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
 UNTIMED = 0.1

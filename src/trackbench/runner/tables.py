@@ -10,14 +10,17 @@ import numpy as np
 import pyarrow as pa
 
 from trackbench.base.types import Array, Indices, Scan, Truth
-from trackbench.metrics import BlockScores, Evaluation
+from trackbench.metrics import BlockScores, Evaluation, Metric, evaluate
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.sums import ERROR, NIS
+from trackbench.metrics.traffic import TRACKS, run_sums
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record, mean
 from trackbench.results.declared import LABELLED
-from trackbench.results.table_check import OBSERVER
+from trackbench.results.folder import OBSERVER
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.function_tables import decisions_on_estimates, function_records
@@ -264,3 +267,26 @@ def scan_record(scan: Scan) -> dict[str, Any]:
         "position": SENSOR_MODELS[scan.kind].position(scan).mean,
         "sensor_pose": scan.sensor_pose,
     }
+
+
+def run_values(metric: Metric, sums: MetricSums, runs: int) -> Array | None:
+    """``(runs,)`` in the unit of the metric, NaN in a run without a value; None where runs do not tell it.
+
+    Args:
+        metric: the metric.
+        sums: of all runs, merged.
+        runs: how many there are.
+    """
+    if not metric.columns:
+        return None
+    evaluation = evaluate(sums, np.zeros(runs, dtype=np.intp), [metric])
+    if metric.columns[0] in evaluation.run_columns:
+        columns = [evaluation.run_columns[name] for name in metric.columns]
+    elif metric.scores == "tracks":
+        columns = [*run_sums(evaluation.sums[TRACKS.name], metric.name)]
+    else:
+        record = run_sums_record(evaluation, sums[ESTIMATES.name], ())
+        declared = {column.name: column for column in LABELLED["runs"].columns}
+        columns = [np.asarray(declared[name].values(record)) for name in metric.columns]
+    intervals = [metric.of_runs(*(column[run : run + 1] for column in columns)) for run in range(runs)]
+    return np.array([np.nan if interval is None else interval.value for interval in intervals])

@@ -16,7 +16,7 @@ from trackbench.metrics.traffic.track_quality import BINS
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results.columns import Record
 from trackbench.results.declared import ASSOCIATIONS, GOSPA_PARTS, HIDDEN
-from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
+from trackbench.results.folder import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.block import Block
 from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.function_tables import function_records

@@ -5,19 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import (
-    Discriminator,
-    Field,
-    GetJsonSchemaHandler,
-    PlainValidator,
-    Tag,
-    ValidationError,
-    ValidationInfo,
-    create_model,
-)
-from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
+from pydantic import Field, GetJsonSchemaHandler, PlainValidator, Tag, ValidationError, ValidationInfo, create_model
+from pydantic_core import CoreSchema, InitErrorDetails
 
-from trackbench.base.config import PROBLEM, Config, KeyPath, Name, NonNegative, Positive, Problem
+from trackbench.base.config import Config, KeyPath, Name, NonNegative, Positive, Problem, chosen_by, problem_error
 from trackbench.base.config.explain import explain
 from trackbench.base.config.plugin import Plugin, PluginName
 from trackbench.base.errors import InputError, nearest
@@ -42,7 +33,7 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
         return value
     entry = {"use": value} if isinstance(value, str) else value
     if not isinstance(entry, dict) or not isinstance(entry.get("use"), str):
-        raise _problem('a name, a "module:Class" or a mapping with use is needed')
+        raise problem_error('a name, a "module:Class" or a mapping with use is needed')
     unknown = next((str(key) for key in entry if key not in KEYS), None)
     if unknown is not None:
         raise _at([((unknown,), f"is not known here; {nearest(unknown, KEYS)}")])
@@ -53,20 +44,16 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
         metric = METRICS.get(entry["use"], (info.context or {}).get("folder"))
         return metric.model_validate(options)
     except InputError as error:
-        raise _problem(error.message) from None
+        raise problem_error(error.message) from None
     except ValidationError as invalid:
         problems = explain(invalid.errors(include_url=False), metric)
         raise _at([(("options", *path), message) for path, message in problems]) from None
     except Exception as error:
-        raise _problem(f"{entry['use']!r} does not take these options: {one_line(error)}") from None
-
-
-def _problem(message: str) -> PydanticCustomError:
-    return PydanticCustomError(PROBLEM, "{message}", {"message": message})
+        raise problem_error(f"{entry['use']!r} does not take these options: {one_line(error)}") from None
 
 
 def _at(problems: list[tuple[KeyPath, str]]) -> ValidationError:
-    lines = [InitErrorDetails(type=_problem(message), loc=path, input=None) for path, message in problems]
+    lines = [InitErrorDetails(type=problem_error(message), loc=path, input=None) for path, message in problems]
     return ValidationError.from_exception_data("metrics", lines)
 
 
@@ -236,7 +223,7 @@ AnyEntry = Annotated[
     Annotated[FilterConfig, Tag("<filter>")]
     | Annotated[PluginConfig, Tag("<use>")]
     | Annotated[TracksConfig, Tag("<tracks>")],
-    Discriminator(_entry_kind, custom_error_type=PROBLEM, custom_error_message=NO_KIND),
+    chosen_by(_entry_kind, NO_KIND),
 ]
 
 

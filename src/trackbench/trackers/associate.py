@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
 
-from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem, problem_error
 
 AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -47,7 +46,7 @@ def _only(fits: Callable[[Any], bool], needed: str) -> BeforeValidator:
 
     def validate(value: Any) -> Any:
         if not fits(value):
-            raise PydanticCustomError(PROBLEM, "{message}", {"message": f"{needed} is needed, not {value}"})
+            raise problem_error(f"{needed} is needed, not {value}")
         return value
 
     return BeforeValidator(validate)

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
-from pydantic_core import PydanticCustomError
 
 from trackbench.base import linalg
-from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Problem
+from trackbench.base.config import Config, NonNegative, Positive, Problem, problem_error
 from trackbench.base.config.key_units import in_si, split_key
 from trackbench.base.errors import nearest
 from trackbench.base.types import Array, Scan
@@ -100,7 +99,7 @@ def by_sensor(value: Any) -> Any:
     """What is assumed, unless it is an effect or a word where a sensor is to be named."""
     if isinstance(value, str) or (isinstance(value, dict) and {*value} & {*AssumedEffects.model_fields}):
         message = "name the sensor first, such as {front_radar: {bias: {sigmas: {azimuth_deg: 0.3}}}}"
-        raise PydanticCustomError(PROBLEM, "{message}", {"message": message})
+        raise problem_error(message)
     return value
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from trackbench.base.config import PROBLEM, WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma
+from trackbench.base.config import WORD, Config, KeyPath, NonNegative, Positive, Probability, Problem, Sigma, chosen_by
 from trackbench.base.config.key_units import in_words
 from trackbench.base.config.plugin import OptionsBeside, Plugin, PluginName
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
@@ -323,11 +323,7 @@ Use = Annotated[
     Annotated[str, Field(min_length=1), Tag(WORD)]
     | Annotated[Command, Tag("<command>")]
     | Annotated[Library, Tag("<library>")],
-    Discriminator(
-        _language,
-        custom_error_type=PROBLEM,
-        custom_error_message='write a published name, "module:Class", {command: [./program]} or {library: ./mine.so}',
-    ),
+    chosen_by(_language, 'write a published name, "module:Class", {command: [./program]} or {library: ./mine.so}'),
 ]
 
 
@@ -386,5 +382,5 @@ def kind_of(value: Any) -> str | None:
 NO_KIND = "write filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own), and not both"
 AnyTracker = Annotated[
     Annotated[FilterConfig, Tag("<filter>")] | Annotated[PluginConfig, Tag("<use>")],
-    Discriminator(kind_of, custom_error_type=PROBLEM, custom_error_message=NO_KIND),
+    chosen_by(kind_of, NO_KIND),
 ]

@@ -14,10 +14,10 @@ from trackbench.truth.config.logs import find
 from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.filed import read_rows
 from trackbench.truth.formats.tables import TableFormat
+from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, judged, moved_to_centre, placed_boxes
 from trackbench.truth.recorded.rows import read
-from trackbench.truth.recorded.stretches import require_long_enough
 from trackbench.truth.track_rows import LONGEST_GAP_S, SAME_STAMP_S, TrackRows
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible, tracks_of
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, NamedTuple, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -28,6 +28,16 @@ KeyPath = tuple[str | int, ...]
 PROBLEM = "problem"
 
 
+def problem_error(message: str) -> PydanticCustomError:
+    """What a validator raises: the message, word for word."""
+    return PydanticCustomError(PROBLEM, "{message}", {"message": message})
+
+
+def chosen_by(tag: Callable[[Any], str | None], message: str) -> Discriminator:
+    """What chooses the member of a union by its tag; ``message``: of a value that has none."""
+    return Discriminator(tag, custom_error_type=PROBLEM, custom_error_message=message)
+
+
 class Problem(NamedTuple):
     """A value that is well-formed but cannot be meant."""
 
@@ -40,17 +50,8 @@ class Problem(NamedTuple):
 def reject(model: str, problems: list[Problem]) -> None:
     """Raise all ``problems`` of a model as one pydantic ``ValidationError``; return if there is none."""
     if problems:
-        raise ValidationError.from_exception_data(
-            model,
-            [
-                InitErrorDetails(
-                    type=PydanticCustomError(PROBLEM, "{message}", {"message": problem.message}),
-                    loc=problem.at,
-                    input=None,
-                )
-                for problem in problems
-            ],
-        )
+        lines = [InitErrorDetails(type=problem_error(item.message), loc=item.at, input=None) for item in problems]
+        raise ValidationError.from_exception_data(model, lines)
 
 
 class Config(BaseModel):
@@ -88,3 +89,8 @@ def number_or_list(value: Any) -> str | None:
     if isinstance(value, list):
         return LIST
     return NUMBER if isinstance(value, int | float | str) and not isinstance(value, bool) else None
+
+
+def text_or_list(value: Any) -> str | None:
+    """The tag of a union of a text and a list."""
+    return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None

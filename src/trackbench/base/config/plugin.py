@@ -23,7 +23,7 @@ from pydantic_core import (
     core_schema,
 )
 
-from trackbench.base.config import PROBLEM, Config, KeyPath
+from trackbench.base.config import Config, KeyPath, problem_error
 from trackbench.base.errors import InputError
 from trackbench.base.plugins import Registry, one_line
 
@@ -94,7 +94,7 @@ class PluginName:
         try:
             return self.registry.get(name, (info.context or {}).get("folder"))
         except InputError as error:
-            raise PydanticCustomError(PROBLEM, "{message}", {"message": error.message}) from None
+            raise problem_error(error.message) from None
 
 
 @dataclass(frozen=True)
@@ -200,9 +200,7 @@ def _validated(result: type[Config], options: Options, key: str, info: Validatio
     tag = (str(Owner(options.name, options.beside)),)
     values = {name: value for name, value in options.values.items() if name != key or key in result.model_fields}
     lines = [
-        InitErrorDetails(
-            type=PydanticCustomError(PROBLEM, "{message}", {"message": message}), loc=(*tag, name), input=values[name]
-        )
+        InitErrorDetails(type=problem_error(message), loc=(*tag, name), input=values[name])
         for name, message in options.refused.items()
         if name in values
     ]
@@ -214,7 +212,7 @@ def _validated(result: type[Config], options: Options, key: str, info: Validatio
         lines += [_relocated(error, tag) for error in invalid.errors(include_url=False)]
     except Exception as error:
         message = f"{options.name!r} does not take these options: {one_line(error)}"
-        problem = PydanticCustomError(PROBLEM, "{message}", {"message": message})
+        problem = problem_error(message)
         lines.append(InitErrorDetails(type=problem, loc=tag, input=None))
     if lines:
         raise ValidationError.from_exception_data(result.__name__, lines)
@@ -225,7 +223,7 @@ def _relocated(error: ErrorDetails, before: KeyPath) -> InitErrorDetails:
     kind: str | PydanticCustomError = error["type"]
     context = error.get("ctx", {})
     if kind not in KNOWN:
-        kind = PydanticCustomError(PROBLEM, "{message}", {"message": error["msg"]})
+        kind = problem_error(error["msg"])
     return InitErrorDetails(type=kind, loc=(*before, *error["loc"]), input=error["input"], ctx=context)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from trackbench.base import linalg
 from trackbench.base.config import (
@@ -15,7 +15,6 @@ from trackbench.base.config import (
     LEAST_SIGMA,
     LIST,
     NUMBER,
-    PROBLEM,
     Angle,
     Config,
     KeyPath,
@@ -23,6 +22,7 @@ from trackbench.base.config import (
     Positive,
     Probability,
     Problem,
+    chosen_by,
     number_or_list,
     reject,
 )
@@ -42,11 +42,7 @@ Delay = Annotated[float, Field(ge=0, le=60)]
 
 Latency = Annotated[
     Annotated[Delay, Tag(NUMBER)] | Annotated[list[Delay], Field(min_length=2, max_length=2), Tag(LIST)],
-    Discriminator(
-        number_or_list,
-        custom_error_type=PROBLEM,
-        custom_error_message="write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]",
-    ),
+    chosen_by(number_or_list, "write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]"),
 ]
 
 

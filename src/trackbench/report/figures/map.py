@@ -16,8 +16,8 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH, panel_title
 from trackbench.document.margins import shortened
 from trackbench.document.palette import ERROR_COLOURS, error_labels, error_limits
+from trackbench.metrics.function_events import events_of
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.metrics.track_events import events_of
 from trackbench.report.figures.over_time import column, names, where
 from trackbench.report.moments import moment_text
 from trackbench.report.numbers import fixed, joined

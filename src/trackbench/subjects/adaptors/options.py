@@ -8,10 +8,9 @@ from importlib.util import find_spec
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
-from pydantic_core import PydanticCustomError
 
 from trackbench.base import plugins
-from trackbench.base.config import PROBLEM, Config, Positive, Problem
+from trackbench.base.config import Config, Positive, Problem, problem_error
 from trackbench.base.errors import InputError, TrackbenchError, nearest
 from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
@@ -67,7 +66,7 @@ def _start(value: Any) -> Any:
     if value == OWN:
         return None
     if value is None or (isinstance(value, str) and value not in STARTS):
-        raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
+        raise problem_error(nearest(str(value), [OWN, *STARTS]))
     return {"from": "two_measurements", **value} if isinstance(value, dict) else value
 
 

@@ -7,7 +7,7 @@ SUBJECT = Subject(
     api={"Examination": f"{__name__}.report:Examination", "doctor": f"{__name__}.api:doctor"},
     examiners={"doctor": f"{__name__}.remark:remark"},
     lists={"checks": Offer(f"{__name__}.findings:listed_checks", "The checks are those of `trackbench doctor`.")},
-    terms={name: f"{__name__}.terms:{name}_terms" for name in ("faults", "checks", "examination")},
+    terms={name: f"{__name__}.certainty:{name}_terms" for name in ("faults", "checks", "examination")},
     documents={
         "examination.json": Offer(
             f"{__name__}.report:saved_document", "of an examination the figures are in its report.html alone"

@@ -1,14 +1,31 @@
-"""How sure the name of a fault is, as one of three words."""
+"""How sure the name of a fault is, as one of three words; and the glossary's pages of faults and checks."""
 
 from __future__ import annotations
 
+import inspect
+import re
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from trackbench.base.errors import counted
-from trackbench.subjects.doctor.findings import CERTAIN, PROVEN, SURE, Finding, known_faults
+from trackbench.base.subjects import TermPage
+from trackbench.subjects.doctor.findings import (
+    CERTAIN,
+    CHECKS,
+    LOG_CHECKS,
+    PROVEN,
+    SURE,
+    TRAFFIC_CHECKS,
+    DoctorCheck,
+    Finding,
+    Question,
+    checks_of,
+    known_faults,
+)
 
 if TYPE_CHECKING:
     from trackbench.subjects.doctor.report import Examination
+
 
 Word = Literal["shown", "likely", "unclear"]
 #: Least confidence of a finding with each word.
@@ -71,3 +88,48 @@ def certainty(examination: Examination, finding: Finding | None = None) -> Certa
     elif "driven" not in kinds and cause.confidence >= LEAST["likely"] and 2 * explained >= len(failed):
         word = "likely"
     return Certainty(word, explained, besides)
+
+
+def faults_terms() -> Iterator[TermPage]:
+    """Every fault that the doctor can name."""
+    found_by: dict[str, list[str]] = {}
+    for package in (CHECKS, TRAFFIC_CHECKS):
+        for check in checks_of(package):
+            for name in check.faults:
+                of_questions = [question for question in check.questions if name in question.finds]
+                found_by.setdefault(name, []).extend(question.name for question in of_questions or check.questions)
+    for name, fault in known_faults().items():
+        page = (
+            ("fault", fault.title),
+            ("look at", fault.where),
+            ("fix", fault.fix),
+            ("found by", ", ".join(found_by[name])),
+        )
+        yield TermPage(name, page)
+
+
+def checks_terms() -> Iterator[TermPage]:
+    """Every question that is asked of a tracker."""
+    for package in (CHECKS, TRAFFIC_CHECKS, LOG_CHECKS):
+        for check in checks_of(package):
+            for question in check.questions:
+                yield TermPage(question.name, tuple(_of_check(check, question)))
+
+
+def examination_terms() -> Iterator[TermPage]:
+    """The words that an examination uses."""
+    return (TermPage(word, (("in an examination", text),)) for word, text in MEANING.items())
+
+
+def _of_check(check: DoctorCheck[...], question: Question) -> Iterator[tuple[str, str]]:
+    each = " For each sensor." if question.each_sensor else ""
+    yield "check", f"{(question.full or question.asks).format(sensor='a sensor')}{each}"
+    how = (inspect.getdoc(check.make) or "").partition("\n\n")[0]
+    if how and not check.every_drive:
+        yield "how", re.sub(r"`+", "", " ".join(how.split()))
+    needs = ["scans without a detection"] if question.misses else []
+    needs += ["an observer that moves"] if question.motion else []
+    if needs:
+        yield "needs", " and ".join(needs)
+    if faults := (*(question.finds or check.faults), *question.shows):
+        yield "finds", ", ".join(faults)

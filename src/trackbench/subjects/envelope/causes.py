@@ -7,10 +7,9 @@ from concurrent.futures import Executor
 
 from trackbench.base.execution import Task
 from trackbench.base.subjects import offered, resolve
-from trackbench.metrics.function_events import FunctionEvent, function_events, function_labels
+from trackbench.metrics.function_events import FunctionEvent, events_of, function_events, function_labels
 from trackbench.metrics.moments import scene_at
 from trackbench.metrics.recorded_run import recorded_run
-from trackbench.metrics.track_events import events_of
 from trackbench.report.moments import moment_text, worst_moments
 from trackbench.results import ConditionScores, Result
 from trackbench.scenario import Scenario

@@ -15,7 +15,7 @@ from trackbench.base.types import Array
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
-from trackbench.runner.run_values import run_values
+from trackbench.runner.tables import run_values
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, distance

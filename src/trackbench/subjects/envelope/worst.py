@@ -16,7 +16,7 @@ from trackbench.base.execution import Task
 from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.runner.run_values import run_values
+from trackbench.runner.tables import run_values
 from trackbench.runner.work import BlockRuns
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder, scenario_of, select_trackers

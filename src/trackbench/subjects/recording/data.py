@@ -21,7 +21,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
 from trackbench.results.declared import FUNCTION_TABLES
-from trackbench.results.table_check import require_table
+from trackbench.results.folder import require_table
 from trackbench.subjects.recording.chunks import DATA, SUMMARY_COMPONENT, Unreadable, read_chunks
 
 if TYPE_CHECKING:

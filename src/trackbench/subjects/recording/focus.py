@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.base.errors import InputError, counted
-from trackbench.metrics.function_events import function_events
+from trackbench.metrics.function_events import TrackEvent, events_of, function_events
 from trackbench.metrics.moments import distinct, require_name, require_time, worst
 from trackbench.metrics.recorded_run import recorded_run
-from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 

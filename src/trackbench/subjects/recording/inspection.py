@@ -16,11 +16,10 @@ from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.metrics import BUILT_IN, Scorer, evaluate, health, score_waiting
 from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.function_events import FunctionEvent, function_events
+from trackbench.metrics.function_events import FunctionEvent, TrackEvent, function_events
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
 from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
 from trackbench.metrics.silence import measured_positions
-from trackbench.metrics.track_events import TrackEvent
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
 from trackbench.subjects.recording.data import Recorded, read

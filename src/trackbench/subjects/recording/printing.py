@@ -12,9 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.metrics.function_events import FunctionEvent
+from trackbench.metrics.function_events import FunctionEvent, TrackEvent
 from trackbench.metrics.moments import SceneMoment
-from trackbench.metrics.track_events import TrackEvent
 from trackbench.report.console import track_values
 from trackbench.report.numbers import decimals, fixed
 from trackbench.results import Summary

@@ -14,7 +14,7 @@ from trackbench.base.types import COMMON_STATE, DUE, Array
 from trackbench.document.palette import BOUND_COLOUR, mode_colours
 from trackbench.document.replay import Chart, ChartLine
 from trackbench.metrics.consistency import mean_bounds, point95
-from trackbench.metrics.track_events import instants
+from trackbench.metrics.function_events import instants
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.subjects.recording.contents import Contents
 

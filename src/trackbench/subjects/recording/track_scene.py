@@ -11,7 +11,7 @@ import rerun as rr
 
 from trackbench.base.types import Array, Indices
 from trackbench.document.palette import ERROR_COLOURS, IDENTITY_COLOURS
-from trackbench.metrics.track_events import TrackEvent
+from trackbench.metrics.function_events import TrackEvent
 from trackbench.results.columns import Columns, split
 from trackbench.subjects.recording.functions import WARNED
 from trackbench.subjects.recording.scene import HEIGHT, TRAIL_S, WORLD

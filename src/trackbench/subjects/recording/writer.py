@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Chart, Replay, ReplayScene
-from trackbench.metrics.track_events import events_of, instants
+from trackbench.metrics.function_events import events_of, instants
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import functions, layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of

@@ -19,7 +19,7 @@ from trackbench.scenario.load import scenario_of
 from trackbench.truth.config.filed import format_of
 from trackbench.truth.filed import read_rows
 from trackbench.truth.layouts import QUANTITIES, header, layout
-from trackbench.truth.recorded.stretches import SHORTEST, stretch_of
+from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
 #: Into how many stretches the scores of boxes are cut, for intervals.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
-from trackbench.base.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
+from trackbench.base.config import MAPPING, WORD, Config, Positive, Problem, chosen_by, shape
 
 
 class Drivers(Config):
@@ -84,9 +84,5 @@ HUMAN = Drivers(
 
 DriversChoice = Annotated[
     Annotated[Literal["steady", "human"], Tag(WORD)] | Annotated[Drivers, Tag(MAPPING)],
-    Discriminator(
-        shape,
-        custom_error_type=PROBLEM,
-        custom_error_message="write steady, human, or a mapping such as {acceleration_rms_mps2: 0.25}",
-    ),
+    chosen_by(shape, "write steady, human, or a mapping such as {acceleration_rms_mps2: 0.25}"),
 ]

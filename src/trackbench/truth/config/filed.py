@@ -6,9 +6,8 @@ from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from trackbench.base.config import PROBLEM
+from trackbench.base.config import problem_error
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
 
@@ -68,4 +67,4 @@ def format_of(path: str) -> str:
     known = f"files of {' and of '.join(names)} end in it" if names else f"known are {', '.join(endings)}"
     what = f"the ending {ending!r}" if ending else "a name without an ending"
     message = f"{what} does not tell the format ({known}); name it in format"
-    raise PydanticCustomError(PROBLEM, "{message}", {"message": message})
+    raise problem_error(message)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from trackbench.base.config import (
     LIST,
     MAPPING,
     NUMBER,
-    PROBLEM,
     WORD,
     Config,
     Positive,
     Problem,
+    chosen_by,
     number_or_list,
     shape,
 )
@@ -62,26 +62,20 @@ def _target_choice(value: Any) -> str | None:
 
 Observer = Annotated[
     Annotated[Literal["ego"], Tag(WORD)] | Annotated[FixedObserver, Tag(MAPPING)],
-    Discriminator(shape, custom_error_type=PROBLEM, custom_error_message="write ego or {x: 0, y: 0, yaw_deg: 0}"),
+    chosen_by(shape, "write ego or {x: 0, y: 0, yaw_deg: 0}"),
 ]
 Targets = Annotated[
     Annotated[Literal["all"], Tag(WORD)]
     | Annotated[NearestTargets, Tag("<nearest>")]
     | Annotated[IdTargets, Tag("<ids>")],
-    Discriminator(
-        _target_choice, custom_error_type=PROBLEM, custom_error_message="write all, {nearest: 4} or {ids: [v1, v2]}"
-    ),
+    chosen_by(_target_choice, "write all, {nearest: 4} or {ids: [v1, v2]}"),
 ]
 
 
 Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Seeds = Annotated[
     Annotated[int, Field(ge=1, le=MAX_SCENES), Tag(NUMBER)] | Annotated[list[Seed], Field(min_length=1), Tag(LIST)],
-    Discriminator(
-        number_or_list,
-        custom_error_type=PROBLEM,
-        custom_error_message="write a number of scenes, such as 20, or a list of seeds, such as [3, 5]",
-    ),
+    chosen_by(number_or_list, "write a number of scenes, such as 20, or a list of seeds, such as [3, 5]"),
 ]
 
 

@@ -10,28 +10,20 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
-from trackbench.base.config import LIST, PROBLEM, WORD
+from trackbench.base.config import LIST, WORD, chosen_by, text_or_list
 from trackbench.base.errors import InputError, nearest, shortened
 
 #: The ending of the files of each format.
 ENDINGS = {"udacity": ".txt", "csv": ".csv", "parquet": ".parquet", "mcap": ".mcap"}
 
-
-def text_or_list(value: Any) -> str | None:
-    """The tag of a union of a text and a list."""
-    return LIST if isinstance(value, list) else WORD if isinstance(value, str) else None
-
-
 FileName = Annotated[str, Field(min_length=1)]
 Paths = Annotated[
     Annotated[FileName, Tag(WORD)] | Annotated[list[FileName], Field(min_length=1), Tag(LIST)],
-    Discriminator(
+    chosen_by(
         text_or_list,
-        custom_error_type=PROBLEM,
-        custom_error_message="write a file, a folder of files, a pattern, or a list of files, such as "
-        "[monday.csv, tuesday.csv]",
+        "write a file, a folder of files, a pattern, or a list of files, such as [monday.csv, tuesday.csv]",
     ),
 ]
 

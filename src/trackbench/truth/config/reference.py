@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Field, Tag
 
-from trackbench.base.config import LIST, MAPPING, PROBLEM, Config, NonNegative, Positive, Problem
+from trackbench.base.config import LIST, MAPPING, Config, NonNegative, Positive, Problem, chosen_by
 from trackbench.truth.jumps import Position
 
 Span = Annotated[list[Position], Field(min_length=2, max_length=2)]
@@ -32,10 +32,8 @@ def _region_shape(value: Any) -> str | None:
 
 Region = Annotated[
     Annotated[list[Span], Field(min_length=3, max_length=1000), Tag(LIST)] | Annotated[BoxRegion, Tag(MAPPING)],
-    Discriminator(
-        _region_shape,
-        custom_error_type=PROBLEM,
-        custom_error_message="write the corners [[x, y], ...] of a polygon, m, or {x_m: [low, high], y_m: [low, high]}",
+    chosen_by(
+        _region_shape, "write the corners [[x, y], ...] of a polygon, m, or {x_m: [low, high], y_m: [low, high]}"
     ),
 ]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Field, Tag
 
-from trackbench.base.config import MAPPING, PROBLEM, Angle, Config, Name, NonNegative, Positive, Problem
+from trackbench.base.config import MAPPING, Angle, Config, Name, NonNegative, Positive, Problem, chosen_by
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
@@ -181,10 +181,9 @@ def _observer_kind(value: Any) -> str | None:
 
 Observer = Annotated[
     Annotated[MovingObserver, Tag(MAPPING)] | Annotated[ScriptedObserver, Tag("<drive>")],
-    Discriminator(
+    chosen_by(
         _observer_kind,
-        custom_error_type=PROBLEM,
-        custom_error_message="write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle "
+        "write a point {x: 0, y: 0, yaw_deg: 0, vx_mps: 20}, or a vehicle "
         "{start: {speed_mps: 20}, pieces: [...], length_m: 5, width_m: 2}, and not keys of both",
     ),
 ]

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag
+from pydantic import Field, PrivateAttr, Tag
 
-from trackbench.base.config import LIST, MAPPING, PROBLEM, WORD, Config, NonNegative, Positive, Problem
+from trackbench.base.config import LIST, MAPPING, WORD, Config, NonNegative, Positive, Problem, chosen_by, text_or_list
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
-from trackbench.truth.config.logs import text_or_list
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
 from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
 
@@ -23,11 +22,9 @@ class VehicleObserver(Config):
 
     vehicle: Annotated[
         Annotated[Vehicle, Tag(WORD)] | Annotated[list[Vehicle], Field(min_length=1, max_length=MAX_SCENES), Tag(LIST)],
-        Discriminator(
+        chosen_by(
             text_or_list,
-            custom_error_type=PROBLEM,
-            custom_error_message='write the id of a vehicle as text, such as "12", or a list of ids, each of which '
-            "makes a scene",
+            'write the id of a vehicle as text, such as "12", or a list of ids, each of which makes a scene',
         ),
     ] = Field(
         description="Its id in the file, as text; or a list of ids, each of which makes a scene. The scenes may have "
@@ -72,11 +69,7 @@ class TrafficOptions(TruthSource, OptionsBeside):
     )
     observer: Annotated[
         Annotated[FixedObserver, Tag(MAPPING)] | Annotated[VehicleObserver, Tag("<vehicle>")],
-        Discriminator(
-            _observer_kind,
-            custom_error_type=PROBLEM,
-            custom_error_message='write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}',
-        ),
+        chosen_by(_observer_kind, 'write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}'),
     ] = Field(description="What carries the sensors: a vehicle by its id, or a fixed point {x, y, yaw_deg}.")
     targets: ChosenTargets = "all"
     from_s: NonNegative = Field(0, description="Where the scene begins, s after the first row of the file.")

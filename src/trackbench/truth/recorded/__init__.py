@@ -10,6 +10,7 @@ from typing import NamedTuple
 from trackbench.base.types import Truth
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
+from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import (
     Drive,
     grid,
@@ -22,7 +23,6 @@ from trackbench.truth.recorded.drive import (
 )
 from trackbench.truth.recorded.reference import judged
 from trackbench.truth.recorded.scans import detections, scan_notes
-from trackbench.truth.recorded.stretches import require_long_enough
 
 __all__ = ["Drive", "Recording", "load", "read"]
 

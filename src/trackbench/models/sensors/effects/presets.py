@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, core_schema
 
-from trackbench.base.config import PROBLEM
+from trackbench.base.config import problem_error
 from trackbench.base.errors import nearest
 
 #: What may stand in place of a list of effects.
@@ -30,7 +30,7 @@ class Words:
 def _known(value: Any) -> Any:
     if isinstance(value, str):
         message = f"{value!r} is not known; {nearest(value, WORDS)}, or a list of effects"
-        raise PydanticCustomError(PROBLEM, "{message}", {"message": message})
+        raise problem_error(message)
     return value
 
 
