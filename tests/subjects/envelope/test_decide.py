@@ -10,7 +10,7 @@ from scipy import stats
 
 from trackbench.metrics.bounds import bound, difference
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.subjects.envelope.decide import Spending, changed, decide, together
+from trackbench.subjects.envelope.cells import Spending, changed, decide, together
 
 NUMBERS = (25, 50, 100, 200, 300)
 

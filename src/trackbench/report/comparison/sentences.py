@@ -11,7 +11,7 @@ from trackbench.document import Block, Item, Items, Paragraph, Section, Status
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison import worlds
 from trackbench.report.comparison.figures import competitors
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, joined, short
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, joined, short, signed
 
 #: Outcomes of a limit by which a gate fails.
 FAILED = ("failed", "error")
@@ -20,7 +20,7 @@ NAMES = {"position_rmse": "position RMSE", "tgospa": "T-GOSPA"}
 #: Turned round, what is said of a difference.
 _TURNED = {"worse": "better", "better": "worse", "larger": "smaller", "smaller": "larger"}
 #: Differences of one verdict that are listed.
-_LISTED = 3
+LISTED = 3
 
 
 def gates(comparison: Comparison, outcomes: Sequence[str]) -> tuple[Item, ...]:
@@ -99,12 +99,12 @@ def _best(best: str, behind: Sequence[PairDifference]) -> str:
     words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
     word = words.get(following.verdict, "which of the two is better is undecided")
     sentences = [
-        f"{best} is best with {short(following.reference, places(behind))}{_unit(following)}.",
+        f"{best} is best with {short(following.reference, places(behind))}{unit_after(following.unit)}.",
         f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
     ]
     if worse := [item for item in others if item.verdict == "worse"]:
-        listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:_LISTED])
-        sentences.append(f"Shown to be worse: {listed}{_more(worse)}.")
+        listed = ", ".join(_changed(item.entrant.tracker, behind, item) for item in worse[:LISTED])
+        sentences.append(f"Shown to be worse: {listed}{more(worse)}.")
     return " ".join(sentences)
 
 
@@ -113,7 +113,7 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
     parts = []
     for verdict in sorted(VERDICTS, key=[*_TURNED, UNDECIDED, EQUIVALENT].index):
         own = sorted((item for item in items if item.verdict == verdict), key=lambda item: -abs(item.percent or 0.0))
-        listed = ", ".join(_changed(of(comparison, item), items, item) for item in own[:_LISTED]) + _more(own)
+        listed = ", ".join(_changed(of(comparison, item), items, item) for item in own[:LISTED]) + more(own)
         if verdict == EQUIVALENT:
             same = sum(item.identical for item in own)
             number = "" if same == len(own) else f"{same} "
@@ -122,8 +122,9 @@ def _changes(comparison: Comparison, items: Sequence[PairDifference]) -> str:
     return f"{'; '.join(parts)}."
 
 
-def _more(items: Sequence[PairDifference]) -> str:
-    return f" and {len(items) - _LISTED} more" if len(items) > _LISTED else ""
+def more(items: Sequence[object]) -> str:
+    """How many are left out of a list."""
+    return f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
 
 
 def _changed(who: str, items: Sequence[PairDifference], item: PairDifference) -> str:
@@ -132,11 +133,12 @@ def _changed(who: str, items: Sequence[PairDifference], item: PairDifference) ->
     width = "" if half is None else f" ±{short(half, digits)}"
     sign = "+" if item.difference > 0 else ""
     share = "" if item.percent is None else f" ({in_percent(item.percent)} %)"
-    return f"{who} {sign}{short(item.difference, digits)}{width}{_unit(item)}{share}"
+    return f"{who} {sign}{short(item.difference, digits)}{width}{unit_after(item.unit)}{share}"
 
 
-def _unit(item: PairDifference) -> str:
-    return "" if item.unit == "1" else f" {item.unit}"
+def unit_after(unit: str) -> str:
+    """As it stands after a value."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def places(items: Sequence[PairDifference]) -> int:
@@ -149,7 +151,7 @@ def in_percent(value: float | None) -> str:
     """With its sign."""
     if value is None:
         return NOT_AVAILABLE
-    return ("+" if value > 0 else "") + fixed(value, 1 if abs(value) < 10 else 0)
+    return signed(value, 1 if abs(value) < 10 else 0)
 
 
 def of(comparison: Comparison, item: PairDifference) -> str:

@@ -29,6 +29,7 @@ from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
 from trackbench.subjects.envelope.audited_log import audited_log
 from trackbench.subjects.envelope.axes import overrides
+from trackbench.subjects.envelope.cells import CellDecision
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -42,7 +43,6 @@ from trackbench.subjects.envelope.claim import (
 )
 from trackbench.subjects.envelope.counter import CounterMaker
 from trackbench.subjects.envelope.counter_models import WorstRun
-from trackbench.subjects.envelope.decide import CellDecision
 from trackbench.subjects.envelope.files import hashes_of
 from trackbench.subjects.envelope.mapping import EnvelopeMap, MapCell, TrackerCell
 from trackbench.subjects.envelope.margins import AxisMargin, margins

@@ -1,9 +1,9 @@
-"""A cell of the map: the scenario at one point, and the runs that were made there."""
+"""A cell of the map: the scenario at one point, the runs that were made there, and whether it holds or fails by them."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -15,6 +15,7 @@ from trackbench.compare.comparison import TIMES
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric, evaluate, merge_sums
+from trackbench.metrics.bounds import bound, unbounded
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import MetricSums
 from trackbench.metrics.intervals import Interval, clustered, ratio
@@ -28,6 +29,83 @@ from trackbench.runner.work import BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import Expectation
 from trackbench.truth import LoadedTruth
+
+State = Literal["holds", "fails", "undecided"]
+Direction = Literal["below", "above"]
+
+
+class Spending(NamedTuple):
+    """The error of a map, shared by its cells, trackers and looks."""
+
+    error: float
+    """That any cell is decided wrongly, for any tracker."""
+    tests: int
+    """Cells times trackers, as planned."""
+    numbers: tuple[int, ...]
+    """Of runs, or scenes, of a cell at each look, as planned."""
+
+    def at(self, look: int) -> float:
+        """What a look, counted from 0, may spend."""
+        added = self.numbers[look] - (self.numbers[look - 1] if look else 0)
+        return self.error / self.tests * added / self.numbers[-1]
+
+
+class CellDecision(NamedTuple):
+    """A requirement in a cell after a look."""
+
+    state: State
+    interval: Interval
+    low: float | None
+    """One-sided bounds of the value, each at the level of what it would show; None where there is none."""
+    high: float | None
+
+    @property
+    def reason(self) -> str:
+        """Why there is no bound; empty where there is one."""
+        return unbounded(self.interval)
+
+
+def decide(interval: Interval, limit: float, direction: Direction, level: float, requirements: int = 1) -> CellDecision:
+    """Hold a value against its limit.
+
+    Args:
+        interval: of the runs or scenes so far; of ``better_than`` that of the difference, whose limit is zero.
+        limit: that it has to be below or above.
+        direction: which of these.
+        level: what the look may spend.
+        requirements: of the cell.
+    """
+    below = direction == "below"
+    low = bound(interval, level / requirements if below else level, "lower")
+    high = bound(interval, level if below else level / requirements, "upper")
+    state: State = "undecided"
+    if high is not None and high < limit:
+        state = "holds" if below else "fails"
+    elif low is not None and low > limit:
+        state = "fails" if below else "holds"
+    return CellDecision(state, interval, low, high)
+
+
+def together(states: Iterable[State]) -> State:
+    """The state of a cell from those of all its requirements."""
+    distinct = set(states)
+    return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"
+
+
+def changed(before: State, after: State, difference: Interval, direction: Direction, level: float) -> bool:
+    """Whether a cell went from holds to fails, and the value is shown to be worse.
+
+    Where nothing changed, one of the two states is wrong: what the two maps spend bounds how often that is.
+
+    Args:
+        before: the state in one map.
+        after: that in the other.
+        difference: the value after minus the value before, see :func:`trackbench.metrics.bounds.difference`.
+        direction: where the value has to be.
+        level: what one cell may spend.
+    """
+    return (before, after) == ("holds", "fails") and decide(difference, 0.0, direction, level).state == "fails"
+
 
 Claim = Literal["these scenes", "traffic like these"]
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.subjects.envelope.axes import Point, overrides, start_points
+from trackbench.subjects.envelope.cells import together
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -19,7 +20,6 @@ from trackbench.subjects.envelope.claim import (
     hash_of,
     place_of_cell,
 )
-from trackbench.subjects.envelope.decide import together
 from trackbench.subjects.envelope.mapping import refined
 
 #: What follows from the scenario in the claim.

@@ -11,8 +11,8 @@ from trackbench.metrics.bounds import difference
 from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
+from trackbench.subjects.envelope.cells import changed
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, Envelope, State, TrackerState, place_of_cell
-from trackbench.subjects.envelope.decide import changed
 from trackbench.subjects.envelope.margins import along, holding, margins
 
 #: ``lost``: from holds to fails, and shown to be worse. ``open``: one of the two maps does not decide it.

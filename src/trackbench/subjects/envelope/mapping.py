@@ -25,15 +25,19 @@ from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, shares, start_points
 from trackbench.subjects.envelope.cells import (
+    CellDecision,
     Extent,
     LookResult,
     Requirement,
     Runs,
+    Spending,
+    State,
     coverage_of,
+    decide,
     make_runs,
+    together,
     work_of_cell,
 )
-from trackbench.subjects.envelope.decide import CellDecision, Spending, State, decide, together
 from trackbench.subjects.envelope.store import Store
 from trackbench.subjects.envelope.task import EnvelopeTask, truth_key
 from trackbench.truth import LoadedTruth

@@ -13,7 +13,7 @@ from trackbench.compare.limits import Limit
 from trackbench.document.files import files
 from trackbench.results import to_json
 from trackbench.results.metric_value import data_frame, value_columns
-from trackbench.subjects.history.gate import OPTION
+from trackbench.subjects.history.changes import OPTION
 from trackbench.subjects.history.history import WINDOW, History, history_of
 from trackbench.subjects.history.report import history_document
 

@@ -66,7 +66,7 @@ def history_command(
     from trackbench.compare import Limit
     from trackbench.document.terminal import print_document
     from trackbench.subjects.history.api import history_files
-    from trackbench.subjects.history.gate import OPTION
+    from trackbench.subjects.history.changes import OPTION
     from trackbench.subjects.history.history import history_of
     from trackbench.subjects.history.report import history_document, suite_of_history
 

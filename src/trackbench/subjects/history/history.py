@@ -14,9 +14,16 @@ from trackbench.compare.limits import Limit
 from trackbench.metrics import Metric
 from trackbench.results import MetricValue, merged_places
 from trackbench.results.metric_value import ResultModel
-from trackbench.subjects.history.changes import MarkedStretches, causes, scenario_sha256, stretches_of
+from trackbench.subjects.history.changes import (
+    OPTION,
+    HistoryGate,
+    MarkedStretches,
+    causes,
+    gates,
+    scenario_sha256,
+    stretches_of,
+)
 from trackbench.subjects.history.found import PastResult, results_of_scenario
-from trackbench.subjects.history.gate import OPTION, HistoryGate, gates
 
 SCHEMA_VERSION = 1
 #: Results before the last one that it is held against, unless told otherwise.

@@ -31,7 +31,7 @@ from trackbench.document import (
 )
 from trackbench.document.drawing import INK
 from trackbench.document.palette import Styles, tracker_figure, tracker_styles
-from trackbench.report.comparison.sentences import kept_limits
+from trackbench.report.comparison.sentences import LISTED, kept_limits, more, unit_after
 from trackbench.report.junit import Case, Suite, result_file
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, half_width, joined, reach, short, signed
 from trackbench.report.tables import unit_of
@@ -48,8 +48,6 @@ _TONES: Mapping[str, Tone] = {
     "undecided": "warn",
 }
 _HEIGHT = 260.0
-#: Changes that are listed in the answer.
-_LISTED = 3
 #: Between trackers in a figure, results.
 _APART = 0.06
 
@@ -79,22 +77,20 @@ def saved_document(file: Path) -> Document:
 
 def _answer(history: History) -> str:
     """What changed where, the latest first, and among how many differences."""
-    said = "; ".join(
+    changes = "; ".join(
         f"{item.tracker} {item.verdict} in result {item.result}: {item.metric} {_difference(item)}"
-        for item in sorted(history.changes, key=lambda item: -item.result)[:_LISTED]
+        for item in sorted(history.changes, key=lambda item: -item.result)[:LISTED]
     )
-    more = f" and {len(history.changes) - _LISTED} more" if len(history.changes) > _LISTED else ""
     looked = f"of {counted(history.looks, 'difference')} that were looked at"
-    return f"{said}{more}. Shown, {looked}." if said else f"No change is shown, {looked}."
+    return f"{changes}{more(history.changes)}. Shown, {looked}." if changes else f"No change is shown, {looked}."
 
 
 def _difference(item: HistoryChange) -> str:
     """Such as "+0.0152 m (+15.6 ±7.0 %), 0.0974 to 0.1125"."""
     places = decimals([item.reference, item.value])
-    unit = "" if item.unit == "1" else f" {item.unit}"
     share = "" if item.percent is None else f" ({_percent(item)} %)"
     ends = f"{short(item.reference, places)} to {short(item.value, places)}"
-    return f"{signed(item.difference, places)}{unit}{share}, {ends}"
+    return f"{signed(item.difference, places)}{unit_after(item.unit)}{share}, {ends}"
 
 
 def _percent(item: HistoryChange) -> str:
