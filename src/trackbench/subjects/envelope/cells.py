@@ -1,4 +1,4 @@
-"""A cell of the map: the scenario at one point, the runs that were made there, and whether it holds or fails by them."""
+"""A cell of the map: the scenario at one point, the runs that were made there, and what they decide."""
 
 from __future__ import annotations
 
