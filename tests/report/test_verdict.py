@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 from itertools import combinations
 
+import pyarrow as pa
 import pytest
 from rich.console import Console
 from tests.support.differences import with_differences
-from tests.support.example_result import make_result
+from tests.support.example_result import make_result, make_summary, make_tables
 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary
 from trackbench.report.first_screen import at_a_glance
+from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
 from trackbench.report.tables import tone_of
@@ -98,6 +100,15 @@ def test_a_tracker_that_diverged_is_tied_with_none_by_its_interval() -> None:
     assert (second.details, second.tone) == (("diverged in 1 of 100 runs",), "bad")
     # Shown to be worse all the same, it has its letter.
     assert standing(result_where([BEST, NEXT], {}).updated(trackers=lost)).cells == ["a", "b"]
+
+
+def test_the_picture_says_who_diverged_in_other_runs() -> None:
+    names, runs, lost = ["ekf_tight", "ekf_tight", "ekf_tight", "ekf_cv"], [0.0, 4.0, 7.0, 0.0], [1.0, 1.0, 1.0, 0.0]
+    table = pa.table({"tracker": names, "run": runs, "diverged": lost})
+    result = Result.from_json(make_summary(), {**make_tables(), "runs": table})
+    assert diverged_elsewhere(result) == "Not shown: ekf_tight diverged in run 4 and 1 more."
+    assert to_markdown(result_document(result)).count(diverged_elsewhere(result)) == 2
+    assert not diverged_elsewhere(make_result())
 
 
 def test_a_mean_that_is_shown_above_is_no_milder_than_optimistic() -> None:

@@ -96,6 +96,12 @@ class Chart:
             return -side, side
         return 0.0, max(self._top(), 1.15 * shown) or 1.0
 
+    @property
+    def beyond(self) -> list[str]:
+        """The names of the lines that are more above the axis than on it."""
+        top = self.span()[1]
+        return [line.name for line in self.together if np.sum(line.value > top) > len(_finite([line])) / 2]
+
     def _top(self) -> float:
         values, limits = _finite(self.together), _finite(self.bounds)
         top = 1.2 * float(np.percentile(values, 97)) if len(values) else 1.0

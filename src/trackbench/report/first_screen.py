@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from trackbench.base.errors import counted
 from trackbench.document import (
@@ -26,6 +27,7 @@ from trackbench.metrics.verdicts import verdict as verdict_of_mean
 from trackbench.report import tables
 from trackbench.report.association import against_oracle
 from trackbench.report.figures.map import map_of_run, map_of_tracks
+from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.numbers import decimals, fixed, reach
 from trackbench.report.sentences import (
     divergence,
@@ -47,7 +49,8 @@ def picture(result: Result, shown: Sequence[TrackerStyle], moments: Mapping[str,
         return None
     if result.summary.identities == "hidden":
         return map_of_tracks(result, competing(result, shown))
-    return map_of_run(result.tables, result.summary.recorded_run, competing(result, shown), moments)
+    figure = map_of_run(result.tables, result.summary.recorded_run, competing(result, shown), moments)
+    return figure and replace(figure, caption=f"{figure.caption} {diverged_elsewhere(result)}".rstrip())
 
 
 def competing(result: Result, shown: Sequence[TrackerStyle]) -> list[TrackerStyle]:

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
+import pyarrow.compute as pc
 
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
 from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.metrics.moments import EstimateMoment, worst
 from trackbench.metrics.recorded_run import recorded_run
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, percent
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result
 
@@ -25,25 +26,40 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
     return {name: moments[0] for name in names if (moments := worst(recorded, [name], 1))}
 
 
+def diverged_elsewhere(result: Result) -> str:
+    """Who diverged in other runs than the recorded one: "Not shown: div diverged in run 7 and 1 more."."""
+    runs: dict[str, list[int]] = {}
+    table = result.tables.if_there("runs")
+    for row in table.filter(pc.greater(table["diverged"], 0)).to_pylist() if table.num_rows else ():
+        if row["run"] != result.summary.recorded_run:
+            runs.setdefault(row["tracker"], []).append(int(row["run"]))
+    told = [
+        f"{name} diverged in run {first}{f' and {len(more)} more' * bool(more)}"
+        for name, (first, *more) in runs.items()
+    ]
+    return f"Not shown: {joined(told)}." if told else ""
+
+
 def moment_text(moment: EstimateMoment) -> str:
     """Such as "3.18 m, v5 at 7.40 s"."""
     return f"{fixed(moment.position_error_m, 2)} m, {moment.object} at {fixed(moment.time_s, 2)} s"
 
 
-def moments_section(moments: Mapping[str, EstimateMoment], run: int, ringed: Sequence[str]) -> Iterator[Section]:
+def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringed: Sequence[str]) -> Iterator[Section]:
     """The worst moments, and the commands that show them in the recording.
 
     Args:
+        result: of the run.
         moments: by tracker.
-        run: number of the recorded run.
         ringed: the trackers whose moments the map rings.
     """
     if not moments:
         return
     text = (
-        f"The largest position error of each tracker in run {run}, of those that count. In the folder of this run, "
-        "trackbench inspect . --worst 3 lists more, and these commands open the recording at the rings of the map:"
-    )
+        f"The largest position error of each tracker in run {result.summary.recorded_run}, of those that count. "
+        f"{diverged_elsewhere(result)} In the folder of this run, trackbench inspect . --worst 3 lists more, and these "
+        "commands open the recording at the rings of the map:"
+    ).replace("  ", " ")
     commands = "\n".join(f"trackbench view . --worst --tracker {name}" for name in ringed if name in moments)
     every = list(moments.values())
     columns = [

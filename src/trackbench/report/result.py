@@ -281,7 +281,7 @@ def _accuracy(
     ]
     yield from _figures("Accuracy", figures)
     ringed = [style.name for style in mapped(competing(result, shown))]
-    yield from moments_section(moments, result.summary.recorded_run, ringed)
+    yield from moments_section(result, moments, ringed)
 
 
 def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:

@@ -72,6 +72,14 @@ def test_a_line_apart_does_not_stretch_the_axis_of_the_others() -> None:
     assert replace(both, apart={"raw"}).span() == steady.span()
 
 
+def test_the_ranking_says_which_plots_leave_a_tracker_out() -> None:
+    near, far = chart(np.ones(100)), ChartLine(("b",), "b", "#000000", TIME[:2], np.full(2, 1e6))
+    both = replace(near, lines=(*near.lines, far))
+    assert left_out([near]) == ""
+    assert left_out([both, both]) == "Left out of plots: b (Position error, m)."
+    assert left_out([replace(both, apart=["b"])]) == "Left out of plots: b (in tabs of its own)."
+
+
 def test_a_baseline_is_apart_from_the_contenders(result: Result) -> None:
     flagged = [item.model_copy(update={"baseline": item.name == "raw"}) for item in result.summary.trackers]
     charts = charts_of(contents_of(result.updated(trackers=flagged)))

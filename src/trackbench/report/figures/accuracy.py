@@ -94,8 +94,12 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
     low = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p10_m")}
     high = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p90_m")}
     references = {line.style.key: line for line in smooth_lines(steps, styles, "position_reference_m")}
-    cut, words = beyond_axis(rms_by_name(drawn), "m")
+    far, _ = beyond_axis(rms_by_name(drawn), "m")
+    upper = [line._replace(value=high.get(line.style.key, line.value)) for line in drawn]
+    cut, words = beyond_axis(rms_by_name(upper), "m")
     drawn = [line for line in drawn if line.style.name not in cut]
+    if above := joined([line.style.name for line in drawn if line.style.name in far]):
+        words = "; ".join(filter(None, [words, f"{above}: RMSE beyond the axis, band on it"]))
     # One object in one run has no spread.
     if not drawn or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
         return None
@@ -114,7 +118,7 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
         time_axis(axes, end_of(steps))
         shown = {line.style.key for line in drawn}
         bands = [value for of_key in (high, low) for key, value in of_key.items() if key in shown]
-        fit_value_axis(axes, [*bands, *(line.value for line in drawn)])
+        fit_value_axis(axes, [*bands, *(line.value for line in drawn if line.style.name not in far)])
 
     shown = counted(len(drawn), "tracker")
     return Figure(

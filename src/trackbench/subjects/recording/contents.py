@@ -284,7 +284,7 @@ def ranked(name: str, runs: str, trackers: Sequence[TrackerResult]) -> list[str]
     """A table of trackers in the order given, then those that failed."""
     return [
         f"## {name}",
-        f"{all_runs(runs)}, ranked by position RMSE, ± 95 %",
+        f"{all_runs(runs)}, ranked by position RMSE, ± 95 %; diverged: runs",
         "",
         "| tracker | RMSE m | / ref | NEES | covariance |",
         "|:--|--:|--:|--:|:--|",
@@ -343,10 +343,10 @@ def _row(tracker: TrackerResult) -> str:
     if tracker.failed is not None:
         return f"| {tracker.name} | failed | | | |"
     nees = tracker.nees
-    over = tracker.metrics.get("position_over_reference")
+    over, lost = tracker.metrics.get("position_over_reference"), tracker.health.diverged_runs
     cells = (
         f"{tracker.name} ({tracker.reference_kind})" if tracker.reference_kind else tracker.name,
-        with_interval(tracker.position_rmse),
+        f"{number(tracker.position_rmse.value)}, diverged: {lost}" if lost else with_interval(tracker.position_rmse),
         number(None if over is None else over.value),
         number(nees.value),
         nees.words or NOT_AVAILABLE,

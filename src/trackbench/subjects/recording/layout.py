@@ -12,6 +12,7 @@ from rerun.blueprint.components import LinkAxis
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
 from trackbench.document.replay import Chart, ChartLine, NamedColour
+from trackbench.report.numbers import joined
 from trackbench.subjects.recording import functions
 from trackbench.subjects.recording.contents import Contents, all_runs
 from trackbench.subjects.recording.focus import Focus
@@ -148,6 +149,17 @@ def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
         if chart.others
     ]
     return rrb.Tabs(*plain, *logarithms, *apart, active_tab=0)
+
+
+def left_out(charts: Iterable[Chart]) -> str:
+    """Which plots leave which lines out: "Left out of plots: raw (in tabs of its own); div (Position RMSE, m)"."""
+    left: dict[str, dict[str, None]] = {}
+    for chart in charts:
+        for line in chart.others:
+            left[line.name] = {"in tabs of its own": None}
+        for name in chart.beyond:
+            left.setdefault(name, {})[chart.title] = None
+    return f"Left out of plots: {'; '.join(f'{name} ({joined([*of])})' for name, of in left.items())}." if left else ""
 
 
 def plot(

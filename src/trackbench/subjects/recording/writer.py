@@ -106,7 +106,7 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
     blueprint, charts = _blueprint(contents, wide, focus)
     recording.send_blueprint(blueprint)
     recording.send_recording_name(contents.name)
-    stream.markdown("ranking", contents.ranking)
+    stream.markdown("ranking", "\n\n".join(filter(None, [contents.ranking, layout.left_out(charts)])))
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
