@@ -86,7 +86,7 @@ def test_one_run_in_a_terminal(cli: Cli, two: Path) -> None:
         ["raw", "ekf"],
         ["raw", "ekf"],
     ]
-    assert "By position RMSE: ekf is best with " in done.out
+    assert "By position RMSE: ekf has the smallest, " in done.out
 
 
 def test_json_and_markdown(cli: Cli, two: Path) -> None:

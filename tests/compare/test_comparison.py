@@ -254,7 +254,7 @@ def test_the_answer_is_in_metres_and_says_what_is_shown() -> None:
     (answer,) = answers(found)
     assert isinstance(answer, Paragraph)
     sentences = answer.text.split(". ")
-    assert sentences[0] == "By position RMSE: good is best with 0.500 m"
+    assert sentences[0] == "By position RMSE: good has the smallest, 0.500 m"
     assert re.fullmatch(r"Next is fair \+0\.00\d ±0\.\d+ m \(\+0\.\d %\): which .* is undecided", sentences[1])
     assert re.match(r"Shown to be worse: poor \+0\.40\d ±", sentences[2])
     assert ", worst +4.5" in sentences[2]

@@ -74,6 +74,7 @@ def test_the_column_says_who_is_not_shown_worse(many: Result, tmp_path: Path) ->
     assert {name for name, cell in shown.items() if cell != "yes"} == worse
     page = to_markdown(result_document(many))
     assert "not shown worse than the best" in page
+    assert "The best 12 of 31 trackers" in page
     assert f"called worse than {many.contenders[0].name}, which was chosen from the same data" in page
     assert "All pairs" not in page
     assert len(key_differences(many).columns) == 2

@@ -128,11 +128,19 @@ def _notes_on_tracks(result: Result) -> list[str]:
         f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
         *(["*: a reference, which knows which detection is whose; no competitor"] if references else []),
         *([f"  {FALSE_OF_REFERENCE}"] if outlived else []),
-        *(values_of_few_scenes(result) or [f"intervals, which the report shows: {basis_of_intervals(result)}"]),
+        *(values_of_few_scenes(result) or [_intervals_of_tracks(result)]),
         *([reused] if (reused := reused_identities(result)) else []),
         *contradicted_starts(result),
         *made_elsewhere(result),
     ]
+
+
+def _intervals_of_tracks(result: Result) -> str:
+    """Of what the intervals speak, or why the metric that ranks has none."""
+    ranking = metric_of(result.scored[0], result.summary.headline)
+    if ranking.ci95 is None and ranking.reason:
+        return f"{result.summary.headline_name}: {ranking.reason}; the report has the intervals of other metrics"
+    return f"intervals, which the report shows: {basis_of_intervals(result)}"
 
 
 _MOST_LETTERS = 12

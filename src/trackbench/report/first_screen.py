@@ -70,7 +70,7 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
         yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
-    glance: list[Block] = [at_a_glance(result)] if result.scored and summary.truth.known else []
+    glance: list[Block] = [at_a_glance(result, trackers)] if result.scored and summary.truth.known else []
     if beside := (*glance, *([picture] if picture else [])):
         yield Row(beside)
     if trackers > len(summary.trackers):
@@ -117,9 +117,9 @@ def _standings(result: Result) -> Iterator[Block]:
             yield Items(tuple(item for name, item in items.items() if name not in ranked))
 
 
-def at_a_glance(result: Result) -> Table:
+def at_a_glance(result: Result, every: int) -> Table:
     """The drawn trackers, best first: the metric that ranks, with a bar, and the word of the covariance's verdict; last
-    those without a rank."""
+    those without a rank. ``every``: the number of all trackers."""
     trackers, path, unscored = result.drawn, result.summary.headline, result.unscored
     metrics, nees = ([metric_of(tracker, of) for tracker in trackers] for of in (path, "nees"))
     places = decimals(metric.value for metric in metrics)
@@ -131,7 +131,8 @@ def at_a_glance(result: Result) -> Table:
         (Column(f"{result.summary.headline_name}, m", "with its 95 % interval", details=INTERVAL), barred),
         (Column("covariance", "what the NEES says, by conditions too", left=True), [*map(_judged, nees), *failed]),
     ]
-    return tracker_table("at-a-glance", [*trackers, *unscored], columns)
+    caption = f"The best {len(trackers)} of {every:,} trackers" if len(trackers) < len(result.scored) else ""
+    return tracker_table("at-a-glance", [*trackers, *unscored], columns, caption)
 
 
 def _barred(metric: MetricValue, places: int, diverged: str) -> Cell:

@@ -101,7 +101,7 @@ def result_document(result: Result) -> Document:
     blocks = [
         Section("Verdict", tuple(first_screen(result, trackers, picture(result, shown, moments)))),
         *_sections(result, styles, shown, moments),
-        *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
+        *([Section("Expectations", tuple(_expectations(result)))] if summary.expectations else []),
         Section("Truth and sensors" if summary.truth.known else "Sensors", tuple(_truth_and_sensors(result))),
         Section("How to reproduce it", tuple(_reproduction(result))),
     ]
@@ -314,6 +314,15 @@ def _figures(
     if any(rows):
         begin = [Paragraph(text)] if text else []
         yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
+
+
+def _expectations(result: Result) -> Iterator[Block]:
+    """What was expected, and what it is held against."""
+    yield tables.expectations(result)
+    if any(item.operator in ("below", "above") for item in result.summary.expectations):
+        yield Paragraph(
+            "“Below” and “above” hold the value against the limit, not its interval; “better than” is tested."
+        )
 
 
 def _truth_and_sensors(result: Result) -> Iterator[Block]:

@@ -17,7 +17,7 @@ from trackbench.results import Result, Tables
 from trackbench.results.columns import Columns
 from trackbench.subjects.recording.contents import contents_of
 from trackbench.subjects.recording.focus import moment_of
-from trackbench.subjects.recording.layout import entries, legend_view
+from trackbench.subjects.recording.layout import entries, left_out, legend_view
 from trackbench.subjects.recording.scene import GAP, HEIGHT, LETTER, label_points
 from trackbench.subjects.recording.series import charts_of
 

@@ -98,8 +98,9 @@ def _best(best: str, behind: Sequence[PairDifference]) -> str:
     following, *others = behind
     words = {"worse": "shown to be worse", EQUIVALENT: "equivalent"}
     word = words.get(following.verdict, "which of the two is better is undecided")
+    end = "largest" if following.difference < 0 else "smallest"
     sentences = [
-        f"{best} is best with {short(following.reference, places(behind))}{unit_after(following.unit)}.",
+        f"{best} has the {end}, {short(following.reference, places(behind))}{unit_after(following.unit)}.",
         f"Next is {_changed(following.entrant.tracker, behind, following)}: {word}.",
     ]
     if worse := [item for item in others if item.verdict == "worse"]:

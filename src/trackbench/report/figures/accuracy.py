@@ -262,37 +262,44 @@ def cost_against_accuracy(
 ) -> Figure | None:
     """Time per step against the metric that trackers are ranked by, m; None where no time was measured."""
     points = [
-        (styles[tracker.name], cost, error)
+        (
+            styles[tracker.name],
+            cost,
+            error,
+            () if tracker.health.diverged_runs else metric_of(tracker, metric).ci95 or (),
+        )
         for tracker in trackers
         if (cost := metric_of(tracker, "step_time").value) is not None
         and (error := metric_of(tracker, metric).value) is not None
     ]
     if not points:
         return None
-    words = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
-    cut, beyond = beyond_axis({style.name: error for style, _, error in points}, "m")
+    words = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error, _ in points)
+    cut, beyond = beyond_axis({style.name: error for style, _, error, _ in points}, "m")
     points = [point for point in points if point[0].name not in cut]
-    shown = [style for style, _, _ in points]
-    x, y = np.array([cost for _, cost, _ in points]), np.array([error for _, _, error in points])
+    shown = [style for style, *_ in points]
+    x, y = np.array([cost for _, cost, *_ in points]), np.array([error for _, _, error, _ in points])
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="µs per step of one run, logarithmic", ylabel=f"{_METRICS[metric]}, m")
         logarithmic(axes, "x")
         if y.max() > 4 * y.min():
             logarithmic(axes, "y")
-        for style, cost, error in points:
+        for style, cost, error, ends in points:
+            axes.plot([cost] * len(ends), ends, color=style.colour, linewidth=1.4, gid=style.key)
             axes.plot([cost], [error], markersize=9, **style.dot)
         axes.set(xlim=(x.min() / 1.6, x.max() * 1.6))
         axes.margins(y=0.15)
-        panel_title(axes, beyond, WIDTH)
+        panel_title(axes, "; ".join(filter(None, ["the axis of errors does not begin at 0", beyond])), WIDTH)
         fit_margins(canvas)
         _label_points(axes, shown, np.stack([x, y], axis=1))
 
     return tracker_figure(
         "cost",
         "Accuracy against computing time",
-        "Each point is a tracker: further down is more accurate, further left is faster. A tracker with another one "
-        "both below and to the left of it is slower and less accurate. Times are those of this machine."
+        "Each point is a tracker: further down is the smaller error, further left is faster. The axis of errors does "
+        "not begin at 0. The bars are 95 % intervals of each alone; which differences are shown, the table says. Times "
+        "are those of this machine."
         f"{_sentence(beyond)}",
         f"{_METRICS[metric]} against time per step: {words}",
         paint,
