@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -36,6 +37,12 @@ def test_a_formula_has_its_source(target: str) -> None:
     assert any(
         words in resolve(target).__doc__ for words in ("Source: ", "(Bar-Shalom, Li and Kirubarajan 2001", "sqrt")
     )
+
+
+def test_a_formula_has_no_shape_of_an_array() -> None:
+    formulas = [text for of in terms().values() for term in of for heading, text in term.page if heading == "formula"]
+    assert formulas
+    assert not [text for text in formulas if re.search(r"\(\w+,\)|^\(", text)]
 
 
 @pytest.mark.parametrize(

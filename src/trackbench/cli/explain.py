@@ -42,7 +42,9 @@ FORMULAS = {
     "confirm_latency": "trackbench.metrics.traffic.track_quality:confirmation",
 }
 #: Those whose parts have the formula of the whole.
-FAMILIES = {"deta": "hota", "assa": "hota", "motp": "mota"}
+FAMILIES = {"deta": "hota", "assa": "hota", "motp": "mota", "gospa_switch": "tgospa"}
+#: What the glossary has once, with the first of those that have it in common.
+_SHARED = ("formula", "test")
 #: What the glossary leaves to the terminal.
 LEFT_OUT = {"how", "needs", "finds", "found by"}
 GLOSSARY = """\
@@ -81,7 +83,8 @@ def _metrics() -> Iterator[TermPage]:
         unit = f" [{', '.join(notes)}]" if notes else ""
         name = entry.name.partition(".")[0]
         where = "with hidden identities: " if hidden and entry.name in lines.get(name, {}) else ""
-        lines.setdefault(name, {})[entry.name + " " * bool(where)] = f"{where}{entry.meaning}{unit}"
+        if lines.get(name, {}).get(entry.name) != f"{entry.meaning}{unit}":
+            lines.setdefault(name, {})[entry.name + " " * bool(where)] = f"{where}{entry.meaning}{unit}"
     for name, entries in lines.items():
         page = [(entry.strip(), text) for entry, text in entries.items()]
         families = (FAMILIES.get(name, name), name.partition("_")[0], name.rpartition("_")[2])
@@ -96,17 +99,24 @@ def _formula(target: str) -> str:
 
 
 def _verdicts() -> Iterator[TermPage]:
-    from trackbench.metrics.verdicts import MEANING, TOLERANCE, WHITENESS_TOLERANCE, verdict
+    from trackbench.metrics import verdicts
 
-    source = "Schuirmann 1987" + (inspect.getdoc(verdict) or "").partition("Schuirmann 1987")[2].partition(")")[0]
-    for word, meaning in MEANING.items():
-        of = "share of the NEES beyond a point" if word == "heavy-tailed" else "mean NEES"
-        right = "that of chi-square" if word == "heavy-tailed" else f"4 +- {100 * TOLERANCE:g} %"
-        test = f"the 95 % interval of the {of} against {right}, an equivalence test ({source})"
+    stated = inspect.getdoc(verdicts.verdict) or ""
+    source = "Schuirmann 1987" + stated.partition("Schuirmann 1987")[2].partition(")")[0]
+    near, far, below, above = (
+        f"{100 * share:g} %" for share in (verdicts.TOLERANCE, verdicts.FAR_TOLERANCE, verdicts.BELOW, verdicts.ABOVE)
+    )
+    test = (
+        f"an equivalence test ({source}) of 95 % intervals: the mean NEES within {near} of 4; under a condition, of "
+        f"position or velocity alone, and along or across the motion from {below} below to {above} above; the shares "
+        f"beyond points of chi-square within those of a covariance that is {near} wrong, beyond the far points {far}. "
+        "Where the mean is undecided, one of the others may give the word."
+    )
+    for word, meaning in verdicts.MEANING.items():
         yield TermPage(word, (("a verdict on a covariance", meaning), ("test", test)))
-    near = f"the correlation of successive innovations is within {WHITENESS_TOLERANCE:g} of zero"
-    yield TermPage("white", (("a verdict on innovations", near),))
-    yield TermPage("coloured", (("a verdict on innovations", near.replace("is within", "is shown to be beyond")),))
+    white = f"the correlation of successive innovations is within {verdicts.WHITENESS_TOLERANCE:g} of zero"
+    yield TermPage("white", (("a verdict on innovations", white),))
+    yield TermPage("coloured", (("a verdict on innovations", white.replace("is within", "is shown to be beyond")),))
     from trackbench.metrics.registry import HEALTH, metric_paths
 
     diverged = next(field for field in metric_paths() if field.name == HEALTH + "diverged_runs")
@@ -136,7 +146,8 @@ def _contents(subjects: dict[str, list[TermPage]]) -> Iterator[str]:
 def glossary() -> str:
     """All terms as one page."""
     subjects = terms()
-    owners = {text: term.name for term in reversed(subjects["metrics"]) for _, text in term.page}
+    ours = [*subjects["metrics"], *subjects["verdicts"]]
+    owners = {text: term.name for term in reversed(ours) for heading, text in term.page if heading in _SHARED}
     pages: dict[str, list[TermPage]] = {}
     for term in chain.from_iterable(subjects.values()):
         pages.setdefault(term.name.lower(), []).append(term)
@@ -147,7 +158,7 @@ def glossary() -> str:
         sections.append(f"### {same[0].name}")
         for heading, text in dict.fromkeys(entry for term in same for entry in term.page if entry[0] not in LEFT_OUT):
             label = f"`{heading}`: " if heading.startswith(name) else f"*{heading}*: "
-            owner = owners[text] if heading == "formula" else name
+            owner = owners[text] if heading in _SHARED else name
             words = " ".join(text.split()) if owner == name else f"that of [{owner}](#{owner})"
             sections.append(label * (heading not in ("term", name)) + words)
     return "\n\n".join(sections) + "\n"

@@ -12,14 +12,17 @@ from trackbench.base.types import Array, Estimate, Mask
 
 
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
-    """``e^T P^-1 e``, the whitened error ``L^-1 e``, and where the covariance is positive definite.
+    """``e^T P^-1 e``, with P the stated covariance of e.
 
-    P is the covariance of e: with the estimation error this is the NEES, and with the innovation, whose covariance is
+    With the estimation error this is the NEES, and with the innovation, whose covariance is
     S, the NIS ``y^T S^-1 y`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2).
 
     Args:
         error: ``(n, ...)``.
         covariance: ``(n, n, ...)``.
+
+    Returns:
+        It, the whitened error ``L^-1 e``, and where the covariance is positive definite.
     """
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)

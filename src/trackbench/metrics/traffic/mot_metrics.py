@@ -32,7 +32,7 @@ class Switches(NamedTuple):
 
 
 def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) -> Mask:
-    """``(P,)`` which pairs are matched: first those that were matched before and still may be, then the nearest.
+    """Matching of each instant: first the pairs that were matched before and still may be, then the nearest.
 
     With misses FN, false tracks FP and switches IDSW, MOTA = 1 - (FN + FP + IDSW) / due instants; MOTP is the mean
     distance of matched pairs. Source: Bernardin and Stiefelhagen (2008), "Evaluating multiple object tracking
@@ -44,6 +44,9 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
         gain: ``(P,)`` above zero, larger for a nearer pair.
         objects: ``(T, N)`` those that are there.
         tracks: ``(T, K)`` the columns that are there.
+
+    Returns:
+        ``(P,)`` which pairs are matched.
     """
     rows, columns = objects.shape[1], tracks.shape[1]
     at_object, at_column = pairs.instant * rows + pairs.object, pairs.instant * columns + pairs.column
@@ -157,7 +160,7 @@ def _jaccard(pairs: NearPairs, similarity: Array, objects: int, tracks: int) -> 
 
 
 def identity(pairs: NearPairs, object_counts: Indices, track_counts: Indices) -> tuple[int, int, int]:
-    """Counts of the one-to-one matching of objects and tracks, for the whole run, with most instants together.
+    """One-to-one matching of objects and tracks for the whole run, with most instants together.
 
     IDF1 = 2 IDTP / (2 IDTP + IDFP + IDFN). Source: Ristani et al. (2016), "Performance measures and a data set for
     multi-target, multi-camera tracking".

@@ -27,9 +27,9 @@ class GospaParts(NamedTuple):
 
 
 def gospa(counted: Counted) -> GospaParts:
-    """Generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2; squares, m^2.
+    """Generalised optimal sub-pattern assignment metric with alpha = 2 and p = 2.
 
-    Of the best matching, the squared distances of the pairs plus ``c^2 / 2`` for each object and each track that is in
+    Of the best matching, the squared distances of the pairs plus c^2 / 2 for each object and each track that is in
     none; the metric is the root.
 
     Source: Rahmathullah, Garcia-Fernandez and Svensson (2017), "Generalized optimal sub-pattern assignment metric",
@@ -60,28 +60,38 @@ def _parts(instant: Indices, distance: Array, objects: Indices, tracks: Indices,
 
 
 def ospa(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
-    """``(T,)`` optimal sub-pattern assignment metric to the power p from GOSPA's parts and the ``(T,)`` numbers of
-    objects and tracks; m^2 with the parts of :func:`gospa`.
+    """Optimal sub-pattern assignment metric to the power p.
 
-    Both metrics have the same optimal matching. With ``n`` the larger number of objects and tracks, OSPA to the power p
-    is the distances of matched pairs plus ``c^p`` for each of the ``n`` that is not matched, divided by ``n``; 0 where
-    there is nothing.
+    It has the matching of GOSPA. With n the larger number of objects and tracks, it is the sum of the distances of
+    matched pairs to the power p, plus c^p for each of the n that is not matched, divided by n; 0 where there is
+    nothing.
 
     Source: Schuhmacher, Vo and Vo (2008), "A consistent metric for performance evaluation of multi-object filters".
+
+    Args:
+        parts: of GOSPA, to the power p.
+        objects: ``(T,)`` their numbers.
+        tracks: ``(T,)`` the same.
+
+    Returns:
+        ``(T,)``, m^2 with the parts of :func:`gospa`.
     """
     unmatched = 2.0 * np.where(tracks > objects, parts.false, parts.missed)
     return np.asarray((parts.localisation + unmatched) / np.maximum(np.maximum(objects, tracks), 1))
 
 
 def ospa2(counted: Counted, window: int) -> Array:
-    """``(windows,)`` squared OSPA(2) of order 2, m^2, in windows of ``window`` instants one after another.
+    """OSPA(2) of order 2, in windows of time one after another.
 
     The distance of an object and a track in a window is the mean, over the instants at which at least one of them is
-    there, of the distance between them, cut off at ``c``; ``c`` where only one is. OSPA of order 2 takes it from there.
-    An incomplete last window counts as one.
+    there, of the distance between them, cut off at c; c where only one is. OSPA of order 2 takes it from there. An
+    incomplete last window counts as one.
 
     Source: Beard, Vo and Vo (2020), "A solution for large-scale multi-object tracking", section III (one window, equal
     weights).
+
+    Returns:
+        ``(windows,)`` its squares, m^2, of ``window`` instants each.
     """
     steps, objects = counted.due.shape
     starts = np.arange(0, steps, window)

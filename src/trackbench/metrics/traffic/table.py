@@ -135,7 +135,7 @@ TRACK_METRICS = by_name(
     share("hota", "detection and association in one number", "larger", combine="mean", fewest=100),
     share("deta", "detection part of HOTA", "larger", combine="mean"),
     share("assa", "association part of HOTA", "larger", combine="mean", fewest=100),
-    share("idf1", "share of time that one track each covers of the objects", "larger", fewest=400),
+    share("idf1", "F1 score of the time that each object is on its one track", "larger", fewest=400),
     share("mota", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf),
     run_ratio("motp", "m", "mean distance of matched tracks", "smaller"),
     run_ratio("id_switches", "1/min", "changes of an object's track, per minute of an object", "smaller", fewest=10),

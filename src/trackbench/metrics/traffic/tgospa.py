@@ -293,15 +293,18 @@ class TgospaParts(NamedTuple):
 
 
 def tgospa(counted: Counted, switch: float) -> TgospaParts:
-    """Trajectory GOSPA metric with p = 2: a change from one track to another costs ``switch`` squared (m), to or from
-    none half of that.
+    """Trajectory GOSPA metric with p = 2: a change from one track to another costs the square of the cost of a
+    switch (m), to or from none half of it.
 
     Objects are solved one by one. Those that use the same track at an instant are then solved together, by dynamic
     programming over their joint assignments or, where these are too many, by linear programming. Optima of all groups
-    without a conflict are an optimum of the whole. ``exact`` says whether they were found.
+    without a conflict are an optimum of the whole.
 
     Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
     for evaluation of multi-target tracking algorithms", IEEE Transactions on Signal Processing 68, section III.
+
+    Returns:
+        Its parts; ``exact`` says whether the optimum was found.
     """
     (parts,) = tgospa_by_cost(counted, [switch])
     return parts

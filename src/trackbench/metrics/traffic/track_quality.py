@@ -39,11 +39,14 @@ def latencies(track_of: Indices, due: Mask, duration: Array) -> Array:
 
 
 def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
-    """Seconds that objects were due before their first track, or all the time without one; objects that got one.
+    """Time that objects were due before their first track, or all of it without one, over the number that got one.
 
-    The ratio is the mean time to an event where it is not always waited for, and the maximum-likelihood estimate for a
+    It is the mean time to an event where it is not always waited for, and the maximum-likelihood estimate for a
     constant rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time
     on test over number of failures).
+
+    Returns:
+        Both apart.
     """
     tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
     return float(_waiting(track_of, due, duration).sum()), float(tracked.sum())

@@ -68,7 +68,7 @@ def _unit_step(b: Any) -> _UnitStep:
 
 
 class Singer(DrivenAxes):
-    """State px, py, vx, vy, ax, ay; acceleration on each axis that forgets itself, driven by continuous white noise.
+    """State px, py, vx, vy, ax, ay; exponentially correlated acceleration on each axis, driven by white noise.
 
     Source: Singer (1970), "Estimating optimal tracking filter performance for manned maneuvering targets", equations 9
     to 12. Exact for any step, from far below the time constant to far above it.
