@@ -7,7 +7,7 @@ GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md d
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
-	@echo "make test      linter, types, import contracts, documentation site and tests: about 5 minutes on 2 cores"
+	@echo "make test      linter, types, import contracts, documentation site and tests: about 10 minutes on 2 cores"
 	@echo "make test-all  the same, with the slow tests and the commands of the documentation's pages as they are printed"
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.

@@ -16,9 +16,14 @@ BAD_USAGE = [
     # Click's words are others in each version.
     (["run", "tiny.yaml", "--worker", "2"], "--workers"),
     (["run"], "Missing argument"),
-    (["run", "tiny.yaml", "--runs", "0"], "0 is not in the range x>=1"),
-    (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
-    (["run", "tiny.yaml", "--workers", "0"], "0 is not in the range x>=1"),
+    (["run", "tiny.yaml", "--runs", "0"], "0 is not a whole number from 1 on"),
+    (["run", "tiny.yaml", "--runs", "many"], "'many' is not a whole number from 1 on"),
+    (["run", "tiny.yaml", "--scenes", "0"], "0 is not a whole number from 1 to 1000"),
+    (["run", "tiny.yaml", "--run", "2"], "No such option '--run'. Did you mean '--runs'?"),
+    (["report", "exm"], "exm: there is no such folder; did you mean 'exam'?"),
+    (["inspect", "exa"], "exa: no such recording; did you mean 'exam'?"),
+    (["tune", "tiny.yaml"], "--trackers: name those to tune; choose from: ekf, raw"),
+    (["doctor", "loop.yaml#mine"], "loop.yaml: there is no such file here; `trackbench list scenarios` shows"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
     (["list", "motion"], "'checks'. Did you mean 'motion-models'?"),
     (["report", "results", "--format", "tex"], "Did you mean 'latex'?"),
@@ -32,7 +37,7 @@ BAD_USAGE = [
     (["compare", "exam"], "exam: an examination is not compared; `trackbench report` shows it"),
     (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
     (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
-    (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),
+    (["run", "emty/"], "emty: there is no such file here; `trackbench list scenarios` shows those that come with"),
     (["run", "scenaris/"], "scenaris: there is no such file; did you mean 'scenarios'?"),
 ]
 

@@ -52,7 +52,7 @@ ANSWERS = {
     "size": ("return np.ones(4), np.eye(2)", "the covariance has the shape (2, 2), where (4, 4) is needed", FIRST),
     "text": ("return 'here', np.eye(4)", "the mean is not an array of numbers: str 'here'", FIRST),
     "complex": ("return np.ones(4) * 1j, np.eye(4)", "the mean is not an array of numbers: ndarray", FIRST),
-    "single": ("return np.ones(4)", "the estimate must be (mean, covariance) or None, not ndarray", FIRST),
+    "single": ("return np.ones(4)", "step must return (state, (mean, covariance)), not (state, ndarray", FIRST),
     "asymmetric": ("return np.ones(4), np.eye(4) + np.eye(4, k=1)", "the covariance is not symmetric", FIRST),
     "indefinite": (
         "return np.ones(4), np.diag([1.0, 1, 1, -1 if number > 2 else 1])",

@@ -131,7 +131,7 @@ STEPS: dict[str, tuple[str, str | None, bool]] = {
         True,
     ),
     "forks": ("os.fork()", "its process sent what is no answer", False),
-    "returns_text": ("return 'here'", "the estimate must be (mean, covariance) or None", False),
+    "returns_text": ("return 'here'", "step must return (state, (mean, covariance)), not (state, ", False),
     "returns_objects": ("return np.array([object()] * 4), np.eye(4)", "the mean is not an array of numbers", False),
     "returns_complex": ("return GOOD[0] * 1j, GOOD[1]", "the mean is not an array of numbers", False),
     "returns_much": ("return np.zeros((4, 10**6)), GOOD[1]", "the mean has the shape (4, 1000000)", False),

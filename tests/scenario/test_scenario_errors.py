@@ -497,6 +497,8 @@ def test_a_file_of_another_kind_is_called_what_it_is(tmp_path: Path, name: str, 
     [
         ("  rate_hz: 20", " rate_hz: 20", 7, "wrong indentation"),
         ("  rate_hz: 20", "  rate_hz 20", 7, "a key is followed by a colon and a space"),
+        ("sensors:", "sensors", 10, "a colon is missing after 'sensors'"),
+        ("  roof: {", "  roof {", 19, "a colon is missing after 'roof'"),
     ],
 )
 def test_a_slip_of_yaml_has_its_own_line(tmp_path: Path, old: str, new: str, line: int, said: str) -> None:

@@ -82,7 +82,7 @@ def test_missing_file_names_its_nearest_neighbour(tmp_path: Path) -> None:
     near = f"'{tmp_path}/highway.yaml' or 'highway', which comes with trackbench?"
     assert messages(tmp_path / "higway.yaml") == [f"FILE: there is no such file; did you mean {near}"]
     (far,) = messages(tmp_path / "no" / "x.yaml")
-    assert far.startswith("FILE: there is no such file; `trackbench list scenarios` shows")
+    assert far.startswith("FILE: there is no such file here; `trackbench list scenarios` shows")
 
 
 def test_folder(tmp_path: Path) -> None:

@@ -218,7 +218,7 @@ def test_raising_on_a_missed_measurement() -> None:
         ((np.ones(4), np.ones(4)), "the covariance has the shape (4,), where (4, 4) is needed"),
         ((np.ones(4), np.triu(np.ones((4, 4)))), "the covariance is not symmetric"),
         ((np.ones(4), -np.eye(4)), "the covariance is not positive definite at 0 s"),
-        (np.ones(4), "the estimate must be (mean, covariance) or None, not ndarray"),
+        (np.ones(4), "step must return (state, (mean, covariance)), not (state, ndarray"),
         (None, "120 measurements of one target give no estimate"),
     ],
 )

@@ -134,6 +134,13 @@ def did_you_mean(names: Sequence[str]) -> str:
     return f"did you mean {' or '.join(filter(None, [', '.join(others), last]))}?" if names else ""
 
 
+def beside(missing: Path) -> str:
+    """ "; did you mean 'results/highway'?", of what is beside a missing path; empty where nothing is alike."""
+    there = [entry.name for entry in missing.parent.iterdir()] if missing.parent.is_dir() else []
+    hint = did_you_mean([str(missing.parent / name) for name in alike(missing.name, there, 0.6)[:1]])
+    return hint and f"; {hint}"
+
+
 def shortened(text: str, most: int = 200) -> str:
     """The start and the end of a text of more than ``most`` characters."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 2 :]}"

@@ -226,6 +226,10 @@ def _run() -> int:
     except click.exceptions.Exit as stop:
         status = stop.exit_code
     except click.ClickException as error:
+        if isinstance(error, click.NoSuchOption) and error.ctx is not None:
+            names = {name.lstrip("-"): name for option in error.ctx.command.params for name in option.opts}
+            near = alike(error.option_name.lstrip("-"), names, 0.6)
+            error = click.NoSuchOption(error.option_name, possibilities=[names[name] for name in near], ctx=error.ctx)
         shown = io.StringIO()
         error.show(shown)
         return _failed(shown.getvalue().rstrip(), BAD_INPUT)

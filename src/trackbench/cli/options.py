@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
@@ -60,6 +60,34 @@ class NearestChoice(click.Choice[str]):
         begun = [word for word in words if word.startswith(str(value))]
         hint = did_you_mean(begun[:1] or alike(str(value), words))
         return f"{super().get_invalid_choice_message(value, ctx)} {hint[:1].upper()}{hint[1:]}".rstrip()
+
+
+class Whole(click.IntRange):
+    """A whole number from the least to the largest."""
+
+    def fail(self, message: str, param: click.Parameter | None = None, ctx: click.Context | None = None) -> NoReturn:
+        """Say which numbers are possible."""
+        most = "on" if self.max is None else f"to {self.max}"
+        super().fail(f"{message.partition(' is not ')[0]} is not a whole number from {self.min} {most}", param, ctx)
+
+
+class Share(click.ParamType):
+    """A share below a half, ``0.01``, or a percentage, ``1%``."""
+
+    name = "share"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """As a share."""
+        text = str(value).strip()
+        try:
+            share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        except ValueError:
+            self.fail(f"{text!r} is not a share such as 0.01 or 1%", param, ctx)
+        if 0.5 <= share < 50 and not text.endswith("%"):
+            self.fail(f"{text} is a share of {100 * share:g} %; for {share:g} % write {share:g}%", param, ctx)
+        if not 0 < share < 0.5:
+            self.fail(f"{text} is not a share above 0 and below 0.5, such as 0.01 or 1%", param, ctx)
+        return share
 
 
 #: The command gets it as ``engine``.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,8 @@ from trackbench.base.execution import executor
 from trackbench.cli.commands import RUN_SUMMARY
 from trackbench.cli.options import (
     FAILED_EXPECTATION,
+    Share,
+    Whole,
     artifact_options,
     check_options,
     engine_option,
@@ -62,16 +63,16 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 
 @click.command("run", help=_HELP)
 @scenarios_argument
-@click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
+@click.option("--runs", type=Whole(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option(
     "--runs-until",
-    type=click.FloatRange(0, 1, min_open=True),
+    type=Share(),
     metavar="SHARE",
-    help="Until the lead is known to this share.",
+    help="Until the lead is known to this share: 0.01 or 1%.",
 )
-@click.option("--max-runs", type=click.IntRange(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
-@click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
-@click.option("--scenes", type=click.IntRange(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
+@click.option("--max-runs", type=Whole(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
+@click.option("--seed", type=Whole(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
+@click.option("--scenes", type=Whole(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
 @click.option(
     "--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Only these of the scenario's trackers."
 )
@@ -83,7 +84,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("Each scenario gets a folder in it.", "results")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays. Same result.")
+@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
 @engine_option
 @isolation_options
@@ -117,8 +118,8 @@ def run_command(
     **of_subjects: Any,
 ) -> None:
     """Score every tracker."""
-    if runs_until is not None and (runs is not None or not math.isfinite(runs_until)):
-        raise InputError("give a share between 0 and 1, and no --runs beside it", key="--runs-until")
+    if runs_until is not None and runs is not None:
+        raise InputError("give no --runs beside it", key="--runs-until")
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trackbench.base.errors import InputError, counted, nearest
+from trackbench.base.errors import InputError, beside, counted, nearest
 from trackbench.base.files import read_json
 from trackbench.results.declared import SHARED
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
@@ -267,7 +267,8 @@ class Result:
         path = Path(folder)
         file = path if path.name == SUMMARY and not path.is_dir() else path / SUMMARY
         if not file.parent.is_dir():
-            there = "there is no such folder" if not path.exists() else f"not the folder of a run, nor its {SUMMARY}"
+            other = f"not the folder of a run, nor its {SUMMARY}"
+            there = other if path.exists() else f"there is no such folder{beside(path)}"
             hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
             raise InputError(there + hint, file=path)
         try:

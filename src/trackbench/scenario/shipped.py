@@ -88,10 +88,11 @@ def _nearest(missing: Path, files: Iterable[str]) -> str:
     """The nearest file beside the one that is missing, and the nearest scenario of the package."""
     names = {name.rpartition("/")[2]: name for name in files}
     there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
-    beside = [entry.name for entry in there if _holds_scenarios(entry)]
-    result = [repr(str(missing.parent / name)) for name in alike(missing.name, beside)[:1]]
+    # The ending, which most share, makes no name alike.
+    beside = {entry.stem: entry.name for entry in there if _holds_scenarios(entry)}
+    result = [repr(str(missing.parent / beside[stem])) for stem in alike(missing.stem, beside, 0.6)[:1]]
     for last in alike(missing.stem, names, 0.6)[:1]:
         result.append(f"{names[last]!r}, which comes with trackbench")
     if not result:
-        return "; `trackbench list scenarios` shows those that come with trackbench"
+        return " here; `trackbench list scenarios` shows those that come with trackbench"
     return f"; did you mean {' or '.join(result)}?"

@@ -77,7 +77,8 @@ def parse(text: str, file: str) -> YamlDocument:
     except yaml.MarkedYAMLError as error:
         incomplete = "could not find expected ':'" in (error.problem or "")
         mark = (incomplete and error.context_mark) or error.problem_mark or error.context_mark
-        raise InputError(_syntax(error), file=file, line=mark.line + 1 if mark else None) from None
+        around = "\n".join(text.splitlines()[max(mark.line - 1, 0) : mark.line + 2]) if mark else ""
+        raise InputError(_syntax(error, around), file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise InputError(CONTROL, file=file, line=line) from None
@@ -225,8 +226,16 @@ _TAGS = {
 }
 
 
-def _syntax(error: yaml.MarkedYAMLError) -> str:
+#: A key that its mapping or list follows, or the more indented lines of it, without a colon.
+_KEY_ALONE = re.compile(r"^( *)(?:- )?([\w.-]+) *(?:[{[]|\n\1 +[\w.-]+ *:)", re.MULTILINE)
+
+
+def _syntax(error: yaml.MarkedYAMLError, around: str) -> str:
+    """What is wrong; ``around``: the line and its neighbours."""
     problem = error.problem or "syntax error"
+    colon = "mapping values are not allowed" in problem or "could not find expected ':'" in problem
+    if colon and (key := _KEY_ALONE.search(around)):
+        return f"not valid YAML: a colon is missing after {key[2]!r}"
     if "'\\t'" in problem:
         return "a tab where YAML needs spaces"
     if "mapping values are not allowed" in problem:

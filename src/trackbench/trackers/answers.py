@@ -103,7 +103,7 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
         return None
     if not isinstance(answer, Estimate):
         if not isinstance(answer, tuple) or len(answer) != 2:
-            raise TrackerFault(f"the estimate must be (mean, covariance) or None, not {described(answer)}")
+            raise TrackerFault(f"step must return (state, (mean, covariance)), not (state, {described(answer)})")
         answer = Estimate(*answer)
     batch = np.shape(scan.valid)
     mean = array_of("mean", answer.mean, (4, *batch))

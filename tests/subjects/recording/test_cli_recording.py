@@ -191,9 +191,21 @@ def test_without_a_screen_view_says_so_and_a_run_goes_on(cli: Cli, folder: Path)
     done = cli("view", "results/tiny")
     assert (done.status, done.out) == (2, "")
     assert "no screen" in done.err
+    assert "`trackbench inspect RUN --worst 3`" in done.err
     run = cli("run", "tiny.yaml", "--live")
     assert run.status == 0
     assert "the run goes on without a viewer" in run.err
+
+
+@pytest.mark.viewer
+@pytest.mark.usefixtures("no_screen")
+@pytest.mark.parametrize("driver", [True, False])
+def test_view_recommends_a_picture_only_where_there_is_a_driver(
+    cli: Cli, folder: Path, monkeypatch: pytest.MonkeyPatch, driver: bool
+) -> None:
+    if not driver:
+        monkeypatch.setenv("VK_DRIVER_FILES", "/nowhere")
+    assert ("trackbench snapshot" in cli("view", "results/tiny").err) is driver
 
 
 def test_a_viewer_that_is_not_there_is_said(cli: Cli, tiny: Path) -> None:

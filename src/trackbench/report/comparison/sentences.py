@@ -50,12 +50,27 @@ def answers(comparison: Comparison) -> Iterator[Block]:
         yield kept_limits([item.outcome for item in comparison.gates], comparison.passed)
     if failed := gates(comparison, FAILED):
         yield Items(failed)
+    lost = _lost(comparison)
     for metric, items in comparison.by_metric():
         best = best_of(comparison, items) if len(comparison.sets) == 1 else None
         text = _best(best, against(best, items)) if best else _changes(comparison, items)
-        yield Paragraph(f"By {NAMES.get(metric, metric)}: {text}", strong=True)
+        yield Paragraph(f"{lost}By {NAMES.get(metric, metric)}: {text}", strong=True)
+        lost = ""
+    if lost:
+        yield Paragraph(lost.strip(), strong=True)
     if undecided := gates(comparison, ["undecided"]):
         yield Section("Undecided limits", (Items(undecided),), folded=True)
+
+
+def _lost(comparison: Comparison) -> str:
+    """ "mine failed in B. ", of the trackers without a score, of which no difference tells; empty where all have one."""
+    parts = []
+    for score in (score for score in comparison.scores if score.failure):
+        places = [letter(score.entrant.set)] if len(comparison.sets) > 1 else []
+        places += [score.scenario] if len(comparison.scenarios) > 1 else []
+        parts.append(f"{score.entrant.tracker} failed{' in ' * bool(places)}{', '.join(places)}")
+    more = f" and {len(parts) - _LISTED} more" if len(parts) > _LISTED else ""
+    return f"{', '.join(parts[:_LISTED])}{more}. " if parts else ""
 
 
 def best_of(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:

@@ -10,7 +10,7 @@ import click
 
 from trackbench import results
 from trackbench.base.execution import executor
-from trackbench.cli.options import FAILED_EXPECTATION, github_option, isolation_options, write_suites
+from trackbench.cli.options import FAILED_EXPECTATION, Whole, github_option, isolation_options, write_suites
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option
 from trackbench.driving.isolation import Isolation
@@ -68,14 +68,14 @@ MOST_SHOWN = 20
 
 @click.command("--verify")
 @click.argument("claim", type=click.Path(path_type=Path), metavar="CLAIM")
-@click.option("--seed", type=click.IntRange(0), metavar="S", help="Repeat the draw of the cells that printed it.")
+@click.option("--seed", type=Whole(0), metavar="S", help="Repeat the draw of the cells that printed it.")
 @click.option(
     "--beside",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     metavar="DIR",
     help="Folder of the modules and logs that the scenario names.",
 )
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays.")
+@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N.")
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON, and nothing else.")

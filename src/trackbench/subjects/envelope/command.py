@@ -15,6 +15,7 @@ from trackbench.base.execution import executor
 from trackbench.base.subjects import resolve
 from trackbench.base.supervised import tell_resumable
 from trackbench.cli.options import (
+    Whole,
     engine_option,
     github_option,
     isolation_options,
@@ -98,12 +99,12 @@ def first_words(ctx: click.Context, parameter: click.Parameter, incomplete: str)
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @out_option("The folder NAME-envelope is written there.", "results")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes; one a core if it pays. Same claim.")
+@click.option("--workers", type=Whole(1), metavar="N", help="Processes; one a core if it pays. Same claim.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same claim.")
 @engine_option
 @isolation_options
-@click.option("--counter-examples", type=click.IntRange(0), metavar="N", help="At most N of a tracker.")
-@click.option("--search", type=click.IntRange(20), metavar="N", help="Look for the worst run in N runs.")
+@click.option("--counter-examples", type=Whole(0), metavar="N", help="At most N of a tracker.")
+@click.option("--search", type=Whole(20), metavar="N", help="Look for the worst run in N runs.")
 @click.option("--no-recording", is_flag=True, help="Counter-examples without recording.rrd.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the cells as JUnit XML.")
 @github_option

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError
-from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, out_option, write_suites
+from trackbench.cli.options import FAILED_EXPECTATION, Whole, github_option, names_in, out_option, write_suites
 
 
 @click.command("history")
@@ -26,7 +26,7 @@ from trackbench.cli.options import FAILED_EXPECTATION, github_option, names_in, 
 )
 @click.option(
     "--window",
-    type=click.IntRange(1, 10_000),
+    type=Whole(1, 10_000),
     metavar="N",
     default=5,
     show_default=True,

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.base.errors import InputError, TrackbenchError
-from trackbench.cli.options import OptionValues, RunOptions
+from trackbench.cli.options import OptionValues, RunOptions, Whole
 from trackbench.results import to_json
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class MomentCommand(click.Command):
 
 
 def worst_option(help: str) -> Callable[[Any], Any]:
-    return click.option("--worst", type=click.IntRange(1), metavar="[N|FUNCTION]", help=help)
+    return click.option("--worst", type=Whole(1), metavar="[N|FUNCTION]", help=help)
 
 
 def opening_options(command: Callable[..., Any]) -> Callable[..., Any]:

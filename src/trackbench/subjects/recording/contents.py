@@ -286,8 +286,8 @@ def ranked(name: str, runs: str, trackers: Sequence[TrackerResult]) -> list[str]
         f"## {name}",
         f"{all_runs(runs)}, ranked by position RMSE, ± 95 %; diverged: runs",
         "",
-        "| tracker | RMSE m | / ref | NEES | covariance |",
-        "|:--|--:|--:|--:|:--|",
+        "| tracker | RMSE m | covariance | NEES | / ref |",
+        "|:--|--:|:--|--:|--:|",
         *map(_row, trackers),
         *_failed({tracker.name: tracker.failed for tracker in trackers if tracker.failed is not None}),
     ]
@@ -347,9 +347,9 @@ def _row(tracker: TrackerResult) -> str:
     cells = (
         f"{tracker.name} ({tracker.reference_kind})" if tracker.reference_kind else tracker.name,
         f"{number(tracker.position_rmse.value)}, diverged: {lost}" if lost else with_interval(tracker.position_rmse),
-        number(None if over is None else over.value),
+        nees.verdict or NOT_AVAILABLE,
         number(nees.value),
-        nees.words or NOT_AVAILABLE,
+        number(None if over is None else over.value),
     )
     return "| " + " | ".join(cells) + " |"
 

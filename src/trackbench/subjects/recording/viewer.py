@@ -35,12 +35,14 @@ PATIENCE = 30.0
 #: Pixels of a picture.
 SIZE = (1600, 1000)
 NO_SCREEN = (
-    "there is no screen here for the viewer; take a picture with `trackbench snapshot`, watch a run in a browser with"
-    " `trackbench run --serve`, or copy the recording to where a screen is"
+    "there is no screen here for the viewer; report.html has a map, `trackbench inspect RUN --worst 3` lists the worst"
+    " moments, `trackbench run --serve` shows a run in a browser"
 )
+SNAPSHOT = ", and `trackbench snapshot` takes a picture"
 NO_DRIVER = (
     "the viewer found no Vulkan driver to draw with; install one that needs no graphics card (Debian and Ubuntu:"
-    " apt-get install mesa-vulkan-drivers libvulkan1; Fedora: dnf install mesa-vulkan-drivers vulkan-loader)"
+    " apt-get install mesa-vulkan-drivers libvulkan1; Fedora: dnf install mesa-vulkan-drivers vulkan-loader);"
+    " without one, report.html has a map and `trackbench inspect RUN --worst 3` lists the worst moments"
 )
 
 
@@ -197,11 +199,22 @@ def ended(log: IO[bytes]) -> InputError:
         log.seek(0)
         text = log.read().decode(errors="replace")
     if "WAYLAND_DISPLAY" in text or "DISPLAY is set" in text:
-        return InputError(NO_SCREEN)
+        return InputError(NO_SCREEN + (SNAPSHOT if draws() else ""))
     if "render context" in text or "graphics adapter" in text:
         return InputError(NO_DRIVER)
     causes = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
     return InputError(f"the viewer ended: {causes[0] if causes else 'it gave no reason'}")
+
+
+def draws() -> bool:
+    """Whether there is a driver for a viewer without a screen, which starts without one too."""
+    viewer = start("--headless")
+    try:
+        return bool(viewer.wait().take_screenshot())
+    except (InputError, ConnectionError, RuntimeError):
+        return False
+    finally:
+        viewer.stop()
 
 
 def grpc_url(host: str, port: int) -> str:

@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem
 
 from trackbench.base.errors import InputError
 from trackbench.base.process import INTERRUPTED
-from trackbench.cli.options import isolation_options, scenario_paths, trackers_in
+from trackbench.cli.options import Whole, isolation_options, scenario_paths, trackers_in
 from trackbench.cli.terminal import log_to_stderr
 from trackbench.scenario import load_scenario
 
@@ -45,7 +45,7 @@ def serve_command() -> None:
     shell_complete=served_trackers,
     help="A tracker of a scenario, whose sensors it reads.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
+@click.option("--port", type=Whole(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
 )

@@ -9,9 +9,17 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.scenario import load_several
+from trackbench.base.errors import InputError, nearest
 from trackbench.base.execution import executor
 from trackbench.base.supervised import tell_resumable
-from trackbench.cli.options import engine_option, isolation_options, names_in, scenarios_argument, trackers_of_scenarios
+from trackbench.cli.options import (
+    Whole,
+    engine_option,
+    isolation_options,
+    names_in,
+    scenarios_argument,
+    trackers_of_scenarios,
+)
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
@@ -21,7 +29,7 @@ from trackbench.scenario.shipped import scenario_files
 
 @click.command("tune")
 @scenarios_argument
-@click.option("--trackers", required=True, metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
+@click.option("--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
 @click.option(
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
@@ -31,17 +39,17 @@ from trackbench.scenario.shipped import scenario_files
     help="likelihood, position_rmse, consistent_rmse, tgospa, pareto, or a metric of the scenario.  [tgospa with "
     "hidden identities and a truth, else likelihood]",
 )
-@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
+@click.option("--trials", type=Whole(2, 100_000), metavar="N", help="How many sets of values are tried.")
 @click.option(
     "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
 )
-@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that are tuned on.")
-@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that the values are tried on.")
-@click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tuned on.")
-@click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tried on.")
-@click.option("--train-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tuned on.")
-@click.option("--test-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tried on.")
-@click.option("--seed", type=click.IntRange(0), metavar="S", default=0, help="Seed of the search.")
+@click.option("--train-scenes", type=Whole(1, 1000), metavar="N", help="Scenes that are tuned on.")
+@click.option("--test-scenes", type=Whole(1, 1000), metavar="N", help="Scenes that the values are tried on.")
+@click.option("--train-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tuned on.")
+@click.option("--test-runs", type=Whole(1), metavar="N", help="Runs of each scene that is tried on.")
+@click.option("--train-seed", type=Whole(0), metavar="S", help="Seed of the noise that is tuned on.")
+@click.option("--test-seed", type=Whole(0), metavar="S", help="Seed of the noise that is tried on.")
+@click.option("--seed", type=Whole(0), metavar="S", default=0, help="Seed of the search.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",
@@ -49,7 +57,7 @@ from trackbench.scenario.shipped import scenario_files
     metavar="FILE",
     help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
 )
-@click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
+@click.option("--workers", type=Whole(1), metavar="N", default=1, help="Processes; same result.")
 @engine_option
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
@@ -57,7 +65,7 @@ from trackbench.scenario.shipped import scenario_files
 @verbose_option
 def tune_command(
     scenarios: tuple[Path, ...],
-    trackers: str,
+    trackers: str | None,
     ranges: tuple[str, ...],
     objective: str | None,
     trials: int | None,
@@ -93,6 +101,9 @@ def tune_command(
     from trackbench.subjects.tuning.report import headline, tuning_summary
 
     loaded, notes = load_several(scenario_files(scenarios), settings)
+    if trackers is None:
+        there = nearest("", (name for scenario in loaded for name in scenario.config.trackers))
+        raise InputError(f"name those to tune; {there}", key="--trackers")
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
     names = names_in(trackers)
     out = out or default_out(loaded)
