@@ -63,7 +63,7 @@ def answers(comparison: Comparison) -> Iterator[Block]:
 
 
 def _lost(comparison: Comparison) -> str:
-    """ "mine failed in B. ", of the trackers without a score, of which no difference tells; empty where all have one."""
+    """ "mine failed in B. ", of the trackers without a score, of which no difference tells."""
     parts = []
     for score in (score for score in comparison.scores if score.failure):
         places = [letter(score.entrant.set)] if len(comparison.sets) > 1 else []
