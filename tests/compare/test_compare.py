@@ -20,9 +20,11 @@ from scipy import stats
 from trackbench.base.errors import InputError
 from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, load
 from trackbench.compare.comparability import Comparability, comparability, compared_metrics
+from trackbench.document import Paragraph
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired
+from trackbench.report.comparison.sentences import answers
 from trackbench.results import Result
 
 Run = Callable[..., Result]
@@ -359,6 +361,9 @@ def test_a_tracker_that_fails_now_is_an_error(keep: Keep) -> None:
     assert broken.entries[0].failure("ekf")
     assert judged([keep(), broken], 5) == {"raw": "passed", "ekf": "error"}
     assert judged([broken, keep()], 5) == {"raw": "passed", "ekf": "undecided"}
+    (headline,) = answers(compare([keep(), broken]))
+    assert isinstance(headline, Paragraph)
+    assert headline.text.startswith("ekf failed in B. By position RMSE: ")
 
 
 def test_no_regression_passes_unseen(keep: Keep) -> None:

@@ -295,14 +295,6 @@ def test_a_failed_gate_stands_before_the_answer_and_an_undecided_limit_after_it(
     assert fourth.folded
 
 
-def test_who_has_failed_stands_before_the_differences_of_the_others() -> None:
-    rmse = {"good": 0.5, "fair": 0.6}
-    found = compare([[scenario("only", rmse)], [scenario("only", rmse, failed=True)]])
-    (answer,) = answers(found)
-    assert isinstance(answer, Paragraph)
-    assert answer.text.startswith("mine failed in B. By position RMSE: equivalent: 2")
-
-
 def test_markdown(compared: Comparison) -> None:
     text = markdown(compared)
     assert "| first | **0.500** (±0.010) | 0.600 (±0.010) | 2.000 (±0.010) |  |" in text

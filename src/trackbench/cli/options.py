@@ -71,10 +71,8 @@ class Whole(click.IntRange):
         super().fail(f"{message.partition(' is not ')[0]} is not a whole number from {self.min} {most}", param, ctx)
 
 
-class Share(click.ParamType):
+class Share(click.FloatRange):
     """A share below a half, ``0.01``, or a percentage, ``1%``."""
-
-    name = "share"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """As a share."""
