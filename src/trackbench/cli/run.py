@@ -66,7 +66,7 @@ Exit status: 0 expectations met, 1 one failed or undecided, 2 bad input,
 @click.option("--runs", type=Whole(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option(
     "--runs-until",
-    type=Share(),
+    type=Share(0, 0.5, min_open=True, max_open=True),
     metavar="SHARE",
     help="Until the lead is known to this share: 0.01 or 1%.",
 )
