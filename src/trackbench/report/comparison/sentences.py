@@ -69,8 +69,7 @@ def _lost(comparison: Comparison) -> str:
         places = [letter(score.entrant.set)] if len(comparison.sets) > 1 else []
         places += [score.scenario] if len(comparison.scenarios) > 1 else []
         parts.append(f"{score.entrant.tracker} failed{' in ' * bool(places)}{', '.join(places)}")
-    more = f" and {len(parts) - _LISTED} more" if len(parts) > _LISTED else ""
-    return f"{', '.join(parts[:_LISTED])}{more}. " if parts else ""
+    return f"{', '.join(parts[:LISTED])}{more(parts)}. " if parts else ""
 
 
 def best_of(comparison: Comparison, items: Sequence[PairDifference]) -> str | None:
