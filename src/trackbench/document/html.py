@@ -59,7 +59,9 @@ def _bar(table: Table, index: int, cell: Cell) -> dict[str, Any]:
     span = end - begin or 1.0
     zero, value, low, high = (100 * min(max((x - begin) / span, 0.0), 1.0) for x in (0.0, *cell.bar))
     ends = {"left": min(zero, value), "width": abs(value - zero), "low": low, "high": high}
-    return {key: f"{end:.2f}" for key, end in ends.items()} | {"cut": not begin <= cell.bar[0] <= end}
+    return {key: f"{end:.2f}" for key, end in ends.items()} | {
+        "cut": "left" if cell.bar[0] < begin else "right" if cell.bar[0] > end else ""
+    }
 
 
 def _shared(document: Document) -> list[LegendEntry]:

@@ -9,6 +9,7 @@ from trackbench.base.errors import counted
 from trackbench.document import (
     Block,
     Cell,
+    Code,
     Column,
     Figure,
     Item,
@@ -39,7 +40,7 @@ from trackbench.report.sentences import (
     verdict_on_tracks,
 )
 from trackbench.report.tables import INTERVAL, metric_of, missing_cell, tone_of, tracker_table
-from trackbench.report.verdict import headline
+from trackbench.report.verdict import headline, next_step
 from trackbench.results import MetricValue, Result, TrackerResult
 
 
@@ -70,6 +71,9 @@ def first_screen(result: Result, trackers: int, picture: Figure | None) -> Itera
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if failed := [item for item in summary.expectations if item.outcome == "failed"][:_FAILED]:
         yield Items(tuple(Item(f"{value_and_limit(item)}.", "Failed", tone="bad") for item in failed))
+    reason, command = next_step(result)
+    yield Paragraph(f"Next, {reason}:")
+    yield Code(command, "sh")
     glance: list[Block] = [at_a_glance(result, trackers)] if result.scored and summary.truth.known else []
     if beside := (*glance, *([picture] if picture else [])):
         yield Row(beside)

@@ -128,13 +128,14 @@ def in_words(path: str) -> str:
     return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
 
 
-def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *first: TableColumn) -> Table:
-    """Metrics of tracks with hidden identities, a column each, after some that come first."""
-    columns = list(first)
+def track_table(title: str, trackers: Sequence[TrackerResult], paths: Sequence[str], *second: TableColumn) -> Table:
+    """Metrics of tracks with hidden identities, a column each, with some after the first."""
+    columns: list[TableColumn] = []
     for path in paths:
         metric = TRACK_METRICS[path]
         heading = in_words(path) + unit_of(metric.unit)
         columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
+    columns[1:1] = second
     return tracker_table(title.lower().replace(" ", "-"), trackers, columns)
 
 
@@ -160,12 +161,8 @@ def ranking(result: Result) -> Table:
         return track_table("Ranking", trackers, RANKING_OF_TRACKS, differing)
     order = [tracker.name for tracker in result.contenders]
     ranks = [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in trackers]
-    columns = [
-        (Column("#", "rank by position RMSE"), ranks),
-        (TRACKER, names(trackers)),
-        differing,
-        *_errors(result, trackers),
-    ]
+    position, *others = _errors(result, trackers)
+    columns = [(Column("#", "rank by position RMSE"), ranks), (TRACKER, names(trackers)), position, differing, *others]
     return Table.of_columns("ranking", columns)
 
 

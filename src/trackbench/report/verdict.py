@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
@@ -31,6 +32,29 @@ def verdict_of_run(result: Result) -> str:
     went_wrong = [failed and f"{failed} failed", _diverged(result, NAMED), "" if met else outcome]
     clauses = [*went_wrong, *_of_functions(result), _best(result)]
     return f"{result.name}: {'; '.join(filter(None, [*clauses, outcome if met else '']))}"
+
+
+def next_step(result: Result) -> tuple[str, str]:
+    """What to do next in a few words, and the command for it; ``.`` is the folder of the run."""
+    summary, pairs = result.summary, Pairs(result)
+    words = shlex.split(summary.command)
+    scenario = words[2] if words[:2] == ["trackbench", "run"] else None
+    baselines = [tracker.name for tracker in result.scored if tracker.baseline]
+
+    def fault(tracker: TrackerResult) -> str:
+        if tracker.failed or tracker.health.diverged_runs:
+            return "failed" if tracker.failed else "diverged"
+        worse = (name for name in baselines if (pair := pairs.get(tracker.name, name)) and pair.verdict == "worse")
+        return next((f"is worse than {name}" for name in worse), "")
+
+    own = [tracker for tracker in summary.trackers if not (tracker.baseline or tracker.is_reference or tracker.offline)]
+    if scenario and (at_fault := next(filter(fault, own), None)):
+        return f"{at_fault.name} {fault(at_fault)}; to find out why", f"trackbench doctor {scenario}#{at_fault.name}"
+    if any(item.outcome == "failed" for item in summary.expectations):
+        return "to see where the errors are largest, in this folder", "trackbench inspect . --worst 3"
+    if scenario and summary.truth.source == "highway-env" and not summary.truth.scenes:
+        return "to see whether it holds in other traffic", f"{summary.command} --scenes 10"
+    return "to see the largest errors, in this folder", f"trackbench view .{' --worst' * summary.truth.known}"
 
 
 def headline(result: Result) -> str:
