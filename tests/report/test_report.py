@@ -127,11 +127,11 @@ def test_the_page_is_the_same_every_time(text: str) -> None:
 def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     rows = ranked_rows(page)
     assert list(rows) == list(RMSE)
-    assert {name: float(row[3]) for name, row in rows.items()} == RMSE
+    assert {name: float(row[2]) for name, row in rows.items()} == RMSE
     assert rows["ekf_tight"][6] == "96.00"
     assert rows["ekf_tight"][9:11] == ["3", "7"]
     assert {row[8] for row in rows.values()} == {"99.0"}
-    assert [row[2] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
+    assert [row[3] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
     assert "0.374 to 0.390" in page.text
 
 

@@ -18,7 +18,7 @@ from trackbench.report.moments import diverged_elsewhere
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
 from trackbench.report.tables import tone_of
-from trackbench.report.verdict import headline, verdict_of_run
+from trackbench.report.verdict import headline, next_step, verdict_of_run
 from trackbench.results import ExpectationResult, Health, MetricValue, Result
 
 
@@ -161,3 +161,18 @@ def test_functions_are_in_the_verdict_only_where_something_is_expected_of_them()
     output = io.StringIO()
     print_summary(warned, Console(file=output, width=80))
     assert sum(line.split()[:2] in (["aeb", name] for name in names) for line in output.getvalue().splitlines()) == 2
+
+
+def test_the_next_step_is_chosen_by_the_result() -> None:
+    scenes = {"truth": make_result().summary.truth.model_copy(update={"source": "highway-env", "scenes": []})}
+    fine = result_where([BEST, NEXT], {}, expectation()).updated(command="trackbench run mine.yaml", **scenes)
+    assert next_step(fine)[1] == "trackbench run mine.yaml --scenes 10"
+    missed = result_where([BEST, NEXT], {}, expectation(passed=False)).updated(**scenes)
+    assert next_step(missed)[1] == "trackbench inspect . --worst 3"
+    recorded = fine.updated(truth=fine.summary.truth.model_copy(update={"source": "recorded"}))
+    assert next_step(recorded)[1] == "trackbench view . --worst"
+    lost = fine[NEXT].model_copy(update={"health": Health(diverged_runs=1)})
+    best, other = fine[BEST], fine[NEXT].model_copy(update={"baseline": True})
+    for trackers, name in (([best, lost], NEXT), ([best.model_copy(update={"baseline": True}), fine[NEXT]], NEXT)):
+        assert next_step(fine.updated(trackers=trackers))[1] == f"trackbench doctor mine.yaml#{name}"
+    assert next_step(fine.updated(trackers=[best, other]))[1] == "trackbench run mine.yaml --scenes 10"

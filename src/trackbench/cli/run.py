@@ -134,7 +134,7 @@ def run_command(
         raise InputError(f"name at least one of {', '.join(WORLDS)}", key="--worlds")
     loaded, unchanged = load_several(files, settings, worlds=in_worlds, **options)
     check_options(loaded, of_subjects)
-    output = RunOutput(as_json, quiet)
+    output = RunOutput(as_json, quiet, out)
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
+from rich.text import Text
 
 from trackbench import results
 from trackbench.api.plan import Listener, Prepared
+from trackbench.base.errors import InputError
 from trackbench.base.types import NotedProgress, Scan
 from trackbench.cli.terminal import progress
-from trackbench.results import Result
+from trackbench.results import Result, Summary
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
@@ -26,8 +29,10 @@ if TYPE_CHECKING:
 class RunOutput(Listener):
     """Bars while work goes on, and the outcome of each scenario; with ``as_json`` neither prints to stdout."""
 
-    def __init__(self, as_json: bool, quiet: bool) -> None:
+    def __init__(self, as_json: bool, quiet: bool, out: Path | None = None) -> None:
         self._as_json = as_json
+        self._out = out
+        self._earlier: dict[str, Summary] = {}
         self._quiet = quiet
         self._console = Console()
         self.followers: list[Listener] = []
@@ -49,7 +54,12 @@ class RunOutput(Listener):
         click.echo(text, err=True)
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """The followers get the recorded run."""
+        """The followers get the recorded run; a result that is going to be replaced is read."""
+        name = item.scenario.config.full_name
+        # One that cannot be read is replaced all the same.
+        with suppress(InputError):
+            if self._out is not None:
+                self._earlier[name] = Result.load(self._out / name).summary
         observers = [observe for follower in self.followers if (observe := follower.begin(item)) is not None]
 
         def observe_all(observed: list[Scan] | RecordedInstant) -> None:
@@ -71,7 +81,10 @@ class RunOutput(Listener):
             return
         print_summary(result, self._console)
         written = [file for file in result.summary.artifacts.values() if not file.endswith(".parquet")]
-        self._say(f"[dim]{folder}/: {', '.join([results.SUMMARY, *written])}[/dim]\n")
+        files = f"{folder}/: {', '.join([results.SUMMARY, *written])}"
+        self._console.print(
+            Text(f"{files}{_replacing(result.summary, self._earlier.get(result.name))}\n", "dim"), soft_wrap=True
+        )
 
     def compared(self, comparison: Comparison, page: Path) -> None:
         """Where the comparison is, and which scenarios are not in it."""
@@ -88,3 +101,17 @@ class RunOutput(Listener):
 
     def _say(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)
+
+
+def _replacing(summary: Summary, earlier: Summary | None) -> str:
+    """Whose result was replaced; where it is of other input than another seed or number of runs, how both are kept."""
+    if earlier is None:
+        return ""
+
+    def made_of(of: Summary) -> tuple[list[str], list[str]]:
+        settings = [item for item in of.scenario.overrides if not item.startswith("monte_carlo.")]
+        return shlex.split(of.command)[2:3], settings
+
+    if made_of(summary) == made_of(earlier):
+        return "; replaced the earlier result"
+    return f"; replaced the result of `{earlier.command}`: `--out DIR` keeps both"
