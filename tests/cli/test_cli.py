@@ -50,8 +50,8 @@ def test_a_run_leaves_a_result_a_report_and_a_recording(cli: Cli, tiny: Path) ->
     assert done.err == ""
     assert "\x1b" not in done.out
     lines = done.out.splitlines()
-    assert lines[0] == "tiny: 4 runs, 2 vehicles, 2.0 s, seed 7"
-    assert [line.split()[0] for line in lines[2:4]] == ["ekf", "raw"]
+    what = lines.index("4 runs, 2 vehicles, 2.0 s, seed 7")
+    assert [line.split()[0] for line in lines[what + 2 : what + 4]] == ["ekf", "raw"]
     assert "results/tiny/: result.json, report.html, report.md, recording.rrd" in lines
     assert max(map(len, lines)) <= 80
     folder = tiny.parent / "results" / "tiny"

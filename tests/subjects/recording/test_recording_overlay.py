@@ -56,6 +56,8 @@ def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path
 def test_runs_on_the_same_measurements_say_nothing_of_others(run_tiny: Callable[..., Result]) -> None:
     both = laid_over({"old": run_tiny("trackers.ekf.acceleration_sigma_mps2=9"), "new": run_tiny()})
     assert "All 4 runs" in both.ranking
+    # The panel is narrow: what comes after the covariance is cut off.
+    assert "| tracker | RMSE m | covariance |" in both.ranking
     assert "different measurements" not in both.about
 
 
