@@ -15,15 +15,33 @@ from tests.support.example_result import RMSE, make_result
 
 from trackbench.document.markdown import to_markdown
 from trackbench.metrics.differences import MOST_PAIRED
-from trackbench.report.console import print_summary
+from trackbench.report.console import print_summary, words_explained
 from trackbench.report.pairs import Pairs, groups, letter
 from trackbench.report.result import result_document
-from trackbench.results import Result
+from trackbench.results import ConditionVerdict, MetricValue, Result
 
 
 @pytest.fixture(scope="module")
 def result() -> Result:
     return make_result()
+
+
+def test_a_word_with_two_explanations_names_whose_each_is(result: Result) -> None:
+    first, second = result.scored[:2]
+    braking = ConditionVerdict(name="braking", mean=8.2, ci95=(6.2, 19.0), verdict="optimistic")
+    of_mean = MetricValue(value=6.0, unit="1", dof=4, ci95=(5.5, 6.5), verdict="optimistic")
+    of_braking = of_mean.model_copy(update={"value": 3.9, "ci95": (3.6, 4.8), "conditions": (braking,)})
+    lines = words_explained(
+        [
+            tracker.model_copy(update={"metrics": {"nees": nees}})
+            for tracker, nees in ((first, of_mean), (second, of_braking))
+        ]
+    )
+    said = "the errors are larger than its covariance states"
+    assert lines == [
+        f"optimistic ({first.name}): {said}",
+        f"optimistic ({second.name}): {said}, as shown for braking; the mean NEES is undecided",
+    ]
 
 
 def test_markdown_table(result: Result) -> None:
