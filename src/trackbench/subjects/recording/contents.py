@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
-from trackbench.metrics.verdicts import named, what_is_off
+from trackbench.metrics.verdicts import named, only_where, what_is_off
 from trackbench.report.numbers import reach
 from trackbench.results import (
     MOST_DRAWN,
@@ -342,12 +342,12 @@ def legend(
 def _row(tracker: TrackerResult) -> str:
     if tracker.failed is not None:
         return f"| {tracker.name} | failed | | | |"
-    nees = tracker.nees
+    nees, where = tracker.nees, only_where(tracker.nees, 1)
     over, lost = tracker.metrics.get("position_over_reference"), tracker.health.diverged_runs
     cells = (
         f"{tracker.name} ({tracker.reference_kind})" if tracker.reference_kind else tracker.name,
         f"{number(tracker.position_rmse.value)}, diverged: {lost}" if lost else with_interval(tracker.position_rmse),
-        nees.verdict or NOT_AVAILABLE,
+        f"{nees.verdict or NOT_AVAILABLE}{where and f' ({where})'}",
         number(nees.value),
         number(None if over is None else over.value),
     )
