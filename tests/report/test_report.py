@@ -306,7 +306,7 @@ def test_one_run_gives_no_intervals() -> None:
     unshown = {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
     pairs = [item.model_copy(update=unshown) for item in make_differences()]
     page = Page(render(with_differences(Result.from_json(summary, make_tables()), pairs)))
-    assert {row[2] for row in ranked_rows(page).values()} == {"a", "diverged"}
+    assert {row[3] for row in ranked_rows(page).values()} == {"a", "diverged"}
     assert "95 % interval 0" not in page.text
 
 
@@ -345,7 +345,7 @@ def test_what_is_charged_for_missing_estimates_is_told() -> None:
     headline = "it is not called better than ekf_cv: its errors are smaller only with what is charged."
     assert headline in " ".join(page.text.split())
     assert "given 0.123" in page.text
-    assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
+    assert {name: row[3] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
     assert "Smaller and larger: shown to differ" in page.text
     for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
         pair = Pairs(result).get(a, b)
