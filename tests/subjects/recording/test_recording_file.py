@@ -153,7 +153,7 @@ def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
     (ranking,) = read("/ranking", "TextDocument:text")[None]
     lines = [line for line in ranking.splitlines() if line.startswith("| ")]
     assert [line.split(" ")[1] for line in lines[1:]] == ["ukf_ctrv", "ekf_cv", "kf_cv", "tuned_badly", "raw"]
-    assert "| tuned_badly | 0.550 ±0.010 | 1.83 | 12.1 | optimistic |" in lines
+    assert "| tuned_badly | 0.550 ±0.010 | optimistic | 12.1 | 1.83 |" in lines
     assert "- **not met**: tuned_badly nees.verdict is consistent (is optimistic)" in ranking
     (about,) = read("/about", "TextDocument:text")[None]
     assert "run 0 of 100, seed 7" in about
