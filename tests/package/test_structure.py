@@ -15,8 +15,8 @@ LARGEST_SHARE = 0.18
 #: Largest number of lines of one file.
 LONGEST_FILE = 400
 #: Largest number of lines, and of files, of all the code.
-MOST_LINES = 97_400
-MOST_FILES = 590
+MOST_LINES = 98_300
+MOST_FILES = 565
 
 
 def lines_of(file: Path) -> int:
