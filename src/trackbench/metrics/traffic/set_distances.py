@@ -62,9 +62,8 @@ def _parts(instant: Indices, distance: Array, objects: Indices, tracks: Indices,
 def ospa(parts: GospaParts, objects: Indices, tracks: Indices) -> Array:
     """Optimal sub-pattern assignment metric to the power p.
 
-    It has the matching of GOSPA. With n the larger number of objects and tracks, it is the sum of the distances of
-    matched pairs to the power p, plus c^p for each of the n that is not matched, divided by n; 0 where there is
-    nothing.
+    It has the matching of GOSPA, and n is the larger number of objects and tracks. The distances of matched pairs to
+    the power p, plus c^p for each of the n that is not matched, are summed and divided by n; 0 where there is nothing.
 
     Source: Schuhmacher, Vo and Vo (2008), "A consistent metric for performance evaluation of multi-object filters".
 
