@@ -27,11 +27,12 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
 
 
 def diverged_elsewhere(result: Result) -> str:
-    """Who diverged in other runs than the recorded one: "Not shown: div diverged in run 7 and 1 more."."""
+    """Which of those that filter diverged in other runs than the recorded one: "Not shown: div diverged in run 7."."""
     runs: dict[str, list[int]] = {}
+    filtering = {tracker.name for tracker in result.filtering}
     table = result.tables.if_there("runs")
     for row in table.filter(pc.greater(table["diverged"], 0)).to_pylist() if table.num_rows else ():
-        if row["run"] != result.summary.recorded_run:
+        if row["tracker"] in filtering and row["run"] != result.summary.recorded_run:
             runs.setdefault(row["tracker"], []).append(int(row["run"]))
     told = [
         f"{name} diverged in run {first}{f' and {len(more)} more' * bool(more)}"

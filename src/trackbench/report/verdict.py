@@ -106,8 +106,8 @@ def _verdicts(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
 
 
 def _diverged(result: Result, most: int) -> str:
-    """Which contenders diverged, of more than ``most`` how many: "div diverged in 1 of 10 runs"; empty of none."""
-    told = [(t.name, words) for t in result.contenders if (words := divergence(t, result.summary.runs))]
+    """Which of those that filter diverged, of more than ``most`` how many: "div diverged in 1 of 10 runs"; or ""."""
+    told = [(t.name, words) for t in result.filtering if (words := divergence(t, result.summary.runs))]
     if len(told) > most:
         return f"{counted(len(told), 'tracker')} diverged in some runs"
     return joined([" ".join(each) for each in told])
