@@ -67,6 +67,6 @@ def test_no_plug_in_answers_for_the_bench(tmp_path: Path, trackbench: str, kind:
         assert result["ekf"].metrics["position_rmse"].value is not None
     else:
         # A tracker has a name in the scenario.
-        names = ("FAILED: ", "plug.py") if kind == "tracker" else (f"plug:{kind}", "plug.py")
+        names = ("FAILED mine: ", "plug.py") if kind == "tracker" else (f"plug:{kind}", "plug.py")
         assert any(name in done.stdout + done.stderr for name in names), done.stdout + done.stderr
     assert not [*(tmp_path / "results").glob("*.unfinished")]
