@@ -296,7 +296,6 @@ ONCE = "if hasattr(sys, 'acted'): return\n    sys.acted = True; "
 #: How a metric may take the result away, or keep it from being written.
 LOST = [
     "os.replace = os.rename = lambda *_, **__: None",
-    "pathlib.Path.write_text = pathlib.Path.write_bytes = lambda *_, **__: 0",
     "atexit.register(shutil.rmtree, 'results')",
     "atexit.register(pathlib.Path('results/plugged/breakdown.parquet').unlink)",
     "atexit.register(pathlib.Path('results/plugged/result.json').write_text, '{}')",
@@ -312,6 +311,13 @@ def test_a_result_that_is_not_there_as_it_was_written_is_none(run: Run, act: str
         f"trackbench: no result: results/plugged/{file} is not there as it was written, "
         "with the plug-in 'plug:metric'\n"
     )
+
+
+@pytest.mark.slow
+def test_a_file_that_is_not_written_is_named(run: Run) -> None:
+    done = run("metric", ONCE + "pathlib.Path.write_text = pathlib.Path.write_bytes = lambda *_, **__: 0")
+    why = "result.json was not written, with the plug-in 'plug:metric'"
+    assert (done.returncode, done.stderr) == (4, f"trackbench: cannot write results/plugged: {why}\n")
 
 
 @pytest.mark.slow
