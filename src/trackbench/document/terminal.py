@@ -57,8 +57,9 @@ def print_table(table: Table, console: Console) -> None:
     """A table with its caption and footnotes."""
     if table.caption:
         _say(console, Text(f"{table.caption}:"))
-    parts = list(_fitting(table, console.width))
-    if len(parts) > 1 and sum(_width(table, i) + 2 for i in _key_columns(table)) > console.width / 2:
+    widths, keys = [_width(table, i) for i in range(len(table.columns))], _keys(table)
+    parts = list(fitting(widths, keys, console.width, gap=2))
+    if len(parts) > 1 and sum(width + 2 for width in widths[:keys]) > console.width / 2:
         for row in table.rows:
             _print_record(table, row, console)
         parts = []
@@ -126,23 +127,28 @@ def _cell(table: Table, cell: Cell) -> Text:
     return Text("\n").join([Text(text, style=style), *(Text(detail, style="dim") for detail in cell.details)])
 
 
-def _fitting(table: Table, width: int) -> Iterator[Sequence[int]]:
-    """The numbers of the columns that fit beside each other; the left ones at the start are in every part."""
-    widths = [_width(table, i) for i in range(len(table.columns))]
-    fixed = _key_columns(table)
-    first, part = len(fixed), list(fixed)
-    for i in range(first, len(widths)):
-        if len(part) > first and sum(widths[k] + 2 for k in [*part, i]) - 2 > width:
+def fitting(widths: Sequence[int], keys: int, room: int, gap: int) -> Iterator[list[int]]:
+    """The numbers of the columns that fit beside each other; the first ``keys`` are in every part.
+
+    Args:
+        widths: of all columns, in characters, as the others.
+        keys: how many columns name the row.
+        room: for a line.
+        gap: between two columns.
+    """
+    part = [*range(keys)]
+    for i in range(keys, len(widths)):
+        if len(part) > keys and sum(widths[k] + gap for k in [*part, i]) - gap > room:
             yield part
-            part = list(fixed)
+            part = [*range(keys)]
         part.append(i)
     yield part
 
 
-def _key_columns(table: Table) -> list[int]:
-    """The numbers of the left columns at the start."""
+def _keys(table: Table) -> int:
+    """How many left columns are at the start."""
     columns = enumerate(table.columns)
-    return list(range(next((i for i, column in columns if not column.left and i > 0), len(table.columns))))
+    return next((i for i, column in columns if not column.left and i > 0), len(table.columns))
 
 
 def _print_record(table: Table, row: Sequence[Cell], console: Console) -> None:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.base.errors import counted
-from trackbench.document.terminal import STYLE, hanging, print_hanging, print_table
+from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
 from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
 from trackbench.report.functions import function_tables
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, joined, short
@@ -209,13 +209,10 @@ def _table_lines(result: Result, console: Console) -> Iterator[Text]:
         columns.insert(1, (shown.short, list(map(Text, shown.cells))))
     names = [tracker.name + "*" * tracker.is_reference for tracker in result.scored]
     every = [*names, *(tracker.name for tracker in result.unscored)]
-    parts: list[list[tuple[str, int, list[Text]]]] = [[]]
     least = len("tracker")
-    for heading, cells in columns:
-        wide = max(len(heading), *(cell.cell_len for cell in cells))
-        if least + sum(1 + each for _, each, _ in parts[-1]) + 1 + wide > console.width:
-            parts.append([])
-        parts[-1].append((heading, wide, cells))
+    sized = [(heading, max(len(heading), *(cell.cell_len for cell in cells)), cells) for heading, cells in columns]
+    split = fitting([least, *(wide for _, wide, _ in sized)], 1, console.width, gap=1)
+    parts = [[sized[i - 1] for i in part[1:]] for part in split]
     room = console.width - max((sum(1 + wide for _, wide, _ in part) for part in parts), default=0)
     if not columns:
         room //= 2

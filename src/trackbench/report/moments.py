@@ -56,11 +56,13 @@ def moments_section(result: Result, moments: Mapping[str, EstimateMoment], ringe
     """
     if not moments:
         return
-    text = (
-        f"The largest position error of each tracker in run {result.summary.recorded_run}, of those that count. "
-        f"{diverged_elsewhere(result)} In the folder of this run, trackbench inspect . --worst 3 lists more, and these "
-        "commands open the recording at the rings of the map:"
-    ).replace("  ", " ")
+    sentences = (
+        f"The largest position error of each tracker in run {result.summary.recorded_run}, of those that count.",
+        diverged_elsewhere(result),
+        "In the folder of this run, trackbench inspect . --worst 3 lists more, and these commands open the recording "
+        "at the rings of the map:",
+    )
+    text = " ".join(filter(None, sentences))
     commands = "\n".join(f"trackbench view . --worst --tracker {name}" for name in ringed if name in moments)
     every = list(moments.values())
     columns = [

@@ -12,7 +12,7 @@ from trackbench.report.numbers import decimals, fixed, in_brackets, joined, mean
 from trackbench.report.pairs import Pairs
 from trackbench.report.sentences import charged, divergence, expectations_met
 from trackbench.report.tables import metric_of
-from trackbench.results import MOST_DRAWN, Result, TrackerResult
+from trackbench.results import MOST_DRAWN, MetricValue, Result, TrackerResult
 
 #: More names than these are counted.
 NAMED = 3
@@ -48,8 +48,9 @@ def next_step(result: Result) -> tuple[str, str]:
         return next((f"is worse than {name}" for name in worse), "")
 
     own = [tracker for tracker in summary.trackers if not (tracker.baseline or tracker.is_reference or tracker.offline)]
-    if scenario and (at_fault := next(filter(fault, own), None)):
-        return f"{at_fault.name} {fault(at_fault)}; to find out why", f"trackbench doctor {scenario}#{at_fault.name}"
+    for name, what in ((tracker.name, fault(tracker)) for tracker in own if scenario):
+        if what:
+            return f"{name} {what}; to find out why", f"trackbench doctor {scenario}#{name}"
     if any(item.outcome == "failed" for item in summary.expectations):
         return "to see where the errors are largest, in this folder", "trackbench inspect . --worst 3"
     if scenario and summary.truth.source == "highway-env" and not summary.truth.scenes:
@@ -70,7 +71,7 @@ def headline(result: Result) -> str:
         reason = "No tracker finished" if labelled or len(reasons) != 1 else reasons.pop()
         return f"{reason[0].upper()}{reason[1:]}."
     metric = result.contenders[0].metrics[summary.headline]
-    places = max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
+    places = _places(metric)
     bounds = in_brackets(metric.ci95, places)
     value = fixed(metric.value, places)
     text = f"{names[0]} has the smallest {summary.headline_name}: {value} m{bounds}"
@@ -146,12 +147,11 @@ def _best(result: Result) -> str:
     alike = len(tied) <= NAMED and not any(pairs.differ(a, b) for a, b in combinations(tied, 2))
     alike &= not any(result[name].health.diverged_runs for name in tied)
     near = [words[name] == "equivalent" or low <= (errors[name] or 0.0) <= high for name in open_]
+    equivalent = {words[name] for name in open_} == {"equivalent"}
     if open_ and alike and all(near) and {words[name] for name in open_} <= {"equivalent", "undecided"}:
         error = _error([result[name] for name in tied], summary.headline)
-        same = all(words[name] == "equivalent" for name in open_)
-        how = f"equivalent {pairs.within(best, open_)}" if same else "not shown to differ"
+        how = f"equivalent {pairs.within(best, open_)}" if equivalent else "not shown to differ"
         return f"{over}{joined(tied)} have the smallest {what}, {error}; {how}{here}"
-    equivalent = {words[name] for name in open_} == {"equivalent"}
     names = _marked(result, open_ or [*words])
     every = "all" if equivalent or not open_ else "any of the"
     which = every if len(names) == len(words) else f"{len(names)} of the"
@@ -165,10 +165,14 @@ def _best(result: Result) -> str:
 def _error(trackers: list[TrackerResult], path: str) -> str:
     """ "0.07 m", or "0.07 to 0.09 m" of trackers that differ in what the interval of the best leaves a meaning."""
     metrics = [metric_of(tracker, path) for tracker in trackers]
-    best = metrics[0]
-    places = max(meaningful(best.value, best.ci95), decimals([best.value], 1))
-    ends = dict.fromkeys(fixed(metric.value, places) for metric in (best, metrics[-1]))
+    places = _places(metrics[0])
+    ends = dict.fromkeys(fixed(metric.value, places) for metric in (metrics[0], metrics[-1]))
     return f"{' to '.join(ends)} m"
+
+
+def _places(metric: MetricValue) -> int:
+    """The decimals of a value that its interval leaves a meaning, at least one digit."""
+    return max(meaningful(metric.value, metric.ci95), decimals([metric.value], 1))
 
 
 def _of_functions(result: Result) -> Iterator[str]:
