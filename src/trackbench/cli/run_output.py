@@ -31,7 +31,8 @@ class RunOutput(Listener):
 
     def __init__(self, as_json: bool, quiet: bool, out: Path | None = None) -> None:
         self._as_json = as_json
-        self._out = out
+        # An earlier result is told of where the table is printed, and need not be read elsewhere.
+        self._out = None if as_json or quiet else out
         self._earlier: dict[str, Summary] = {}
         self._quiet = quiet
         self._console = Console()
