@@ -6,7 +6,6 @@ import errno
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +30,8 @@ def test_rerun_verifies_the_file(file: Path) -> None:
     assert "1 file verified without error" in done.stdout + done.stderr
 
 
-def test_five_vehicles_and_five_trackers_in_a_second_and_ten_megabytes(result: Result, tmp_path: Path) -> None:
-    start = time.process_time()
-    recording.write(result, tmp_path / "run.rrd")
-    assert time.process_time() - start < 1.0
-    assert (tmp_path / "run.rrd").stat().st_size < 10e6
+def test_five_vehicles_and_five_trackers_take_less_than_ten_megabytes(file: Path) -> None:
+    assert file.stat().st_size < 10e6
 
 
 def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
