@@ -315,7 +315,7 @@ WITHOUT_STATE: dict[str, Motion] = {
     "sign of zero": lambda x, dt: faster(x, dt, 1.0 + 0.1 * np.arctan2(-0.0 * x[2], -1.0)),
     "copysign": lambda x, dt: faster(x, dt, 1.0 + 0.1 * np.copysign(1.0, 0.0 * (x[2] - 3.0))),
     "tolist": lambda x, dt: faster(x, dt, 1.0 + 1e-3 * np.array(x[2].tolist())),
-    "tobytes": lambda x, dt: faster(x, dt, 1.0 + 1e-3 * (x.tobytes()[0] % 2)),
+    "tobytes": lambda x, dt: faster(x, dt, 1.0 + 1e-3 * (x.tobytes()[6] % 2)),
     "a float of all": lambda x, dt: faster(x, dt, 1.0 + 1e-3 * float(x[2].mean())),
     "interpolated": lambda x, dt: faster(x, dt, np.interp(x[0], [0.0, FAR], [1.0, 1.2])),
     "rounded": lambda x, dt: faster(x, dt, 1.0 + 0.01 * np.round(x[2], 1)),

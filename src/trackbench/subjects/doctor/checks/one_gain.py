@@ -33,6 +33,9 @@ WRONG = 0.08
 #: How many times as well as its alternative a statement has to fit. Process noise that is added before the update
 #: changes the covariance 10 times as much as the gain.
 RATIO = 20.0
+#: Share of its error by which the covariance of a mixture depends on the innovation: a correct IMM has 0.6 to 2; a
+#: filter that converts radar to positions, and their noise with them, 0.06.
+OF_MIXTURE = 0.2
 #: A factor of the gain that is one, with the covariance of the right gain, and with its own: a larger gain than the
 #: optimal one is a tuning, as far as `gain` takes the noise of half the variance for one.
 FACTOR, TUNING = 1.1, 1.4
@@ -266,7 +269,7 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
     if gain > RIGHT or off < max(WRONG, RATIO * gain):
         return None
     # By several models a measurement moves their probabilities, and with them the covariance.
-    if float(np.median([_by_innovation(one) for one in errors])) > off / RATIO:
+    if float(np.median([_by_innovation(one) for one in errors])) > OF_MIXTURE * off:
         return None
     # A fading memory may multiply the covariance after the update, and one that is not reduced has a name of its own.
     if min(float(np.median([_best_multiple(one, p) for one in errors])) for p in (False, True)) < off / RATIO:
