@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from trackbench.base.types import Array
+from trackbench.base.types import Array, Truth
 from trackbench.functions import Ego, Objects
 from trackbench.runner.run import run
-from trackbench.scenario import load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import shipped
 from trackbench.scenario.truth import truth_of, truths_of
 
@@ -44,8 +45,14 @@ class Pair(NamedTuple):
         return self.gap / self.closing
 
 
+@cache
+def scenario_and_truth(name: str) -> tuple[Scenario, Truth]:
+    loaded = load_scenario(f"functions/{name}")
+    return loaded, truth_of(loaded).truth
+
+
 def pair(name: str, *settings: str) -> Pair:
-    truth = truth_of(load_scenario(f"functions/{name}", settings)).truth
+    truth = truth_of(load_scenario(f"functions/{name}", settings)).truth if settings else scenario_and_truth(name)[1]
     ego = truth.observer
     touch = (ego.length + truth.length[0]) / 2
     assert (touch, ego.width, truth.width[0]) == (TOUCH, 2.0, 1.8)
@@ -142,7 +149,7 @@ def test_limits_of_the_regulation_of_the_eu() -> None:
 
 
 def test_the_car_beside_the_curve_is_never_in_the_path() -> None:
-    truth = truth_of(load_scenario("functions/curve_standing_car")).truth
+    _, truth = scenario_and_truth("curve_standing_car")
     ego = truth.observer
     np.testing.assert_allclose(np.hypot(ego.vx, ego.vy), 50 * KMPH, atol=WRITTEN)
     np.testing.assert_allclose(np.hypot(ego.px, ego.py - 100), 100, atol=1e-3)
@@ -168,8 +175,7 @@ def test_the_lead_is_out_of_the_path_before_a_warning_is_due() -> None:
 
 def onset(name: str, label: str) -> float:
     """The first time at which a function is active on the truth."""
-    loaded = load_scenario(f"functions/{name}")
-    truth = truth_of(loaded).truth
+    loaded, truth = scenario_and_truth(name)
     mean = np.stack([field[..., 0].T for field in (truth.px, truth.py, truth.vx, truth.vy)])
     size = (np.broadcast_to(values[:, None], mean.shape[1:]) for values in (truth.length, truth.width))
     objects = Objects(mean, np.zeros((4, *mean.shape)), truth.alive.T, *size)

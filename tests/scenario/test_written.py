@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import trackbench as tb
@@ -80,6 +80,7 @@ VALUES = st.one_of(
 )
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(KEYS, VALUES), max_size=4, unique_by=lambda pair: pair[0].partition(".")[0]))
 def test_whatever_changes_it_reads_as_the_changes_say(pairs: list[tuple[str, object]]) -> None:
     changes = [f"{key}={json.dumps(value)}" for key, value in pairs]

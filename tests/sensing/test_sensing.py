@@ -8,12 +8,15 @@ import sys
 import numpy as np
 import pytest
 from scipy import stats
-from tests.support.places import SCENARIOS
+from tests.support.places import ROOT
 from tests.support.scenes import fixed_observer, truth
 
 from trackbench.base.streams import stream
 from trackbench.base.types import Observer
 from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
+from trackbench.runner.work import work_of
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import hashed, ideal_sensors, sense
 from trackbench.sensing.view import sensor_motion
 
@@ -253,24 +256,20 @@ def test_fingerprints_tell_signs_and_places():
 
 #: What NumPy takes for faster functions where the processor has it.
 WIDE_VECTORS = "X86_V4 AVX512_ICL AVX512_SPR"
-SCANS = """
-from trackbench.runner.work import work_of
-from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truths_of
-from trackbench.sensing.scans import sense
-import sys
-scenario = load_scenario(sys.argv[1])
-work = work_of(scenario, truths_of(scenario))
-print(*(digest.hex() for digest in sense(work.scenes[0].sensors, 1, "test", range(3)).digests))
-"""
+
+
+def digests_of_highway():
+    """Of the measurements of 5 s of motorway traffic, in a dozen runs."""
+    loaded = load_scenario("highway", ["truth.duration_s=5"])
+    work = work_of(loaded, truths_of(loaded))
+    return [digest.hex() for digest in sense(work.scenes[0].sensors, 1, "test", range(12)).digests]
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="NumPy has no such switch here")
 def test_scans_are_the_same_bits_without_the_vectors_of_the_processor():
-    command = [sys.executable, "-c", SCANS, str(SCENARIOS / "highway.yaml")]
-    printed = [
-        subprocess.run(command, env=os.environ | switched, capture_output=True, text=True, check=True).stdout
-        for switched in ({}, {"NPY_DISABLE_CPU_FEATURES": WIDE_VECTORS})
-    ]
-    assert printed[0].split()
-    assert printed[0] == printed[1]
+    code = "from tests.sensing.test_sensing import digests_of_highway; print(*digests_of_highway())"
+    command, switched = [sys.executable, "-c", code], {"NPY_DISABLE_CPU_FEATURES": WIDE_VECTORS}
+    environment = os.environ | switched | {"PYTHONPATH": str(ROOT)}
+    printed = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+    assert printed
+    assert printed == digests_of_highway()

@@ -21,8 +21,14 @@ TRACKERS = "trackers={gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3,
 {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: naive}}}"
 
 
-def simulated() -> Scenario:
+@pytest.fixture(scope="module")
+def original() -> Scenario:
     return load_scenario("traffic/cut_in", [*SHORT, TRACKERS])
+
+
+@pytest.fixture(scope="module")
+def of_simulation(original: Scenario) -> Result:
+    return result(original)
 
 
 def result(loaded: Scenario) -> Result:
@@ -39,8 +45,9 @@ def sets(scan: Scan) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("labelled", [False, True])
-def test_a_scenario_written_as_a_log_has_the_same_detections_and_scores(tmp_path: Path, labelled: bool) -> None:
-    original = simulated()
+def test_a_scenario_written_as_a_log_has_the_same_detections_and_scores(
+    tmp_path: Path, original: Scenario, of_simulation: Result, labelled: bool
+) -> None:
     file, made = write_scenes(tmp_path, original, labelled=labelled)
     log = load_scenario(file, [TRACKERS])
     (read,) = truths_of(log)
@@ -58,7 +65,7 @@ def test_a_scenario_written_as_a_log_has_the_same_detections_and_scores(tmp_path
     assert [(scan.time, scan.sensor) for scan in ours] == [(round(scan.time, 9), scan.sensor) for scan in theirs]
     for own, other in zip(ours, theirs, strict=True):
         assert sets(own) == sets(other)
-    of_log, of_simulation = result(log), result(original)
+    of_log = result(log)
     assert of_log.summary.ranking == of_simulation.summary.ranking
     for tracker in of_log.summary.trackers:
         for metric in ("gospa", "tgospa", "hota", "mota", "idf1", "position_rmse", "false_tracks", "matched_share"):

@@ -86,10 +86,10 @@ def test_of_all_vehicles_those_in_reach_are_targets() -> None:
         highway.simulate(CONFIG.model_copy(update=far))
 
 
-def test_what_the_scenario_states_wins() -> None:
+def test_what_the_scenario_states_wins(targets: Truth) -> None:
     own = CONFIG.model_copy(update={"others_within_m": 30.0})
     assert own.with_all_objects(120.0) == own
-    assert "others_within_m" not in highway.simulate(CONFIG).source
+    assert "others_within_m" not in targets.source
 
 
 def test_the_cache_keeps_which_are_targets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
