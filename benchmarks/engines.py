@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Gaussian, Scan, Truth
 from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
 from trackbench.metrics import BlockScores, Scorer, Target, score_waiting
-from trackbench.metrics.conditions import conditions
+from trackbench.metrics.conditions import condition_classes
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.runner.block import keep_freed_memory
@@ -135,7 +135,7 @@ def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float
         reference=np.zeros((2, of.steps, 1, 1)),
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
-    classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
+    classes = condition_classes(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
     stepper = Direct(prepared(of, name, engine))
     scorer = Scorer(target, classes, counts, compute=compute_by(engine))
     begin, instant = time.perf_counter(), 0

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.scene import DT, SENSORS, weaving
 
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.source import parse
@@ -44,7 +44,7 @@ def main(runs: int) -> None:
     )
     loaded = Scenario(scenario, Path("memory.yaml"), "", (), parse("", "memory.yaml"))
     begin = time.perf_counter()
-    result = run(loaded, [LoadedTruth(weaving(STEPS), False)])
+    result = run_scenario(loaded, [LoadedTruth(weaving(STEPS), False)])
     seconds = time.perf_counter() - begin
     assert all(entry["failed"] is None for entry in result.json()["trackers"])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -21,7 +21,7 @@ STAGES = {
     "sensing": ["trackbench.sensing.scans:sense", "trackbench.sensing.scans:ideal_sensors"],
     "tracking": ["trackbench.runner.labelled_run:LabelledRun.advance"],
     "scoring": [
-        "trackbench.metrics.conditions:conditions",
+        "trackbench.metrics.conditions:condition_classes",
         "trackbench.metrics.scorer:Scorer.scan",
         "trackbench.metrics.scorer:Scorer.estimate",
         "trackbench.metrics.scorer:Scorer.close",

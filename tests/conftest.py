@@ -29,7 +29,7 @@ from trackbench.base.execution import executor
 from trackbench.cli.commands import main
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.recording import viewer
@@ -165,7 +165,7 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
         with executor(workers) as chosen:
-            return run(loaded, truths_of(loaded, executor=chosen), executor=chosen, isolation=isolation)
+            return run_scenario(loaded, truths_of(loaded, executor=chosen), executor=chosen, isolation=isolation)
 
     return call
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import EVERY_PAIR, Family, differences
+from trackbench.metrics.differences import EVERY_PAIR, Family, tracker_differences
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.results import Difference
 from trackbench.results.score_summary import MarginSummary
@@ -117,7 +117,9 @@ def _worse_than_best(
     """The trackers that are called worse than the best."""
     intervals = _intervals(random, runs, errors)
     best = min(intervals, key=lambda name: intervals[name][METRICS[0]].value)
-    items = differences(intervals, BUILT_IN, margin, {name: {} for name in intervals}, Family(best, selected=True))
+    items = tracker_differences(
+        intervals, BUILT_IN, margin, {name: {} for name in intervals}, Family(best, selected=True)
+    )
     return {item.b for item in items if item.better == best}
 
 
@@ -137,7 +139,7 @@ def _differences(
 ) -> list[Difference]:
     """Of trackers with these errors by every metric, the first of which alone is of the family."""
     intervals = _intervals(random, runs, errors, METRICS)
-    return differences(intervals, BUILT_IN, margin, {name: {} for name in intervals}, family)
+    return tracker_differences(intervals, BUILT_IN, margin, {name: {} for name in intervals}, family)
 
 
 def _intervals(

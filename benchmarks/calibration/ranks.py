@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
 from trackbench.compare.ranking import FEWEST_SETS, Pairings, interval, ranking, sign_flip
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import LEVEL, differences, holm
+from trackbench.metrics.differences import LEVEL, holm, tracker_differences
 from trackbench.metrics.intervals import ratio, root
 from trackbench.results import Difference
 from trackbench.results.score_summary import MarginSummary
@@ -87,7 +87,7 @@ def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int, ahea
         }
         found += [
             _difference(str(scenario), item)
-            for item in differences(errors, BUILT_IN, MARGIN, {name: {} for name in errors})
+            for item in tracker_differences(errors, BUILT_IN, MARGIN, {name: {} for name in errors})
         ]
     pairings = Pairings(found, "position_rmse")
     places = [(str(scenario), name) for scenario in range(scenarios) for name in names]

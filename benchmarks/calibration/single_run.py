@@ -11,10 +11,10 @@ import numpy as np
 import trackbench as tb
 from trackbench.metrics import Metric
 from trackbench.metrics.built_in.basic import Coverage
-from trackbench.metrics.differences import verdict
+from trackbench.metrics.differences import contrast_verdict
 from trackbench.metrics.intervals import Interval, paired, ratio, root
 from trackbench.metrics.protocol import Chunk, Scope
-from trackbench.metrics.sums import ERROR, stretches
+from trackbench.metrics.sums import ERROR, stretch_numbers
 from trackbench.runner.block import run_block
 from trackbench.runner.labelled_run import LabelledOutcome
 from trackbench.runner.work import BlockRuns, work_of
@@ -57,7 +57,7 @@ def _versions(seconds: int, runs: int, where: str) -> Iterator[Claim]:
     pairs = [paired(*(_interval(side, "position_rmse", run) for side in (a, b))) for run in range(runs)]
     hits = [low <= true <= high for low, high in (pair.ci95 for pair in pairs)]
     yield rate(f"{where}: interval of the difference of two versions covers", hits, 0.93, 0.97)
-    words = [verdict(pair, pair.p_value, "smaller") for pair in pairs]
+    words = [contrast_verdict(pair, pair.p_value, "smaller") for pair in pairs]
     for word in ("better", "worse"):
         yield rate(f"{where}: of two equal versions the first is called {word}", [w == word for w in words], 0.0, 0.05)
 
@@ -71,7 +71,7 @@ class StretchSums(Metric):
 
     def init(self, scope: Scope) -> dict[str, Any]:
         time = scope.target.time
-        stretch = stretches(len(time), float(time[-1] - time[0]))
+        stretch = stretch_numbers(len(time), float(time[-1] - time[0]))
         return {"stretch": stretch, "sums": np.zeros((len(ERROR), stretch[-1] + 1, scope.runs)), "runs": scope.runs}
 
     def update(self, sums: dict[str, Any], chunk: Chunk) -> dict[str, Any]:

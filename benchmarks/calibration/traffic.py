@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Indices
-from trackbench.metrics.differences import EQUIVALENT, EVERY_PAIR, Family, differences
+from trackbench.metrics.differences import EQUIVALENT, EVERY_PAIR, Family, tracker_differences
 from trackbench.metrics.intervals import Interval, paired
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results.score_summary import MarginSummary
@@ -201,5 +201,7 @@ def _verdicts(sample: Sample, family: Family) -> dict[tuple[str, str, str], str]
     for number, name in enumerate(TRACKERS):
         own = {path: sample.interval(number, path) for path in TRACK_METRICS}
         intervals[name] = {path: found for path, found in own.items() if found is not None}
-    found = differences(intervals, list(TRACK_METRICS.values()), MARGIN, {name: {} for name in TRACKERS}, family)
+    found = tracker_differences(
+        intervals, list(TRACK_METRICS.values()), MARGIN, {name: {} for name in TRACKERS}, family
+    )
     return {(item.metric, item.a, item.b): item.verdict for item in found if item.verdict is not None}

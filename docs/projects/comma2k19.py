@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.base.units import cos_sin
 from trackbench.models.sensors import Radar
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
@@ -243,7 +243,7 @@ def trackers_table(result: Result) -> str:
 def result() -> Result:
     """Of the recorded scenario."""
     loaded = load_scenario(REAL)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def main() -> None:

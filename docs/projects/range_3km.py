@@ -15,7 +15,7 @@ from tables import fill, markdown
 
 from trackbench.base.types import Array
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.load import select_trackers
 from trackbench.scenario.truth import truths_of
@@ -93,7 +93,7 @@ def result(case: str, *overrides: str, tracker: str | None = None) -> Result:
     """The result of one case, of all trackers unless one is named."""
     loaded = load_scenario(SCENARIOS / f"range_3km_{case}.yaml", overrides)
     chosen = loaded if tracker is None else select_trackers(loaded, [tracker])
-    return run(chosen, truths_of(chosen))
+    return run_scenario(chosen, truths_of(chosen))
 
 
 def places(case: str, found: Result, tracker: str) -> list[Place]:

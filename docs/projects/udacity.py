@@ -12,7 +12,7 @@ import numpy as np
 from tables import fill, markdown
 
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -64,7 +64,7 @@ def result(name: str) -> Result:
     """The result of one of the scenarios."""
     path = SCENARIOS / f"{name}.yaml"
     loaded = load_scenario(path)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def rmse(found: Result, tracker: str, scored: int | None = None) -> Numbers:

@@ -15,7 +15,7 @@ import yaml
 from tests.support.places import DOCS
 
 from trackbench.base.types import Scan
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers import answers
@@ -98,7 +98,7 @@ def test_the_example_is_short_and_needs_nothing_of_trackbench() -> None:
 
 def test_the_example_is_honest_and_worth_it() -> None:
     loaded = load_scenario(EXAMPLES / "alpha_beta.yaml", ["monte_carlo.runs=5", "truth.duration_s=5"])
-    result = run(loaded, truths_of(loaded))
+    result = run_scenario(loaded, truths_of(loaded))
     mine = next(entry for entry in result.json()["trackers"] if entry["name"] == "mine")
     assert mine["failed"] is None
     assert 2.5 < mine["metrics"]["nees"]["mean"] < 5

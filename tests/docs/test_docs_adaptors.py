@@ -12,7 +12,7 @@ import pytest
 from tests.support.places import DOCS
 
 from trackbench.base.errors import InputError
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.subjects.adaptors.stonesoup_tracker import MEASURED
@@ -51,7 +51,7 @@ def test_the_models_of_stone_soup_measure_as_many_components_as_is_said() -> Non
 
 def test_the_example_s_extended_filter_is_the_built_in_one() -> None:
     loaded = load_scenario(EXAMPLES / "own_filters.yaml", ["monte_carlo.runs=2", "truth.duration_s=4"])
-    summary = run(loaded, truths_of(loaded)).json()
+    summary = run_scenario(loaded, truths_of(loaded)).json()
     metrics = {entry["name"]: entry["metrics"] for entry in summary["trackers"]}
     assert all(entry["failed"] is None for entry in summary["trackers"])
     own, built_in = metrics["extended"], metrics["ekf_cv"]

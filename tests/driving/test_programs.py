@@ -20,7 +20,7 @@ from trackbench.driving.program import Program
 from trackbench.driving.remote import TrackerTrial, start
 from trackbench.driving.steppers import Stepper
 from trackbench.models.sensors import Lidar
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.config import PluginConfig
@@ -382,7 +382,7 @@ def answer(message):
     (tmp_path / "program").chmod(0o755)
     (tmp_path / "again.yaml").write_text(SCENARIO)
     loaded = load_scenario(tmp_path / "again.yaml")
-    (mine,) = run(loaded, truths_of(loaded)).json()["trackers"]
+    (mine,) = run_scenario(loaded, truths_of(loaded)).json()["trackers"]
     if not remembers:
         assert mine["failed"] is None
         return

@@ -20,7 +20,7 @@ from trackbench.engine.filters import FusedFilter
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import Processor
 from trackbench.runner import work
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -118,7 +118,7 @@ def test_shipped_scenarios_by_however_many_workers(scenario: str) -> None:
 
 def assert_same_with_two_workers(loaded: Scenario) -> None:
     truths = truths_of(loaded)
-    alone = run(loaded, truths, engine="fused")
+    alone = run_scenario(loaded, truths, engine="fused")
     assert alone.summary.engine != "numpy"
     with executor(2) as two:
-        assert without_times(run(loaded, truths, executor=two, engine="fused")) == without_times(alone)
+        assert without_times(run_scenario(loaded, truths, executor=two, engine="fused")) == without_times(alone)

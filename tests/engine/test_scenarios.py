@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tests.support.udacity import data_folder
 
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import shipped
 from trackbench.scenario.truth import truths_of
@@ -27,7 +27,7 @@ OTHER = ("step_time", "engine", "why_numpy", "command")
 def same(name: str, *settings: str) -> None:
     loaded = load_scenario(name, settings)
     truths = truths_of(loaded)
-    by_numpy, fused = (run(loaded, truths, engine=engine).summary for engine in ("numpy", "fused"))
+    by_numpy, fused = (run_scenario(loaded, truths, engine=engine).summary for engine in ("numpy", "fused"))
     assert by_numpy.engine == "numpy"
     assert fused.engine != "numpy"
     assert [tracker.name for tracker in fused.trackers if tracker.failed] == []

@@ -27,7 +27,7 @@ from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter, Sigma
 from trackbench.filters.kalman import CUBATURE, IteratedExtendedKalmanFilter, classic
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.filtered import SmoothedTracker
@@ -256,7 +256,7 @@ def test_the_ends_of_the_ranges_run_through() -> None:
         overrides = [f"sensors.{key}={value}" for key, value in values.items()]
         overrides += ["monte_carlo.runs=2", "expect=[]"]
         loaded = load_scenario(SCENARIOS / "scripted" / "figure_eight.yaml", overrides)
-        result = run(loaded, truths_of(loaded), engine=engine)
+        result = run_scenario(loaded, truths_of(loaded), engine=engine)
         assert [tracker.name for tracker in result.summary.trackers if tracker.failed] == []
 
 
@@ -290,7 +290,7 @@ def test_the_engines_fail_alike_and_score_alike_unless_lost(sigmas: tuple[float,
     file = tmp_path / "turning.yaml"
     file.write_text(yaml.safe_dump({**yaml.safe_load(TURNING), "sensors": {"seen": sensor}, "trackers": trackers}))
     loaded = load_scenario(file)
-    by_numpy, fused = (run(loaded, truths_of(loaded), engine=engine).summary for engine in ("numpy", "fused"))
+    by_numpy, fused = (run_scenario(loaded, truths_of(loaded), engine=engine).summary for engine in ("numpy", "fused"))
     for one, other in zip(by_numpy.trackers, fused.trackers, strict=True):
         assert one.failed is None
         assert other.failed is None

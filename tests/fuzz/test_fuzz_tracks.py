@@ -22,7 +22,7 @@ from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.runner.filed_tracks import at_instants
+from trackbench.runner.filed_tracks import tracks_at_instants
 from trackbench.truth.tracks import TRAFFIC_FORMATS
 
 TIME = np.arange(41) * 0.1
@@ -84,7 +84,7 @@ def messages_of(form: str, folder: Path, read: Callable[[], Any]) -> list[str]:
 def as_tracks(form: str, file: Path) -> None:
     """The rows at the instants of a scene."""
     reader: Any = TRAFFIC_FORMATS[form](**OPTIONS.get(form, {}))
-    filed = at_instants(reader.rows(file).ordered(file), TIME, 0.0)
+    filed = tracks_at_instants(reader.rows(file).ordered(file), TIME, 0.0)
     there = filed.history.ids >= 0
     assert np.isfinite(filed.history.mean[:2][:, there]).all()
 

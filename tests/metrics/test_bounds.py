@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trackbench.metrics.bounds import Sample, bound, difference, mean_bound, positive_bound, share_bound, unbounded
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.bounds import (
+    Sample,
+    bound,
+    interval_difference,
+    mean_bound,
+    positive_bound,
+    share_bound,
+    unbounded,
+)
+from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
 
 LEVELS = (0.05, 0.001, 1e-5)
 
@@ -60,7 +68,9 @@ def test_the_bound_of_a_root_mean_square_is_the_root_of_that_of_the_mean_square(
     squares = np.random.default_rng(1).gamma(2.0, 1.0, 60)
     mean = ratio(squares, np.ones(60), at_least=0.0)
     assert bound(root(mean), level, side) == pytest.approx(np.sqrt(bound(mean, level, side)))
-    assert bound(scaled(root(mean), 57.3), level, side) == pytest.approx(57.3 * np.sqrt(bound(mean, level, side)))
+    assert bound(scaled_interval(root(mean), 57.3), level, side) == pytest.approx(
+        57.3 * np.sqrt(bound(mean, level, side))
+    )
 
 
 def test_what_is_at_most_one_has_the_bounds_of_its_distance_from_one_turned_round() -> None:
@@ -86,7 +96,7 @@ def test_a_paired_difference_has_the_deviation_of_the_differences_and_an_unpaire
     random = np.random.default_rng(3)
     common, own = random.normal(size=(2, 100))
     a, b = (ratio(values, np.ones(100)) for values in (common + 0.1 * own, common))
-    paired, unpaired = difference(a, b, same_runs=True), difference(a, b, same_runs=False)
+    paired, unpaired = interval_difference(a, b, same_runs=True), interval_difference(a, b, same_runs=False)
     assert paired.value == unpaired.value == pytest.approx(0.1 * own.mean())
     assert paired.error == pytest.approx(0.1 * own.std(ddof=1) / 10)
     assert unpaired.error == pytest.approx(np.hypot(a.error, b.error), rel=0.01)
@@ -146,8 +156,8 @@ def test_delays_of_few_scenes_are_bounded_as_if_there_were_no_others() -> None:
 @pytest.mark.parametrize("same_runs", [True, False])
 def test_a_difference_of_delays_rests_on_the_scenes_with_an_event(same_runs: bool) -> None:
     delays, events = np.random.default_rng(8).exponential(0.1, (2, 40)), (np.arange(200) < 40).astype(float)
-    alone = difference(*(ratio(own, np.ones(40), scenes=True) for own in delays), same_runs=same_runs)
-    among = difference(
+    alone = interval_difference(*(ratio(own, np.ones(40), scenes=True) for own in delays), same_runs=same_runs)
+    among = interval_difference(
         *(ratio(np.concatenate([own, np.zeros(160)]), events, scenes=True) for own in delays), same_runs=same_runs
     )
     assert bound(among, 0.001, "upper") == pytest.approx(bound(alone, 0.001, "upper"))

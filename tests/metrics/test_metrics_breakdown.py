@@ -9,7 +9,7 @@ from tests.support.scenes import block_of, random_walk, truth, work
 
 from trackbench.metrics import Scorer, score_waiting
 from trackbench.metrics.breakdown import band_name, breakdown, cells, class_sums
-from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, conditions
+from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, condition_classes
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
 from trackbench.models.sensors import Lidar
@@ -26,7 +26,7 @@ def standing(distance, steps=1, **more):
 
 def classes(of, config=LIDAR, runs=range(1)):
     sensors = ideal_sensors(of, {"lidar": config})
-    found = conditions(of, np.arange(len(of.time)), sensors, runs)
+    found = condition_classes(of, np.arange(len(of.time)), sensors, runs)
     return [named(code) for code in found[:, 0, 0]]
 
 
@@ -115,15 +115,15 @@ def test_the_slowest_sensor_sets_what_a_gap_is():
     slow = LIDAR.model_copy(update={"rate_hz": 1.0})
     short = LIDAR.model_copy(update={"max_range_m": 5.0})
     sensors = ideal_sensors(of, {"slow": slow, "short": short})
-    assert {named(code)[0] for code in conditions(of, np.arange(40), sensors, range(1)).flat} == {"straight"}
-    alone = conditions(of, np.arange(40), sensors[1:], range(1))
+    assert {named(code)[0] for code in condition_classes(of, np.arange(40), sensors, range(1)).flat} == {"straight"}
+    alone = condition_classes(of, np.arange(40), sensors[1:], range(1))
     assert {named(code)[0] for code in alone.flat} == {"sensor gap"}
 
 
 def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
     of = standing(10, steps=2)
     own = truth(of.time, np.array([[[10.0, 30, 60]]] * 2), *[np.zeros((2, 1, 3))] * 3, yaw_rate=np.array([0, 1, 0]))
-    found = conditions(own, np.arange(2), ideal_sensors(own, {"lidar": LIDAR}), range(1, 3))
+    found = condition_classes(own, np.arange(2), ideal_sensors(own, {"lidar": LIDAR}), range(1, 3))
     assert found.shape == (2, 1, 2)
     assert [named(code)[:2] for code in found[0, 0]] == [("turning", "20 to 50 m"), ("straight", "50 to 100 m")]
 
@@ -132,7 +132,7 @@ def test_a_class_says_whether_the_velocity_jumped_shortly_before():
     steps = np.arange(30)
     vx = np.where(steps < 10, 10.0, 15.0)[:, None, None]
     of = truth(steps * 0.1, np.cumsum(vx, axis=0) * 0.1, 0 * vx, vx, 0 * vx)
-    found = conditions(of, steps, ideal_sensors(of, {"lidar": LIDAR}), range(1))
+    found = condition_classes(of, steps, ideal_sensors(of, {"lidar": LIDAR}), range(1))
     assert [JUMPS[jump] for jump in np.unravel_index(found[:, 0, 0], SHAPE)[3]] == (
         ["elsewhere"] * 10 + ["after a velocity jump"] * 11 + ["elsewhere"] * 9
     )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackbench.metrics import clustered, ratio, root, scaled
+from trackbench.metrics import clustered, ratio, root, scaled_interval
 from trackbench.metrics.intervals import FEWEST_SCENES, TOO_FEW_SCENES, paired, unpaired
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.assemble import scene_share
@@ -34,8 +34,8 @@ def test_clustering_is_the_ratio_of_sums_by_scene(seed: int, scenes: int) -> Non
     assert found.influence == pytest.approx(expected.influence, abs=1e-12)
     assert found.ci95 == pytest.approx(expected.ci95)
     assert abs(found.influence.mean()) < 1e-9
-    error = clustered(scaled(root(ratio(total, count)), 3.0), scene)
-    assert error.ci95 == pytest.approx(scaled(root(expected), 3.0).ci95)
+    error = clustered(scaled_interval(root(ratio(total, count)), 3.0), scene)
+    assert error.ci95 == pytest.approx(scaled_interval(root(expected), 3.0).ci95)
 
 
 @given(st.integers(0, 10_000))
@@ -71,10 +71,10 @@ def test_fewer_scenes_than_the_rule_holds_for_give_no_interval_and_no_verdict() 
     assert few.ci95 is None
     assert few.as_value("m").reason == TOO_FEW_SCENES
     assert enough.ci95 is not None
-    for contrast in (paired(few, scaled(few, 3.0)), unpaired(few, enough), unpaired(enough, few)):
+    for contrast in (paired(few, scaled_interval(few, 3.0)), unpaired(few, enough), unpaired(enough, few)):
         assert contrast.ci95 is None
         assert contrast.p_value == 1.0
-    assert paired(enough, scaled(enough, 3.0)).ci95 is not None
+    assert paired(enough, scaled_interval(enough, 3.0)).ci95 is not None
 
 
 @pytest.mark.parametrize("compare", [paired, unpaired])

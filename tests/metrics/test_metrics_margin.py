@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import Family, differences, holm, margin_between, verdict
+from trackbench.metrics.differences import Family, contrast_verdict, holm, margin_between, tracker_differences
 from trackbench.metrics.intervals import Interval, all_paired, paired, ratio, root, unpaired
 from trackbench.results.score_summary import MarginSummary
 
@@ -59,7 +59,7 @@ def test_p_value_and_interval_agree(seed: int, margin: float, welch: bool) -> No
 def test_verdicts(mean: float, spread: float, smaller: str, larger: str, neither: str) -> None:
     found = paired(of(mean, spread), of(1.0, 0.0), 0.01)
     for better, expected in (("smaller", smaller), ("larger", larger), (None, neither)):
-        assert verdict(found, found.p_value, better) == expected
+        assert contrast_verdict(found, found.p_value, better) == expected
 
 
 def test_the_margin_is_the_larger_of_a_share_of_the_better_value_and_an_absolute_part() -> None:
@@ -77,7 +77,7 @@ def test_identical_trackers_are_equivalent_whatever_the_margin() -> None:
     same = root(of(0.25, 0.1))
     for margin in (MARGIN, nothing):
         trackers = {"a": {"position_rmse": same}, "b": {"position_rmse": same}}
-        (found,) = differences(trackers, BUILT_IN, margin, {"a": {}, "b": {}})
+        (found,) = tracker_differences(trackers, BUILT_IN, margin, {"a": {}, "b": {}})
         assert (found.verdict, found.better, found.p_value) == ("equivalent", None, 1.0)
 
 
@@ -86,7 +86,7 @@ def test_more_runs_lead_from_undecided_to_a_verdict_and_not_from_one_to_another(
     for difference, end in ((0.0, "equivalent"), (0.03, "worse"), (-0.03, "better")):
         values = random.normal(1.0 + difference, 0.1, 4000)
         seen = [
-            verdict(found, found.p_value, "smaller")
+            contrast_verdict(found, found.p_value, "smaller")
             for runs in range(5, 4000, 50)
             for found in [paired(ratio(values[:runs], np.ones(runs)), of(1.0, 0.0, runs), 0.01)]
         ]
@@ -122,7 +122,7 @@ def test_the_family_is_of_what_ranks_and_of_what_is_expected() -> None:
     }
 
     def judged(family: Family) -> dict[tuple[str, str, str], float]:
-        items = differences(values, BUILT_IN, MARGIN, {name: {} for name in values}, family)
+        items = tracker_differences(values, BUILT_IN, MARGIN, {name: {} for name in values}, family)
         assert {item.verdict is None for item in items if item.p_value is None} == {True}
         return {(item.metric, item.a, item.b): item.p_value for item in items if item.p_value is not None}
 

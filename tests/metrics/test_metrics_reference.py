@@ -17,7 +17,7 @@ from trackbench.metrics.reference import (
 )
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -321,7 +321,7 @@ def test_the_bound_s_acceleration_is_as_drawn_only_where_it_is_that_of_every_obj
 )
 def test_a_result_calls_it_a_bound_only_where_it_is_one(settings, expected):
     loaded = load_scenario(OWN_MODEL, [*settings, "monte_carlo.runs=2", "truth.duration_s=1", "expect=[]"])
-    found = run(loaded, truths_of(loaded)).summary.reference
+    found = run_scenario(loaded, truths_of(loaded)).summary.reference
     assert (found.kind, found.acceleration_from, found.acceleration_changes, found.label) == expected
     assert ("no tracker can be expected" in found.meaning) == (found.kind == "bound")
     assert ("a tracker can be below it" in found.meaning) == (found.kind == "reference")

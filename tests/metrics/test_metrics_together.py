@@ -9,9 +9,9 @@ from tests.support.scenes import SHARED, block_of, random_walk, scan, truth, val
 
 from trackbench.metrics import Interval, evaluate
 from trackbench.metrics.built_in.basic import PositionRmse
-from trackbench.metrics.differences import differences
+from trackbench.metrics.differences import tracker_differences
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.evaluate import scores_of, stretches
+from trackbench.metrics.evaluate import independent_scores, stretches
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
@@ -139,8 +139,8 @@ def test_nobody_is_better_for_what_the_other_is_charged_with_alone(share, alone,
     charged = MetricValue(value=0.2, unit="m", charged_share=share, without_charged=alone)
     of = {"a": {"position_rmse": MetricValue(value=0.1, unit="m")}, "b": {"position_rmse": charged}}
     margin = MarginSummary(percent=1, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
-    (item,) = differences(found, [PositionRmse()], margin, of)
-    (mirrored,) = differences(dict(reversed(found.items())), [PositionRmse()], margin, of)
+    (item,) = tracker_differences(found, [PositionRmse()], margin, of)
+    (mirrored,) = tracker_differences(dict(reversed(found.items())), [PositionRmse()], margin, of)
     assert (item.better, mirrored.better, item.turned) == (better, better, better is None)
     assert item.p_value < 0.05
     if better is None:
@@ -191,7 +191,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     of = random_walk(1, 201, 0.05, 2.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 1)
     (scores,) = (block_of(whole, range(1)).outcomes[name].scores for name in ("ekf",))
-    parts = scores_of(scores, np.zeros(1, dtype=np.intp))
+    parts = independent_scores(scores, np.zeros(1, dtype=np.intp))
     assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
     stretch = stretches(len(whole.scenes[0].instants()), 10.0)

@@ -16,10 +16,10 @@ from trackbench.metrics.verdicts import (
     heavy_beside,
     judged_parts,
     meaning,
-    named,
+    named_verdicts,
+    overall_verdict,
     tail_limits,
     tail_verdict,
-    together,
     what_is_off,
 )
 from trackbench.report.console import track_values
@@ -115,7 +115,7 @@ def test_both_words_are_said_with_what_is_off():
     result = result.updated(trackers=[tracker, *others])
     (cells,) = (cells for heading, cells in track_values(result) if heading == "NEES")
     assert [cell.plain for cell in cells if "+" in cell.plain] == [f" {nees.mean:.1f} pessimistic+"]
-    ((word, heading, metrics),) = named({"kf": nees})
+    ((word, heading, metrics),) = named_verdicts({"kf": nees})
     assert (word, heading, list(metrics)) == ("heavy-tailed", NAMED["heavy-tailed"], ["kf"])
     assert what_is_off(nees, 1, word).startswith("2 % beyond the 99.9 % point (0.1 % expected)")
 
@@ -217,7 +217,7 @@ def part(verdict):
 )
 def test_the_mean_comes_before_mixed_and_mixed_before_the_tails(whole, over_all, under, expected):
     condition = ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict="consistent", parts=(part(under),))
-    assert together(4.0, whole, [condition], [part(over_all)]) == expected
+    assert overall_verdict(4.0, whole, [condition], [part(over_all)]) == expected
 
 
 def test_the_tails_count_only_where_most_estimates_are_given():

@@ -9,10 +9,10 @@ from benchmarks.calibration.verdicts import RIGHT_ON_AVERAGE, right_on_average
 from trackbench.metrics.intervals import ratio
 from trackbench.metrics.verdicts import (
     condition_verdict,
-    judged,
+    condition_verdicts,
+    mean_verdict,
     meaning,
-    together,
-    verdict,
+    overall_verdict,
     what_is_off,
     whiteness_verdict,
 )
@@ -35,7 +35,7 @@ from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, Met
     ],
 )
 def test_verdicts_of_a_nees_of_four_degrees_of_freedom(ci95, expected):
-    assert verdict(ci95, 4) == expected
+    assert mean_verdict(ci95, 4) == expected
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_verdicts_of_a_correlation(ci95, expected):
 )
 def test_the_verdict_takes_every_condition_into_account(whole, conditions, expected):
     found = [ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict=word) for word in conditions]
-    assert together(4.0, whole, found) == expected
+    assert overall_verdict(4.0, whole, found) == expected
 
 
 @pytest.mark.parametrize(("mean", "expected"), [(5.0, "optimistic"), (8.0, "mixed")])
@@ -97,9 +97,9 @@ def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, 
     """A covariance that is too small by the same everywhere, and one that is right where it is straight."""
     straight = ConditionVerdict(name="straight", mean=4.1, ci95=(4.0, 4.2), verdict="consistent")
     turning = ConditionVerdict(name="turning", mean=30.0, ci95=(29.0, 31.0), verdict="optimistic")
-    assert together(mean, "optimistic", [straight, turning]) == expected
+    assert overall_verdict(mean, "optimistic", [straight, turning]) == expected
     first = straight.model_copy(update={"name": "first second"})
-    assert together(mean, "optimistic", [first, turning]) == "optimistic"
+    assert overall_verdict(mean, "optimistic", [first, turning]) == "optimistic"
 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):
@@ -120,7 +120,7 @@ def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
         age={"first second": scores(50, ci95=(2.0, 2.5)), "later": scores(950)},
         jump={"after a velocity jump": scores(500, ci95=(20.0, 30.0))},
     )
-    names = {condition.name: condition.verdict for condition in judged(found)}
+    names = {condition.name: condition.verdict for condition in condition_verdicts(found)}
     assert names == {
         "straight": "consistent",
         "turning": "consistent",
@@ -166,7 +166,7 @@ def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
 
     def share(word, scale, repeats=1000):
         means = scale * random.chisquare(100, size=(repeats, runs)) / 25
-        return np.mean([verdict(ratio(row, np.ones(runs)).ci95, 4) == word for row in means])
+        return np.mean([mean_verdict(ratio(row, np.ones(runs)).ci95, 4) == word for row in means])
 
     # An interval misses on either side once in forty times; three standard deviations more are 0.015.
     assert share("optimistic", 1.1) < 0.04
@@ -179,7 +179,7 @@ def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
 
 def test_with_more_runs_a_verdict_passes_through_undecided():
     """A mean 6 % below its degrees of freedom, with an interval as wide as that of so many runs."""
-    words = [verdict((3.76 - reach, 3.76 + reach), 4) for reach in 0.8 / np.sqrt(np.arange(2, 1000))]
+    words = [mean_verdict((3.76 - reach, 3.76 + reach), 4) for reach in 0.8 / np.sqrt(np.arange(2, 1000))]
     assert list(dict.fromkeys(words)) == ["undecided", "consistent"]
 
 

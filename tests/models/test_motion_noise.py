@@ -22,7 +22,7 @@ from trackbench.models.motion.ct import Turn, TurnKnown
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv_path import PathConstantVelocity
 from trackbench.models.motion.singer import Singer
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -338,7 +338,7 @@ def test_the_air_traffic_of_bar_shalom_has_the_errors_that_independent_code_has(
     path = tmp_path / "aircraft.yaml"
     path.write_text(json.dumps({"name": "aircraft", **AIRCRAFT, "trackers": trackers}), encoding="utf-8")
     loaded = load_scenario(path)
-    result = run(loaded, truths_of(loaded))
+    result = run_scenario(loaded, truths_of(loaded))
     rmse = {name: result[name].metrics["position_rmse"].value for name in trackers}
     assert rmse["kf"] == pytest.approx(141.7, rel=0.01)
     assert rmse["imm_cv"] == pytest.approx(108.2, rel=0.015)

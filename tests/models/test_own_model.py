@@ -6,7 +6,7 @@ from scipy import stats
 from tests.support.places import SCENARIOS
 
 from trackbench.results import Result, TrackerResult
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.truth import Draw
@@ -16,7 +16,7 @@ SCRIPTED = SCENARIOS / "scripted"
 
 def result(name: str, *overrides: str) -> Result:
     loaded = load_scenario(SCRIPTED / f"{name}.yaml", overrides)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def by_name(of: Result) -> dict[str, TrackerResult]:
@@ -94,7 +94,7 @@ def test_the_recorded_run_is_shown_as_it_moved() -> None:
     settings = ("monte_carlo.runs=5", "recording.run=3")
     loaded = load_scenario(SCRIPTED / "own_model.yaml", settings)
     moved = loaded.config.truth.load(Draw(7, "own_model", 5), folder=SCRIPTED)
-    tables = run(loaded, [moved]).tables
+    tables = run_scenario(loaded, [moved]).tables
     rows = [row for row in tables["truth"].to_pylist() if row["object"] == "ahead"]
     np.testing.assert_array_equal([row["px_m"] for row in rows], moved.truth.px[:, 0, 3])
     late = [row["position_error_m"] for row in tables["estimates"].to_pylist() if row["time_s"] > 5]

@@ -14,7 +14,7 @@ from trackbench.base.distributions import t_probability, t_quantile
 from trackbench.base.errors import InputError
 from trackbench.compare import compare
 from trackbench.document.markdown import to_markdown
-from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected, times_as_large
+from trackbench.metrics.differences import LEVEL, MOST_PAIRED, corrected_p_values, times_as_large
 from trackbench.report.console import print_summary
 from trackbench.report.pairs import standing
 from trackbench.report.result import result_document
@@ -100,7 +100,7 @@ def test_a_difference_so_much_larger_is_just_shown(trackers: int, runs: int) -> 
     p_value = 2 * float(t_probability(np.array(-t), runs - 1))
     others = [1.0] * (trackers - 2)
     choices = [(trackers - 1) / 2] * (trackers - 1)
-    assert corrected([p_value, *others], choices)[0] == pytest.approx(LEVEL)
+    assert corrected_p_values([p_value, *others], choices)[0] == pytest.approx(LEVEL)
 
 
 def test_a_comparison_of_them_says_the_same(many: Result) -> None:

@@ -13,7 +13,7 @@ import pytest
 from trackbench.base.execution import executor
 from trackbench.results import Result
 from trackbench.runner import work
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
@@ -59,7 +59,7 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
     loaded = load_scenario(tiny, (*overrides, f"monte_carlo.runs={runs}"))
     # Which limits BLAS to one thread, as ``until`` does: with more, sums are made in another order.
     with executor(1) as chosen:
-        same = run(loaded, truths_of(loaded), executor=chosen)
+        same = run_scenario(loaded, truths_of(loaded), executor=chosen)
     assert comparable(found) == comparable(same)
     for name, table in same.tables.items():
         assert found.tables[name].equals(table) or name == "steps", name

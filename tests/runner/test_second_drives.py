@@ -19,7 +19,7 @@ from tests.runner.test_traffic_runs import SCENARIO as LANES
 from trackbench.base.types import Scan
 from trackbench.report.console import print_summary
 from trackbench.results import Result, TrackerResult
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -337,7 +337,7 @@ def test_trackers_of_several_objects(tmp_path: Path, write_module: Write, late: 
     trackers = "{" + ", ".join(f"{name}: {{use: '{module}:{name}'}}" for name in problems) + "}"
     sensor = ["sensors.lidar.latency_s=0.15"] if late else []
     loaded = load_scenario(tmp_path / "lanes.yaml", [f"trackers={trackers}", *sensor, "monte_carlo.runs=5"])
-    result = run(loaded, truths_of(loaded))
+    result = run_scenario(loaded, truths_of(loaded))
     for name, problem in problems.items():
         failed = entry(result, name).failed
         assert (failed is None) == (problem is None), f"{name}: {failed}"

@@ -13,7 +13,7 @@ import pytest
 from trackbench.base.execution import executor
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -79,7 +79,7 @@ def scenario(tmp_path: Path) -> Path:
 def result(file: Path, *overrides: str, workers: int = 1) -> Result:
     loaded = load_scenario(file, overrides)
     with executor(workers) as chosen:
-        return run(loaded, truths_of(loaded, executor=chosen), executor=chosen)
+        return run_scenario(loaded, truths_of(loaded, executor=chosen), executor=chosen)
 
 
 def test_an_easy_scene_is_followed(scenario: Path) -> None:

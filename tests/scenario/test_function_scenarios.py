@@ -11,7 +11,7 @@ import pytest
 
 from trackbench.base.types import Array, Truth
 from trackbench.functions import Ego, Objects
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import shipped
 from trackbench.scenario.truth import truth_of, truths_of
@@ -218,6 +218,6 @@ def test_when_a_function_is_active_on_the_truth(name: str, label: str, expected:
 @pytest.mark.parametrize("name", [name for name in shipped() if name.startswith("functions/")])
 def test_expectations_hold(name: str) -> None:
     loaded = load_scenario(name)
-    summary = run(loaded, truths_of(loaded)).summary
+    summary = run_scenario(loaded, truths_of(loaded)).summary
     assert [item.text for item in summary.expectations if not item.passed] == []
     assert summary.passed

@@ -9,7 +9,7 @@ import pytest
 from tests.support.places import DATA
 
 from trackbench.base.errors import InputError
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -115,7 +115,7 @@ def test_a_function_of_ones_own_is_scored_and_alone_has_no_value_if_it_raises(
     with tiny.open("a", encoding="utf-8") as file:
         file.write(f"\nfunctions:\n  near: {{use: '{module}:Near', near_m: 500}}\n  fcw: {FCW}\n")
     loaded = load_scenario(tiny)
-    metrics = run(loaded, truths_of(loaded)).summary.trackers[0].metrics
+    metrics = run_scenario(loaded, truths_of(loaded)).summary.trackers[0].metrics
     assert metrics["position_rmse"].value is not None
     assert metrics["false_warnings.fcw"].value is not None
     if wrong:
@@ -135,7 +135,7 @@ def test_with_hidden_identities_one_that_raises_has_no_value_either(
     file = tmp_path / "hidden.yaml"
     file.write_text(f"{text}sensing: {{identities: hidden}}\nmonte_carlo: {{runs: 2}}\n", encoding="utf-8")
     loaded = load_scenario(file)
-    result = run(loaded, truths_of(loaded))
+    result = run_scenario(loaded, truths_of(loaded))
     metrics = result["ekf"].metrics
     assert metrics["distance_error.near"].reason == "ValueError: no"
     assert metrics["missed_warnings.fcw"].value == 0

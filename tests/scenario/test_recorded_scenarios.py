@@ -14,7 +14,7 @@ from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
 from trackbench.report.console import run_in_words
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -49,7 +49,7 @@ def write(folder: Path, scenario: dict[str, object], lines: list[str] = LINES) -
 
 def result(file: Path) -> Result:
     loaded = load_scenario(file)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def problems(file: Path) -> str:

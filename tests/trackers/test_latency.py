@@ -18,7 +18,7 @@ from trackbench.document import Table
 from trackbench.driving.drive import deliveries
 from trackbench.report import tables
 from trackbench.results import Result
-from trackbench.runner.describe import describe
+from trackbench.runner.describe import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
@@ -195,7 +195,7 @@ def test_a_tracker_is_described_with_its_start_and_what_it_does_with_late_scans(
 ) -> None:
     tracker = FilterConfig.model_validate({"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, **keys})
     smoother = "rts smoother, " if "smoother" in keys else ""
-    assert describe(tracker, ["radar"]) == f"ekf, {smoother}cv, acceleration sigma 3 m/s^2, {words}"
+    assert describe_tracker(tracker, ["radar"]) == f"ekf, {smoother}cv, acceleration sigma 3 m/s^2, {words}"
 
 
 @pytest.mark.parametrize(

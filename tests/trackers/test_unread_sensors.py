@@ -13,7 +13,7 @@ from tests.support.scenes import NOISE, TRACKERS, scan, tracker
 
 from trackbench.runner.block import run_block
 from trackbench.runner.recorded import RecordedEstimates
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
@@ -131,7 +131,8 @@ def test_the_process_noise_belongs_to_the_interval() -> None:
     def nees(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, float]:
         loaded = scenario(sensors, trackers, duration_s=20, runs=400)
         return {
-            item["name"]: item["metrics"]["nees"]["mean"] for item in run(loaded, truths_of(loaded)).json()["trackers"]
+            item["name"]: item["metrics"]["nees"]["mean"]
+            for item in run_scenario(loaded, truths_of(loaded)).json()["trackers"]
         }
 
     often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf, "white": white})

@@ -13,7 +13,7 @@ from trackbench.base.types import Estimate
 from trackbench.metrics.scorer import Scorer
 from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of, truths_of
 
@@ -41,7 +41,7 @@ def test_the_recorded_run_is_seen_whole_whichever_process_makes_it(tiny: Path, w
     truth = truth_of(loaded)
     seen: list[Any] = []
     with executor(workers) as chosen:
-        result = run(loaded, [truth], executor=chosen, on_recorded_run=seen.append)
+        result = run_scenario(loaded, [truth], executor=chosen, on_recorded_run=seen.append)
     scans, *instants = seen
     assert {scan.sensor for scan in scans} == {"radar", "lidar"}
     assert all(isinstance(item, RecordedInstant) for item in instants)
@@ -68,14 +68,14 @@ def test_all_trackers_take_an_instant_before_it_is_seen_and_before_any_takes_the
 
     monkeypatch.setattr(Scorer, "estimate", noted)
     truth = truth_of(loaded)
-    run(loaded, [truth], on_recorded_run=order.append)
+    run_scenario(loaded, [truth], on_recorded_run=order.append)
     scans, *rest = order
     assert isinstance(scans, list)
     rounds = [rest[i : i + 3] for i in range(0, len(rest), 3)]
     assert [seen.number for *_, seen in rounds] == list(range(21))
     assert len({(raw, ekf) for raw, ekf, _ in rounds}) == 1
     order.clear()
-    run(loaded, [truth])
+    run_scenario(loaded, [truth])
     assert order == [order[0]] * 21 + [order[-1]] * 21, "without anyone who looks, one tracker after the other"
 
 
@@ -83,7 +83,7 @@ def test_a_tracker_that_fails_is_seen_up_to_then_and_the_others_to_the_end(tiny:
     (tiny.parent / "brief.py").write_text(BRIEF, encoding="utf-8")
     loaded = load_scenario(tiny, ["trackers.brief.use=brief:Brief"])
     seen: list[Any] = []
-    result = run(loaded, truths_of(loaded), on_recorded_run=seen.append)
+    result = run_scenario(loaded, truths_of(loaded), on_recorded_run=seen.append)
     instants = seen[1:]
     assert result["brief"].failed is not None
     assert result["brief"].failed.step == 5
@@ -96,9 +96,9 @@ def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
     truth = truth_of(loaded)
     with executor() as here:
-        alone = run(loaded, [truth], executor=here)
+        alone = run_scenario(loaded, [truth], executor=here)
     with executor(workers) as chosen:
-        seen = run(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
+        seen = run_scenario(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
     assert alone.summary.fingerprint == seen.summary.fingerprint
     assert without_times(alone) == without_times(seen)
     assert all(alone.tables[name].equals(seen.tables[name]) for name in alone.tables)

@@ -18,7 +18,7 @@ from trackbench.cli.commands import cli
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -85,7 +85,7 @@ def recorded(file: Path) -> RecordedDetections:
 
 def result(file: Path) -> Result:
     loaded = load_scenario(file)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def refused(file: Path) -> str:
@@ -333,6 +333,6 @@ def test_the_shipped_recording_of_a_real_radar_runs() -> None:
     counts = np.bincount(detections.scan)
     assert len(detections.steps) == 1199
     assert (counts.min(), counts.max()) == (3, 10)
-    found = run(loaded, truths)
+    found = run_scenario(loaded, truths)
     assert all(tracker.failed is None for tracker in found.summary.trackers)
     assert all((tracker.metrics["used_share"].value or 0) > 0.9 for tracker in found.summary.trackers)

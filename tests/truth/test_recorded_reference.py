@@ -10,7 +10,7 @@ from tests.support.exported_log import write_scenes
 
 from trackbench.base.types import RecordedDetections, Scan
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
@@ -32,7 +32,7 @@ def of_simulation(original: Scenario) -> Result:
 
 
 def result(loaded: Scenario) -> Result:
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 def scans(loaded: Scenario) -> list[Scan]:

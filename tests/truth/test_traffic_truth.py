@@ -17,7 +17,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import EXACT, Truth
 from trackbench.metrics.evaluate import carrying
 from trackbench.results import MetricValue, Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.runner.work import Work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
@@ -346,9 +346,9 @@ def test_other_truths_are_exact() -> None:
     assert tb.truth("scripted/figure_eight").recorded_noise == EXACT
 
 
-def run_scenario(name: str, *overrides: str) -> Result:
+def run_recorded(name: str, *overrides: str) -> Result:
     loaded = load_scenario(name, ["monte_carlo.runs=2", *overrides])
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 @pytest.mark.slow
@@ -356,14 +356,14 @@ def run_scenario(name: str, *overrides: str) -> Result:
 def test_the_shipped_scenarios_run(name: str, recorded_traffic: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the recording of the package, and from the files."""
     monkeypatch.setenv("TRACKBENCH_DATA", str(recorded_traffic.parent))
-    result = run_scenario(name)
+    result = run_recorded(name)
     scenes = 10 if "i80" in name else 0
     assert len(result.summary.truth.scenes) == scenes
     assert not result.summary.truth.audit.repaired.any  # type: ignore[union-attr]
     if scenes == 0:
         return
     history = recorded_traffic / "i80.shf"
-    from_file = run_scenario(name, "truth.format=smarts", f"truth.path={history}", "truth.simultaneous=false")
+    from_file = run_recorded(name, "truth.format=smarts", f"truth.path={history}", "truth.simultaneous=false")
     assert [scene.objects for scene in from_file.summary.truth.scenes] == [
         scene.objects for scene in result.summary.truth.scenes
     ]
@@ -401,6 +401,6 @@ def test_fewer_than_five_scenes_give_no_interval(vehicles: tuple[str, ...], inte
     loaded = load_scenario(
         "recorded/i80", ["monte_carlo.runs=2", f"truth.observer.vehicle={named}", "truth.targets={nearest: 2}"]
     )
-    error = run(loaded, truths_of(loaded))["ekf_cv"].position_rmse
+    error = run_scenario(loaded, truths_of(loaded))["ekf_cv"].position_rmse
     assert (error.ci95 is not None) == interval
     assert interval or "fewer than 5 scenes" in (error.reason or "")

@@ -101,7 +101,7 @@ def _formula(target: str) -> str:
 def _verdicts() -> Iterator[TermPage]:
     from trackbench.metrics import verdicts
 
-    stated = inspect.getdoc(verdicts.verdict) or ""
+    stated = inspect.getdoc(verdicts.mean_verdict) or ""
     source = "Schuirmann 1987" + stated.partition("Schuirmann 1987")[2].partition(")")[0]
     near, far, below, above = (
         f"{100 * share:g} %" for share in (verdicts.TOLERANCE, verdicts.FAR_TOLERANCE, verdicts.BELOW, verdicts.ABOVE)

@@ -17,10 +17,10 @@ from trackbench.metrics import Metric
 from trackbench.metrics.differences import (
     MOST_PAIRED,
     UNDECIDED,
-    corrected,
+    corrected_p_values,
     difference_without_charged,
     margin_between,
-    shown,
+    verdict_on_first,
 )
 from trackbench.metrics.intervals import Contrast, Interval, paired, unpaired
 
@@ -48,7 +48,7 @@ class Match:
         return self.entry.result.summary.scenario.base
 
     def choices(self, metric: Metric) -> float:
-        """As of :func:`trackbench.metrics.differences.corrected`."""
+        """As of :func:`trackbench.metrics.differences.corrected_p_values`."""
         return self.selected * len(self.pairs) * (0.5 if metric.ranks else 1.0)
 
     def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
@@ -106,7 +106,7 @@ def differences(
     p_values: dict[int, float] = {}
     for places in families.values():
         members = [compared[place] for place in places]
-        own = corrected([member.item.p_value for member in members], [member.choices for member in members])
+        own = corrected_p_values([member.item.p_value for member in members], [member.choices for member in members])
         p_values |= dict(zip(places, own, strict=True))
     return [each.judged(p_values[place]) for place, each in enumerate(compared)], missing
 
@@ -121,7 +121,7 @@ class _Uncorrected(NamedTuple):
 
     def judged(self, p_value: float) -> PairDifference:
         """With its corrected p-value, and the verdict."""
-        word = shown(self.contrast, p_value, self.metric.better, self.item.without_charged)
+        word = verdict_on_first(self.contrast, p_value, self.metric.better, self.item.without_charged)
         return self.item.model_copy(update={"p_value": p_value, "verdict": word})
 
 

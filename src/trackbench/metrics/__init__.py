@@ -3,7 +3,7 @@
 from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.built_in.basic import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, MetricSums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled_interval
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
 from trackbench.metrics.scorer import Scorer, score_waiting
 from trackbench.metrics.sums import BlockScores, Scores
@@ -31,6 +31,6 @@ __all__ = [
     "no_metrics",
     "ratio",
     "root",
-    "scaled",
+    "scaled_interval",
     "score_waiting",
 ]

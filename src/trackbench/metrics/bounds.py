@@ -123,7 +123,7 @@ def _is_share(interval: Interval) -> bool:
     return bool(np.isfinite(interval.at_most - interval.at_least)) and interval.power == 1.0
 
 
-def difference(a: Interval, b: Interval, *, same_runs: bool) -> Interval:
+def interval_difference(a: Interval, b: Interval, *, same_runs: bool) -> Interval:
     """``a - b``.
 
     Args:

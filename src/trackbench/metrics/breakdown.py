@@ -49,14 +49,14 @@ _NUMBER = [1 if name in DOF or name in BEYOND else 0 for name in ROWS]
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
-def columns(classes: Indices) -> Indices:
+def _condition_columns(classes: Indices) -> Indices:
     """``(columns, classes)`` those in which the estimates of each class count."""
     manoeuvre, band, age, jump = np.unravel_index(classes, SHAPE)
     cell = _CELL + manoeuvre * BANDS + band
     return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump, cell])
 
 
-def combined(errors: Array) -> Array:
+def breakdown_sums(errors: Array) -> Array:
     """``(fields, ...)`` what is kept of each class, from sums of errors with rows ``ERROR_FIELDS``."""
     return np.tensordot(_COMBINED, errors, 1)
 
@@ -72,7 +72,7 @@ def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
     total, square, product = np.zeros((3, len(ROWS), _COLUMNS))
     sums = ClassSums(total, square, product, np.zeros((1, _COLUMNS)), scenes)
     codes, place = np.unique(cells.code, return_inverse=True)
-    counted = columns(codes)
+    counted = _condition_columns(codes)
     for column in np.unique(counted):
         here = (counted == column).any(axis=0)[place]
         by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])
@@ -83,7 +83,7 @@ def class_sums(cells: Cells, parts: int, scenes: bool = False) -> ClassSums:
     return sums
 
 
-def summed(scores: BlockScores) -> None:
+def sum_classes(scores: BlockScores) -> None:
     """Sum the classes of a block of one scene over its runs, of which there may be many."""
     errors, cells = scores.errors, scores.errors.cells
     errors.classes = class_sums(cells, len(scores.due) if scores.single_runs is None else scores.stretch[-1] + 1)

@@ -39,7 +39,7 @@ ROUNDING = 1e-9
 Classes = npt.NDArray[np.int16]
 
 
-def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
+def condition_classes(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
     """``(instants, objects, runs or 1)`` the class of each object, as a flat index into ``SHAPE``.
 
     Args:

@@ -52,7 +52,7 @@ class Family:
         return [*own, *others]
 
 
-def corrected(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
+def corrected_p_values(p_values: Sequence[float], choices: Sequence[float]) -> list[float]:
     """P-values corrected for their number.
 
     A tracker is called worse than the best only where it is so whichever of the others is the best: its one-sided
@@ -97,7 +97,7 @@ EVERY_PAIR = Family()
 _Compared = tuple[str, Metric, str, str, Contrast]
 
 
-def differences(
+def tracker_differences(
     trackers: Mapping[str, Mapping[str, Interval]],
     metrics: Sequence[Metric],
     margin: MarginSummary,
@@ -127,7 +127,7 @@ def differences(
     tested = list(compress(compared, judged))
     of_best = [family.selected and metric.ranks and a == family.against for _, metric, a, _, _ in tested]
     choices = [own * sum(of_best) / 2 for own in of_best]
-    p_values = iter(corrected([contrast.p_value for *_, contrast in tested], choices))
+    p_values = iter(corrected_p_values([contrast.p_value for *_, contrast in tested], choices))
     return [
         _difference(*item, values, next(p_values) if own else None) for item, own in zip(compared, judged, strict=True)
     ]
@@ -159,7 +159,7 @@ def _difference(
 ) -> Difference:
     """With a verdict if there is a corrected p-value."""
     alone = difference_without_charged(values[a].get(path), values[b].get(path))
-    word = None if p_value is None else shown(contrast, p_value, metric.better, alone)
+    word = None if p_value is None else verdict_on_first(contrast, p_value, metric.better, alone)
     better = {"better": a, "worse": b}.get(word or "")
     return Difference(
         a=a,
@@ -185,7 +185,7 @@ def difference_without_charged(a: MetricValue | None, b: MetricValue | None) -> 
     return float(first or 0.0) - float(second or 0.0)
 
 
-def shown(difference: Contrast, p_value: float, better: Direction | None, alone: float | None) -> str:
+def verdict_on_first(difference: Contrast, p_value: float, better: Direction | None, alone: float | None) -> str:
     """The verdict on the first of two, where neither is better if the difference turns without what is charged.
 
     Args:
@@ -194,7 +194,7 @@ def shown(difference: Contrast, p_value: float, better: Direction | None, alone:
         better: which values of the metric are better.
         alone: the same over the estimates that were given; None where little is charged.
     """
-    word = verdict(difference, p_value, better)
+    word = contrast_verdict(difference, p_value, better)
     turned = word in ("better", "worse") and alone is not None and alone * difference.value < 0
     return size(difference.value) if turned else word
 
@@ -205,7 +205,7 @@ def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None
     return margin.at(best(a.value, b.value, key=abs), unit)
 
 
-def verdict(difference: Contrast, p_value: float, better: Direction | None) -> str:
+def contrast_verdict(difference: Contrast, p_value: float, better: Direction | None) -> str:
     """What is shown of the first of two, one of ``VERDICTS``.
 
     More runs lead from ``undecided`` to one of the others: the interval lies outside the margin, or inside.

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trackbench.base.types import Array, Indices, Mask
-from trackbench.metrics.breakdown import combined
+from trackbench.metrics.breakdown import breakdown_sums
 from trackbench.metrics.consistency import BEYOND, beyond_points
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.protocol import Chunk, Scope, SquaredErrors
-from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, Cells, ErrorSums, merge, stretches
+from trackbench.metrics.sums import ERROR, ERROR_FIELDS, BlockScores, Cells, ErrorSums, merge, stretch_numbers
 
 if TYPE_CHECKING:
     from trackbench.metrics.score_sequence import ScoreSequence
@@ -49,7 +49,7 @@ class _Summing:
         # Of a single run, each stretch of time has classes of its own.
         time = scope.target.time
         self._duration = float(time[-1] - time[0])
-        stretch = stretches(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
+        stretch = stretch_numbers(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
         self._stretches = int(stretch[-1]) + 1
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
         self._codes, place = np.unique(classes, return_inverse=True)
@@ -154,7 +154,7 @@ class _Summing:
         cell, run = np.nonzero(per_class[0])
         code, stretch = divmod(self._codes[cell], self._stretches)
         beyond = np.cumsum(self._passed[::-1, cell, run], axis=0)[::-1]
-        return Cells(code, run + stretch, np.concatenate([combined(per_class[:, cell, run]), beyond]))
+        return Cells(code, run + stretch, np.concatenate([breakdown_sums(per_class[:, cell, run]), beyond]))
 
     def _by_run(self, batch: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""

@@ -20,7 +20,7 @@ from trackbench.metrics.built_in import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope, SquaredErrors, run_column
-from trackbench.metrics.sums import BlockScores, Scores, stretches
+from trackbench.metrics.sums import BlockScores, Scores, stretch_numbers
 from trackbench.results import Health, MetricValue
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ def evaluate(
     if ESTIMATES.name in sums:
         blocks: BlockScores = sums[ESTIMATES.name]
         sensors = list(blocks.nis)
-        evaluation.sums[ESTIMATES.name] = scores_of(blocks, scene)
+        evaluation.sums[ESTIMATES.name] = independent_scores(blocks, scene)
     for metric in metrics:
         # The built-in ones of estimates rest on parts that are independent already.
         by_part = metric.accumulator is ESTIMATES
@@ -114,7 +114,7 @@ def carrying(error: MetricValue, variance: float) -> MetricValue:
     return error.model_copy(update={"ci95": ends})
 
 
-def scores_of(merged: BlockScores, scene: Indices) -> Scores:
+def independent_scores(merged: BlockScores, scene: Indices) -> Scores:
     """What the metrics of a tracker are made of.
 
     Runs of one scene share its traffic, so that with several scenes these are what is independent. A single run, and
@@ -157,7 +157,7 @@ def scores_of(merged: BlockScores, scene: Indices) -> Scores:
 def _nis_in_stretches(runs: Sequence[BlockScores], sensor: str) -> Array:
     """``(7, stretches)`` sums over the innovations of a sensor in single runs."""
     each = [(run.nis[sensor].per_step, run.duration) for run in runs]
-    return np.concatenate([_added(sums, stretches(sums.shape[1], duration)) for sums, duration in each], axis=1)
+    return np.concatenate([_added(sums, stretch_numbers(sums.shape[1], duration)) for sums, duration in each], axis=1)
 
 
 def _added(sums: Array, part: Indices) -> Array:

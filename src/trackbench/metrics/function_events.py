@@ -164,7 +164,7 @@ def events_of(
     return sorted(events, key=order)
 
 
-def instants(tables: Tables) -> Array:
+def drawn_instants(tables: Tables) -> Array:
     """``(instants,)`` s at which a sensor looks in the recorded run; without objects those with something to draw."""
     sources = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
     return np.unique(

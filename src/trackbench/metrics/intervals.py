@@ -229,7 +229,7 @@ def root(mean_square: Interval) -> Interval:
     return mean_square._replace(value=value, influence=influence, at_least=0.0, at_most=at_most, power=power)
 
 
-def scaled(interval: Interval, factor: float) -> Interval:
+def scaled_interval(interval: Interval, factor: float) -> Interval:
     """A positive ``factor`` times the value."""
     value, influence = interval.value * factor, interval.influence * factor
     at_least, at_most = interval.at_least * factor, interval.at_most * factor

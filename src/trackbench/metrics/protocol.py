@@ -53,7 +53,7 @@ class Scope:
 
     target: Target
     classes: Classes
-    """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`."""
+    """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`."""
     measurements: Mapping[str, int]
     """How many instants each sensor has."""
     tracker: str
@@ -199,7 +199,7 @@ class Fault(Exception):
         self.member = member
 
 
-def reject(cause: str, wrong: Mask, first: int) -> None:
+def raise_fault(cause: str, wrong: Mask, first: int) -> None:
     """Raise a Fault if an estimate ``(instants, batch)`` is wrong; ``first`` is the number of the first instant."""
     if np.any(wrong):
         step, member = np.argwhere(wrong)[0]

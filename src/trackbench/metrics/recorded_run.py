@@ -59,7 +59,7 @@ class RecordedRun:
         return Target(self.time, state, self.alive, due, starting, self.divergence, no_reference)
 
 
-def recorded_run(result: Result) -> RecordedRun:
+def load_recorded_run(result: Result) -> RecordedRun:
     """The recorded run, from the first to the last instant of a measurement."""
     tables, score = result.tables, result.summary.score
     objects = tuple(result.summary.truth.objects)

@@ -36,7 +36,7 @@ def built_in_metrics(hidden: bool, truth: bool = True) -> tuple[Metric, ...]:
     return tuple((TRACK_METRICS if truth else DETECTION_METRICS).values())
 
 
-def headline(metrics: Iterable[Metric]) -> str:
+def ranking_path(metrics: Iterable[Metric]) -> str:
     """The path of the metric that trackers are ranked by."""
     return next(metric.path for metric in metrics if metric.ranks)
 
@@ -44,7 +44,7 @@ def headline(metrics: Iterable[Metric]) -> str:
 def metric_paths(own: Iterable[Metric | type[Metric]] = (), hidden: bool = False, truth: bool = True) -> list[Field]:
     """What an expectation may name of the built-in metrics, as :func:`built_in_metrics`, and of others."""
     metrics = (*built_in_metrics(hidden, truth), *own)
-    return [*(field for metric in metrics for field in entries(metric)), *_HEALTH[hidden]]
+    return [*(field for metric in metrics for field in _metric_fields(metric)), *_HEALTH[hidden]]
 
 
 def by_path(
@@ -59,7 +59,7 @@ def by_path(
     }
 
 
-def entries(metric: Metric | type[Metric]) -> list[Field]:
+def _metric_fields(metric: Metric | type[Metric]) -> list[Field]:
     """What an expectation may name of a metric, or of one whose options are not known."""
     return metric.entries() if isinstance(metric, Metric) else metric.model_construct().entries()
 

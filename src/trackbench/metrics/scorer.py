@@ -21,7 +21,7 @@ from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.evaluate import accumulators
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, SquaredErrors, Target, reject
+from trackbench.metrics.protocol import Chunk, Fault, Innovation, Metric, Scope, SquaredErrors, Target, raise_fault
 from trackbench.metrics.silence import Silence
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 
@@ -68,7 +68,7 @@ class Scorer:
 
         Args:
             target: what the estimates are held against.
-            classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`.
+            classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.condition_classes`.
             measurements: how many instants each sensor has.
             tracker: whose estimates they are.
             first: whether it is the first block, whose percentiles are kept.
@@ -226,7 +226,7 @@ class Scorer:
         truth, expected = self._target.state[:, here], self._expected[here]
         finite, given = _masks(self._computed(GIVEN, estimates), "finite", "given")
         if not finite.all():
-            reject(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
+            raise_fault(NOT_FINITE, self._alive(here) & given & ~finite, here.start)
         self._silence.charge(estimates["mean"].reshape(4, *finite.shape), finite, here)
         shape = estimates["mean"].shape[1:]
         held_against = {
@@ -238,9 +238,9 @@ class Scorer:
         errors = self._computed(ERRORS, {**estimates, **held_against})
         definite, bounded = _masks(errors, "definite", "bounded")
         if not definite.all():
-            reject(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
+            raise_fault(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
         if not bounded.all():
-            reject(TOO_LARGE, ~bounded, here.start)
+            raise_fault(TOO_LARGE, ~bounded, here.start)
         return Chunk(
             instants=here,
             time=_read_only(self._target.time[here]),

@@ -48,7 +48,7 @@ LAGS = 20
 STRETCHES, SHORTEST = 20, 4.0
 
 
-def stretches(instants: int, duration: float) -> Indices:
+def stretch_numbers(instants: int, duration: float) -> Indices:
     """``(instants,)`` number of the stretch of each of the instants of so many seconds."""
     count = min(STRETCHES, max(1, int(duration / SHORTEST)))
     return np.arange(instants) * count // max(instants, 1)
@@ -73,7 +73,7 @@ class Cells:
     """Sums over the estimates of each class in each part, such as a run; those that occurred."""
 
     code: Indices
-    """``(cells,)`` the class, as :func:`trackbench.metrics.conditions.conditions` counts them."""
+    """``(cells,)`` the class, as :func:`trackbench.metrics.conditions.condition_classes` counts them."""
     part: Indices
     """``(cells,)`` number of the part."""
     values: Array
@@ -125,7 +125,7 @@ class BlockScores:
     @property
     def stretch(self) -> Indices:
         """``(instants,)`` number of the stretch of time of each instant of a single run."""
-        return stretches(self.errors.per_step.shape[1], self.duration)
+        return stretch_numbers(self.errors.per_step.shape[1], self.duration)
 
     @property
     def given(self) -> float:

@@ -42,7 +42,7 @@ FEWEST_RUNS = 5
 WHITENESS_TOLERANCE = 0.05
 
 
-def verdict(ci95: tuple[float, float] | None, dof: int) -> str:
+def mean_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
     """What the interval of a mean NEES or NIS says of the covariance.
 
     ``consistent``: shown to be within ``TOLERANCE`` of ``dof``. ``optimistic``: shown to be above, errors are larger
@@ -80,13 +80,13 @@ def tail_limits(point: str, under_condition: bool = False, factor: float = 1.0) 
 
 def tail_verdict(ci95: tuple[float, float], point: str, under_condition: bool = False) -> str:
     """What the interval of the share of the NEES beyond a point says of the covariance: ``heavy-tailed`` and
-    ``pessimistic`` where it is shown to be above and below :func:`tail_limits`; else as in ``verdict``."""
+    ``pessimistic`` where it is shown to be above and below :func:`tail_limits`; else as in ``mean_verdict``."""
     word = _consistency(ci95, *tail_limits(point, under_condition))
     return "heavy-tailed" if word == "optimistic" else word
 
 
 def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
-    """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``, as in ``verdict``."""
+    """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``; as ``mean_verdict``."""
     side = _side(ci95, -WHITENESS_TOLERANCE, WHITENESS_TOLERANCE)
     return "undecided" if side is None else "coloured" if side else "white"
 
@@ -117,7 +117,7 @@ def judged_parts(scores: ConditionScores, under_condition: bool = False) -> list
     return parts
 
 
-def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
+def condition_verdicts(breakdown: Breakdown) -> list[ConditionVerdict]:
     """The conditions with enough estimates: each manoeuvre, each range band and the first second; and the two halves of
     the NEES."""
     conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
@@ -125,7 +125,9 @@ def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
     return [*_judged(conditions.items(), breakdown.all.count), *_halves(breakdown.all)]
 
 
-def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict] = ()) -> str:
+def overall_verdict(
+    mean: float, whole: str, conditions: Sequence[ConditionVerdict], parts: Sequence[PartVerdict] = ()
+) -> str:
     """The verdict on a covariance from that over all estimates and those under each condition.
 
     ``consistent``: so over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
@@ -249,7 +251,11 @@ def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
     if word == "undecided" and breakdown is not None:
         conditions = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
         rows = [("", breakdown.all)]
-        rows += [(f"{item.name} ", conditions[item.name]) for item in judged(breakdown) if item.name in conditions]
+        rows += [
+            (f"{item.name} ", conditions[item.name])
+            for item in condition_verdicts(breakdown)
+            if item.name in conditions
+        ]
         for name, scores in rows:
             if not _is_complete(scores):
                 share = f"{name}{100 * scores.given / scores.count:.3g} % given, {100 * LEAST_COVERAGE:g} % needed"
@@ -269,7 +275,7 @@ def meaning(nees: MetricValue, breakdown: Breakdown | None) -> str:
 def only_where(nees: MetricValue, most: int = 2) -> str:
     """Where a covariance is off of which the mean NEES is undecided: "braking, velocity alone"; else empty."""
     word = nees.verdict
-    if word not in ("optimistic", "pessimistic") or nees.ci95 is None or verdict(nees.ci95, nees.dof or 4) == word:
+    if word not in ("optimistic", "pessimistic") or nees.ci95 is None or mean_verdict(nees.ci95, nees.dof or 4) == word:
         return ""
     conditions = nees.conditions or ()
     names = [condition.name for condition in conditions if condition.verdict == word]
@@ -285,7 +291,7 @@ NAMED = {
 }
 
 
-def named(nees: Mapping[str, MetricValue]) -> Iterator[tuple[str, str, dict[str, MetricValue]]]:
+def named_verdicts(nees: Mapping[str, MetricValue]) -> Iterator[tuple[str, str, dict[str, MetricValue]]]:
     """Each word of ``NAMED`` with its heading, and what it is said of, by name; those that are said of none are left
     out."""
     for word, heading in NAMED.items():

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from trackbench.base.errors import counted
 from trackbench.document.terminal import STYLE, fitting, hanging, print_hanging, print_table
-from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named, what_is_off
+from trackbench.metrics.verdicts import LEAST_COVERAGE, MEANING, NAMED, mean_text, meaning, named_verdicts, what_is_off
 from trackbench.report.functions import function_tables
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, intervals_in_short, joined, short
 from trackbench.report.pairs import Standing, standing
@@ -304,7 +304,7 @@ def _notes(result: Result) -> list[str]:
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     notes += words_explained(trackers)
-    for word, heading, of in named({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
+    for word, heading, of in named_verdicts({tracker.name: metric_of(tracker, "nees") for tracker in trackers}):
         # One tail, or three means, fit 80 columns.
         most = 1 if word == "heavy-tailed" else 3
         beside = any(nees.verdict != word for nees in of.values())

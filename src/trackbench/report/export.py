@@ -14,7 +14,7 @@ from pyarrow import csv
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import DUE, OPTIONAL, Array
-from trackbench.metrics.function_events import instants
+from trackbench.metrics.function_events import drawn_instants
 from trackbench.results import Result
 from trackbench.results.columns import split
 
@@ -40,7 +40,7 @@ def exported(result: Result, format: ExportFormat) -> Iterator[tuple[str, Callab
     if format == "events":
         yield "events.csv", lambda: _csv(result.tables.events)
         return
-    name, time = result.name, instants(result.tables)
+    name, time = result.name, drawn_instants(result.tables)
     yield f"mot/gt/{name}/gt/gt.txt", lambda: _lines(_objects(result, time))
     yield f"mot/gt/{name}/seqinfo.ini", lambda: _sequence(name, time)
     for tracker in result.summary.trackers:

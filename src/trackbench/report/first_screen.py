@@ -23,8 +23,7 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.metrics.verdicts import only_where
-from trackbench.metrics.verdicts import verdict as verdict_of_mean
+from trackbench.metrics.verdicts import mean_verdict, only_where
 from trackbench.report import tables
 from trackbench.report.association import against_oracle
 from trackbench.report.figures.map import map_of_run, map_of_tracks
@@ -154,5 +153,5 @@ def _judged(nees: MetricValue) -> Cell:
     """The main word of a covariance's verdict, of tracks that of their mean NEES, and where alone it holds."""
     if nees.value is None:
         return missing_cell(nees)
-    word = nees.verdict or verdict_of_mean(nees.ci95, nees.dof or 4)
+    word = nees.verdict or mean_verdict(nees.ci95, nees.dof or 4)
     return Cell(word, tuple(filter(None, (only_where(nees, 1), nees.also))), tone_of(nees, word), chip=True)

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
 from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.metrics.moments import EstimateMoment, worst
-from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.report.tables import TRACKER, text_table
 from trackbench.results import Result
@@ -21,7 +21,7 @@ def worst_moments(result: Result) -> dict[str, EstimateMoment]:
     """By tracker, best first, the scored moment of its largest position error in the recorded run."""
     if not result.scored:
         return {}
-    recorded = recorded_run(result)
+    recorded = load_recorded_run(result)
     names = [tracker.name for tracker in result.scored if tracker.name in recorded.tracks]
     return {name: moments[0] for name in names if (moments := worst(recorded, [name], 1))}
 

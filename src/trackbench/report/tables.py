@@ -11,7 +11,7 @@ from trackbench.document import Cell, Column, Table, Tone
 from trackbench.metrics.function_events import function_labels
 from trackbench.metrics.registry import metric_paths
 from trackbench.metrics.traffic import DETECTION_METRICS, TRACK_METRICS
-from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, only_where, verdict
+from trackbench.metrics.verdicts import LEAST_COVERAGE, WHITENESS_TOLERANCE, mean_verdict, only_where
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width, interval, percent, short, signed
 from trackbench.report.pairs import Pair, Pairs, standing
 from trackbench.results import MetricValue, Result, TrackerResult, sensor_words
@@ -54,7 +54,7 @@ def metric_of(tracker: TrackerResult, path: str) -> MetricValue:
 
 def tone_of(metric: MetricValue, word: str | None = None) -> Tone:
     """Of a verdict, its own unless given: where the mean is shown above what is right, that of an optimistic one."""
-    above = metric.dof is not None and verdict(metric.ci95, metric.dof) == "optimistic"
+    above = metric.dof is not None and mean_verdict(metric.ci95, metric.dof) == "optimistic"
     return "bad" if above else TONE[word or metric.verdict or ""]
 
 

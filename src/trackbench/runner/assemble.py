@@ -18,7 +18,7 @@ from trackbench.base.types import Array, Indices, Truth
 from trackbench.engine.equations import EngineUsed, joined
 from trackbench.metrics import Evaluation, Interval, Metric, health, no_metrics, ratio
 from trackbench.metrics.breakdown import breakdown
-from trackbench.metrics.differences import MOST_PAIRED, Family, differences
+from trackbench.metrics.differences import MOST_PAIRED, Family, tracker_differences
 from trackbench.metrics.evaluate import log_broken
 from trackbench.metrics.sums import ERROR
 from trackbench.metrics.traffic import TRACKS, run_sums
@@ -35,7 +35,7 @@ from trackbench.results.scenario_summary import (
 )
 from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.runner.block import Block
-from trackbench.runner.describe import describe
+from trackbench.runner.describe import describe_tracker
 from trackbench.runner.evaluated import Evaluated, evaluated, metrics_of_truth
 from trackbench.runner.expectations import judge
 from trackbench.runner.filed_run import offset_of
@@ -116,7 +116,7 @@ def assemble(
         intervals, values = (
             {name: getattr(scores.evaluations[name], field) for name in names} for field in ("intervals", "values")
         )
-        pairs = differences(intervals, work.metrics, margin, values, family)
+        pairs = tracker_differences(intervals, work.metrics, margin, values, family)
     min_coverage = 0.0 if hidden else work.min_coverage
     expectations = judge(scenario.expect, trackers, pairs, min_coverage)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -172,7 +172,7 @@ def _tracker(work: Work, name: str, scores: Evaluated, engine: EngineUsed | None
     associate = getattr(config, "associate", None)
     entry = {
         "name": name,
-        "describe": describe(config, work.late_sensors),
+        "describe": describe_tracker(config, work.late_sensors),
         "association": None if associate is None else associate.method,
         "baseline": getattr(config, "use", None) == BASELINE,
         "sensors": config.sensors_used,

@@ -19,7 +19,7 @@ from trackbench.base.types import Array, Gaussian, Progress, Scan, no_progress, 
 from trackbench.driving.processes import take_unshown
 from trackbench.engine.choice import draw_comparisons
 from trackbench.engine.equations import EngineUsed, joined
-from trackbench.metrics.breakdown import summed
+from trackbench.metrics.breakdown import sum_classes
 from trackbench.results import Failure
 from trackbench.runner.filed_run import FiledRun
 from trackbench.runner.first_velocity import first_velocities
@@ -135,7 +135,7 @@ def run_block(
         outcomes |= {name: tracker.close() for name, tracker in trackers.items()}
         for outcome in outcomes.values():
             if isinstance(outcome, LabelledOutcome) and outcome.scores.errors.classes is None:
-                summed(outcome.scores)
+                sum_classes(outcome.scores)
         engines |= {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
         random |= {name for name, tracker in trackers.items() if tracker.random}
     return Block(

@@ -13,7 +13,7 @@ from trackbench.trackers.initial import InitialConfig
 from trackbench.truth.config.filed import TracksConfig
 
 
-def describe(tracker: TrackerEntry, late: Collection[str]) -> str:
+def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:
     """A tracker in a few words; ``late``: names of the sensors whose scans are."""
     if isinstance(tracker, TracksConfig):
         moved = f", time offset {tracker.time_offset_s:g} s" if tracker.time_offset_s else ""

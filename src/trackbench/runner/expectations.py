@@ -24,7 +24,7 @@ def judge(
 def _judge(
     item: Expectation, tracker: TrackerResult, differences: Sequence[Difference], min_coverage: float
 ) -> ExpectationResult:
-    value = value_at(tracker, item.metric)
+    value = _value_at_path(tracker, item.metric)
     number = value if isinstance(value, float | int) else None
     note = silent = _silence(tracker, item.metric, min_coverage)
     operator: str
@@ -85,7 +85,7 @@ def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:
     return ""
 
 
-def value_at(tracker: TrackerResult, path: str) -> float | str | None:
+def _value_at_path(tracker: TrackerResult, path: str) -> float | str | None:
     """The value at a path that an expectation may name; None where there is none."""
     if path.startswith(HEALTH):
         count: float | None = getattr(tracker.health, path.removeprefix(HEALTH))

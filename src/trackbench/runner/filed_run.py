@@ -12,7 +12,7 @@ from trackbench.base.types import Array, Truth
 from trackbench.metrics.blocks import FEWEST, LONGER, OBJECTS, Blocks, blocks_of, correlation_time
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
-from trackbench.runner.filed_tracks import at_instants, inside, rows_of_run, truth_at, why_other_scans
+from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, SceneRuns
 from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.track_rows import TrackRows
@@ -195,7 +195,7 @@ class FiledRun(HiddenRun):
                 raise InputError(f"{where}: {problem}", file=config.path, key=f"trackers.{self.name}")
             there = inside(rows, shift, truth.time[0], truth.time[-1])
             self._counts += len(rows), there.sum(), not there.any()
-            history, stamp = at_instants(rows, self._time, shift)
+            history, stamp = tracks_at_instants(rows, self._time, shift)
             pairs = offset_pairs(rows, truth, number, shift, self._work.cutoff or 0.0)
             of_run = np.full((1, pairs.shape[1]), self._work.number(part.piece.scene, number))
             self._offsets.append(np.concatenate([of_run, pairs]))

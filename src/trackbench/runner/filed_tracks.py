@@ -84,7 +84,7 @@ def why_no_overlap(rows: TrackRows, offset: float, spans: Sequence[tuple[float, 
     return f"{what}: check the clocks and the units of time, or say what is to be added, time_offset_s (--time-offset)"
 
 
-def at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
+def tracks_at_instants(rows: TrackRows, time: Array, shift: float) -> FiledTracks:
     """At each instant the row of each track whose time stamp is nearest, if it is within half a period.
 
     The period is the median time between instants, or that of the file where it is longer, see ``period_of``. A track

@@ -38,7 +38,7 @@ class SequenceStep(NamedTuple):
     """Whether the tracker is scored by the estimate after it."""
 
 
-def steps_of(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
+def filter_steps(tracker: FilterTracker, state: TrackState, instants: Sequence[Sequence[Scan]]) -> list[SequenceStep]:
     """The steps of a tracker through the scans of the first of some instants that are mere steps of its filter.
 
     They end before an instant at which a track may start. There are none where a track is followed by position and
@@ -341,7 +341,7 @@ def through(
         None where they have to be taken step by step.
     """
     by, objects, runs = scorer.kernels, *scorer.shape
-    steps = steps_of(tracker, state, instants) if by and isinstance(tracker.computed_filter, FusedFilter) else []
+    steps = filter_steps(tracker, state, instants) if by and isinstance(tracker.computed_filter, FusedFilter) else []
     here = slice(first, first + (steps[-1].instant + 1 if steps else 0))
     if by is None or here.stop - first < LEAST or not scorer.has_all(state.started, here):
         return None

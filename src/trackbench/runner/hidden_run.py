@@ -28,7 +28,7 @@ from trackbench.metrics.traffic import (
 )
 from trackbench.metrics.traffic.assignment import NO_DETECTION
 from trackbench.metrics.traffic.run import in_stretches
-from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
+from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, scores_without_truth
 from trackbench.results import Failure
 from trackbench.runner.second_drives import SecondDrives
 from trackbench.runner.tracker_run import TrackerRun
@@ -259,7 +259,7 @@ class HiddenRun(TrackerRun[Tracks]):
         judged = self._judged_scans(run)
         taken = np.searchsorted([instant for instant, _, _ in self._taken], ends).tolist()
         until = tuple(score_without_truth(judged[:number]) if number else {} for number in taken)
-        return without_truth(score_without_truth(judged))._replace(until=until)
+        return scores_without_truth(score_without_truth(judged))._replace(until=until)
 
     def _truth_of(self, part: SceneRuns, run: int) -> TruthHistory:
         """The truth at the instants, in a run counted from the first of the piece."""

@@ -23,7 +23,7 @@ from trackbench.truth import LoadedTruth
 log = logging.getLogger(__name__)
 
 
-def run(
+def run_scenario(
     loaded: Scenario,
     truths: Sequence[LoadedTruth],
     *,
@@ -95,7 +95,7 @@ class PendingRun:
     def collect(
         self, command: str = "", progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
     ) -> Result:
-        """The result, once all runs are done; as ``run``."""
+        """The result, once all runs are done; as ``run_scenario``."""
         blocks = self._blocks.collect(progress, on_recorded_run)
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
         for name, lines in sum((block.unshown for block in blocks), Counter[str]()).items():

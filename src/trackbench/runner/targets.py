@@ -11,7 +11,7 @@ from trackbench.base.types import SAME_TIME, Array, Indices, Mask, of_runs
 from trackbench.driving.drive import deliveries
 from trackbench.engine.choice import compute_by, kernels_of
 from trackbench.metrics import Target
-from trackbench.metrics.conditions import FIRST, Classes, conditions, out_of_view
+from trackbench.metrics.conditions import FIRST, Classes, condition_classes, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.metrics.silence import measured_positions
 from trackbench.models.sensors import SENSOR_MODELS
@@ -83,7 +83,7 @@ class Targets:
         if sensors not in self._conditions:
             read = [sensor for sensor in self._scene.sensors if sensor.name in sensors]
             scene = self._scene
-            self._conditions[sensors] = conditions(scene.truth, scene.instants(), read, self._piece.runs)
+            self._conditions[sensors] = condition_classes(scene.truth, scene.instants(), read, self._piece.runs)
         return self._conditions[sensors]
 
     def _where_due(self, shape: tuple[int, int]) -> tuple[Mask, Mask]:

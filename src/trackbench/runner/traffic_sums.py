@@ -40,7 +40,7 @@ class TrafficSums:
         self.runs += 1
         parts = np.stack(scores.gospa)
         self.gospa = parts if not self.gospa.size else self.gospa + parts
-        self.existence = summed([self.existence, scores.existence])
+        self.existence = summed_existence([self.existence, scores.existence])
         self.events += [(run, event) for event in scores.events]
         if recorded:
             self.recorded, self.strips = run, scores.strips
@@ -48,7 +48,7 @@ class TrafficSums:
             self.events = dearest(self.events, self.recorded)
 
 
-def summed(bins: Sequence[ExistenceBins | None]) -> ExistenceBins | None:
+def summed_existence(bins: Sequence[ExistenceBins | None]) -> ExistenceBins | None:
     """The sums of several; None where none has any."""
     stated = [each for each in bins if each is not None]
     return ExistenceBins(*(sum(column) for column in zip(*stated, strict=True))) if stated else None

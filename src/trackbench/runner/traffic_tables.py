@@ -22,7 +22,7 @@ from trackbench.runner.evaluated import Evaluated
 from trackbench.runner.function_tables import function_records
 from trackbench.runner.hidden_run import TrafficScores
 from trackbench.runner.tables import Records, road_records, run_keys, scan_record, truth_records
-from trackbench.runner.traffic_sums import TrafficSums, dearest, summed
+from trackbench.runner.traffic_sums import TrafficSums, dearest, summed_existence
 from trackbench.runner.work import Work
 from trackbench.trackers.answers import NO_TRACK
 from trackbench.trackers.config import FilterConfig
@@ -249,7 +249,7 @@ def _association_record(name: str, evaluation: Evaluation) -> Record:
 
 def _existence_record(name: str, blocks: Sequence[TrafficSums]) -> Record:
     """Empty where the tracker states no existence probabilities."""
-    bins = summed([block.existence for block in blocks])
+    bins = summed_existence([block.existence for block in blocks])
     if bins is None:
         return {}
     sums = dict(zip(("stated", "real", "count"), (np.asarray(each, dtype=float) for each in bins), strict=True))

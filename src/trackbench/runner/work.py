@@ -24,7 +24,7 @@ from trackbench.functions import Ego, EgoScene
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
-from trackbench.metrics.registry import built_in_metrics, headline
+from trackbench.metrics.registry import built_in_metrics, ranking_path
 from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.models.sensors import Sensor
 from trackbench.results import Failure
@@ -231,7 +231,7 @@ class Work:
     @property
     def headline(self) -> str:
         """The metric that trackers are ranked by."""
-        return headline(BUILT_IN if self.cutoff is None else TRACK_METRICS.values())
+        return ranking_path(BUILT_IN if self.cutoff is None else TRACK_METRICS.values())
 
     @property
     def has_truth(self) -> bool:

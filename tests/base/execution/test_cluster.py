@@ -16,7 +16,7 @@ from tests.base.execution.results import without_times
 from trackbench.base.errors import InputError
 from trackbench.base.execution import cluster as dask_cluster
 from trackbench.base.execution import executor
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 
@@ -67,17 +67,17 @@ def test_a_cluster_of_which_a_worker_is_killed_gives_the_same_bits(
     with executor(cluster=address) as cluster:
         while "(2 workers)" not in str(cluster):
             time.sleep(0.05)
-        found = run(line, truths, executor=cluster, progress=kill)
+        found = run_scenario(line, truths, executor=cluster, progress=kill)
         assert "(1 workers)" in str(cluster)
     assert alive == [2], "killed with ten of twelve blocks to do"
-    assert without_times(found) == without_times(run(line, truths))
+    assert without_times(found) == without_times(run_scenario(line, truths))
 
 
 def test_a_cluster_of_this_machine_gives_the_same_bits_and_leaves_no_process(line: Scenario) -> None:
     truths = truths_of(line)
     with executor(cluster="local:2") as cluster:
-        found = run(line, truths, executor=cluster)
-    assert without_times(found) == without_times(run(line, truths))
+        found = run_scenario(line, truths, executor=cluster)
+    assert without_times(found) == without_times(run_scenario(line, truths))
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,11 @@ from tests.base.execution.results import without_times
 
 from trackbench.api.plan import Listener, RunPlan
 from trackbench.api.session import prepare
-from trackbench.api.session import run as run_all
+from trackbench.api.session import run_scenario as run_all
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.execution import Here, InProcess, Shared, Task, executor, one_blas_thread, task
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -37,7 +37,7 @@ Write = Callable[..., Scenario]
 def test_two_processes_give_the_same_bits(line: Scenario) -> None:
     truths = truths_of(line)
     with executor(2) as two:
-        assert without_times(run(line, truths, executor=two)) == without_times(run(line, truths))
+        assert without_times(run_scenario(line, truths, executor=two)) == without_times(run_scenario(line, truths))
 
 
 def test_a_killed_worker_changes_nothing(line: Scenario) -> None:
@@ -54,9 +54,9 @@ def test_a_killed_worker_changes_nothing(line: Scenario) -> None:
 
     truths = truths_of(line)
     with executor(2) as two:
-        found = run(line, truths, executor=two, progress=kill)
+        found = run_scenario(line, truths, executor=two, progress=kill)
     assert killed
-    assert without_times(found) == without_times(run(line, truths))
+    assert without_times(found) == without_times(run_scenario(line, truths))
     assert set(multiprocessing.active_children()) == others
 
 
@@ -78,9 +78,9 @@ def test_a_run_that_takes_long_is_made_by_others_too(line: Scenario, monkeypatch
     seen: list[int] = []
     truths = truths_of(line)
     with executor(None) as shared:
-        found = run(line, truths, executor=shared, progress=lambda *_: seen.append(len(workers() - others)))
+        found = run_scenario(line, truths, executor=shared, progress=lambda *_: seen.append(len(workers() - others)))
     assert max(seen) == 1
-    assert without_times(found) == without_times(run(line, truths))
+    assert without_times(found) == without_times(run_scenario(line, truths))
     assert workers() == others
 
 
@@ -91,7 +91,7 @@ def workers() -> set[Any]:
 def test_a_short_run_is_made_in_this_process(line: Scenario) -> None:
     before = workers()
     with executor(None) as shared:
-        run(load_scenario(line.path, ["monte_carlo.runs=4"]), truths_of(line), executor=shared)
+        run_scenario(load_scenario(line.path, ["monte_carlo.runs=4"]), truths_of(line), executor=shared)
         assert workers() == before
 
 
@@ -100,7 +100,7 @@ def test_on_one_core_nobody_helps(line: Scenario, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(loky, "cpu_count", lambda: 1)
     before = workers()
     with executor(None) as shared:
-        run(line, truths_of(line), executor=shared)
+        run_scenario(line, truths_of(line), executor=shared)
         assert workers() == before
 
 

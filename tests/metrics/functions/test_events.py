@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackbench.metrics.functions.events import TOLERANCE, answers, spans
+from trackbench.metrics.functions.events import TOLERANCE, match_events, spans
 
 Interval = tuple[int, int, int]
 
@@ -53,7 +53,7 @@ def test_random_activity_is_matched_as_by_hand(seed: int):
     events, mine = spans(truth, time), spans(own, time)
     assert list(zip(*(each.tolist() for each in events), strict=True)) == intervals(truth, time)
     impact = np.where([True, False, True, False], np.inf, time[-1])
-    result = answers(events, mine, time, impact)
+    result = match_events(events, mine, time, impact)
     delays, missing, false = brute(intervals(truth, time), intervals(own, time), time, impact)
     np.testing.assert_allclose(result.delay, delays, atol=1e-9)
     assert result.missing.tolist() == missing
@@ -81,7 +81,7 @@ def test_a_warning_is_in_time_only_near_its_event(own: list[tuple[float, float]]
     def active(*parts: tuple[float, float]) -> np.ndarray:
         return np.any([(time > start - 1e-9) & (time < stop - 1e-9) for start, stop in parts], axis=0)[:, None]
 
-    result = answers(spans(active((3, 5)), time), spans(active(*own), time), time, np.array([np.inf]))
+    result = match_events(spans(active((3, 5)), time), spans(active(*own), time), time, np.array([np.inf]))
     assert result.delay.tolist() == pytest.approx([delay])
     assert result.false.tolist() == false
 
@@ -93,7 +93,7 @@ def test_a_missing_warning_counts_as_no_less_than_the_latest_one(length: int):
     events = spans(event, time)
     last = events.stop[0] + round(TOLERANCE / 0.1)
     late, never = (
-        answers(events, spans((np.arange(100) >= start)[:, None], time), time, np.array([np.inf]))
+        match_events(events, spans((np.arange(100) >= start)[:, None], time), time, np.array([np.inf]))
         for start in (last, 100)
     )
     assert not late.missing[0]
@@ -107,5 +107,5 @@ def test_so_many_scans_are_the_same_delay_wherever_they_are():
     for start in range(0, 150, 7):
         truth, own = (np.zeros((200, 1), dtype=bool) for _ in range(2))
         truth[start : start + 20], own[start + 3 : start + 20] = True, True
-        delays |= set(answers(spans(truth, time), spans(own, time), time, np.array([np.inf])).delay.tolist())
+        delays |= set(match_events(spans(truth, time), spans(own, time), time, np.array([np.inf])).delay.tolist())
     assert delays == {0.15}

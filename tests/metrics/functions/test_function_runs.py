@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trackbench.results import Result
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
@@ -41,7 +41,7 @@ def result_of(folder: Path, text: str, **changes: str) -> Result:
     file = folder / "scenario.yaml"
     file.write_text(text, encoding="utf-8")
     loaded = load_scenario(file)
-    return run(loaded, truths_of(loaded))
+    return run_scenario(loaded, truths_of(loaded))
 
 
 @pytest.fixture(scope="module")

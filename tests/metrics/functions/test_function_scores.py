@@ -9,7 +9,7 @@ from trackbench.functions import Decision
 from trackbench.functions.emergency_braking import EmergencyBraking
 from trackbench.functions.following_distance import FollowingDistance
 from trackbench.functions.forward_collision_warning import ForwardCollisionWarning
-from trackbench.metrics.functions.sums import Decisions, FunctionScores, scores_of
+from trackbench.metrics.functions.sums import Decisions, FunctionScores, score_decisions
 from trackbench.metrics.functions.table import function_metrics
 from trackbench.metrics.intervals import Interval, clustered
 
@@ -27,7 +27,7 @@ def scores(
     truth: Decision, tracks: Decision, overlap: float = np.inf, function: type = ForwardCollisionWarning
 ) -> FunctionScores:
     hit = np.broadcast_to(TIME[:, None] > overlap - 1e-9, truth.active.shape)
-    return scores_of(Decisions(truth, tracks, tracks.object >= 0, hit), TIME, function())
+    return score_decisions(Decisions(truth, tracks, tracks.object >= 0, hit), TIME, function())
 
 
 def metric(name: str, sums: FunctionScores, function: type = ForwardCollisionWarning):
@@ -77,7 +77,7 @@ def test_a_wrong_lead_is_another_object_none_or_one_where_there_is_none():
     tracks.object[(TIME < 2.45) & (TIME > 1.95), 0] = 1
     ghost = tracks._replace(object=np.where(np.arange(4) == 2, -1, tracks.object))
     chose = tracks.object >= 0
-    sums = scores_of(Decisions(truth, ghost, chose, np.zeros_like(chose)), TIME, FollowingDistance())
+    sums = score_decisions(Decisions(truth, ghost, chose, np.zeros_like(chose)), TIME, FollowingDistance())
     assert metric("lead_errors", sums, FollowingDistance).value == pytest.approx((5 + 10 + 10) / (20 + 20 + 10))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.metrics.moments import scene_at
-from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.subjects.envelope.causes import condition_of, event_of
 
 CAR: dict[str, Any] = {"start": {"x": 30, "y": 5, "speed_mps": 10}}
@@ -66,7 +66,7 @@ def test_of_a_function_it_is_what_it_did_on_the_tracks() -> None:
     if text:
         (estimate,) = (
             found
-            for found in scene_at(result, recorded_run(result), event.time_s).estimates
+            for found in scene_at(result, load_recorded_run(result), event.time_s).estimates
             if (found.tracker, found.object) == (name, "lead")
         )
         position, velocity = estimate.position_error_m, estimate.velocity_error_mps

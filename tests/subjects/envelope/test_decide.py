@@ -8,7 +8,7 @@ from benchmarks.calibration.bounds import lognormal
 from benchmarks.calibration.cells import CELLS, decided, levels_of, looks, planted
 from scipy import stats
 
-from trackbench.metrics.bounds import bound, difference
+from trackbench.metrics.bounds import bound, interval_difference
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.subjects.envelope.cells import Spending, changed, decide, together
 
@@ -67,7 +67,7 @@ def test_a_cell_holds_with_all_its_requirements_and_fails_with_one() -> None:
 @pytest.mark.parametrize("same_runs", [True, False])
 def test_a_cell_goes_from_holds_to_fails_where_the_value_is_shown_to_be_worse(same_runs: bool) -> None:
     before, after = values_of(0.7), values_of(1.5, seed=1 if same_runs else 2)
-    worse, better = (difference(*pair, same_runs=same_runs) for pair in ((after, before), (before, after)))
+    worse, better = (interval_difference(*pair, same_runs=same_runs) for pair in ((after, before), (before, after)))
     assert changed("holds", "fails", worse, "below", 1e-4)
     assert changed("holds", "fails", better, "above", 1e-4)
     assert not changed("holds", "fails", better, "below", 1e-4)

@@ -18,7 +18,7 @@ from trackbench.base.types import Gaussian
 from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
-from trackbench.runner.run import run
+from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.subjects.recording import live, painter
@@ -60,7 +60,7 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
         # Six hundred megabytes, which no pipe and no connection takes: a call that waits for it waits for ever.
         for _ in range(10_000):
             viewer.observe(instant)
-        result = run(loaded, [truth], on_recorded_run=viewer.observe)
+        result = run_scenario(loaded, [truth], on_recorded_run=viewer.observe)
         viewer.end(result)
         viewer.close()
     finally:
@@ -91,7 +91,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, Load
     viewer = Live(ABSENT)
     stop(viewer)
     viewer.begin(Prepared(loaded, [truth]))
-    result = run(loaded, [truth], on_recorded_run=viewer.observe)
+    result = run_scenario(loaded, [truth], on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
     assert viewer.lost
@@ -110,7 +110,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
     monkeypatch.undo()
     try:
         viewer.begin(Prepared(scene[0], [scene[1]]))
-        viewer.end(run(scene[0], [scene[1]]))
+        viewer.end(run_scenario(scene[0], [scene[1]]))
         viewer.close()
         assert viewer._process.wait(timeout=30) != 0
     finally:
@@ -123,7 +123,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    result = run(loaded, [truth], on_recorded_run=seen.append)
+    result = run_scenario(loaded, [truth], on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
         drawing = Painter(name)
@@ -162,7 +162,7 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
 ) -> None:
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    run(scene[0], [scene[1]], on_recorded_run=seen.append)
+    run_scenario(scene[0], [scene[1]], on_recorded_run=seen.append)
     for item in seen[4:]:
         del item.estimates["ekf"]
     drawing = Painter("failing")

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.moments import worst
-from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.results import Result
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.contents import labels, laid_over, same_traffic
@@ -119,7 +119,7 @@ def shown_views(file: Path) -> set[str]:
 def test_a_recording_opens_where_the_error_is(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
     result = pair["old"]
     recording.write(result, tmp_path / "run.rrd")
-    run = recorded_run(result)
+    run = load_recorded_run(result)
     # raw filters nothing, so it is not what --worst looks for.
     (first, second) = worst(run, ["ekf"], 2)
     for number, moment in enumerate((first, second), start=1):
@@ -141,7 +141,7 @@ def test_the_worst_moment_of_runs_that_are_laid_over_is_that_of_any(
 ) -> None:
     for name, result in pair.items():
         result.save(tmp_path / name, {})
-    moments = [worst(recorded_run(result), ["ekf"], 1)[0] for result in pair.values()]
+    moments = [worst(load_recorded_run(result), ["ekf"], 1)[0] for result in pair.values()]
     largest = max(moments, key=lambda moment: moment.position_error_m or 0.0)
     with playable([tmp_path / name for name in pair], Opening(worst=1)) as ready:
         assert ready.time_s == largest.time_s

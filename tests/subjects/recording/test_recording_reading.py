@@ -18,7 +18,7 @@ import rerun as rr
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.metrics.moments import worst
-from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.results import Result, Tables, to_json
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
@@ -139,7 +139,7 @@ def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
-    recorded = recorded_run(read(folder).result)
+    recorded = load_recorded_run(read(folder).result)
     for tracker in recorded.tracks:
         moments = worst(recorded, [tracker], 3)
         track = recorded.tracks[tracker]
@@ -269,7 +269,7 @@ def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[...,
 
 
 def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
-    recorded = recorded_run(read(folder).result)
+    recorded = load_recorded_run(read(folder).result)
     recorded.tracks["ekf"].nees[:] = np.nan
     assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}
 

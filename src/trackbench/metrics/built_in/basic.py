@@ -12,7 +12,7 @@ from trackbench.base.types import Array
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.intervals import Interval, ratio, root, scaled_interval
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
@@ -21,11 +21,11 @@ from trackbench.metrics.verdicts import (
     TRUST,
     WHITENESS,
     WHITENESS_TOLERANCE,
+    condition_verdicts,
     heavy_beside,
-    judged,
     judged_parts,
-    together,
-    verdict,
+    mean_verdict,
+    overall_verdict,
     whiteness_verdict,
 )
 from trackbench.results import MetricValue
@@ -61,7 +61,7 @@ class RootMeanSquare(EstimateMetric):
             return self.no_value(f"there is no estimate of {what} to score")
         total = sum(sums.per_part[ERROR[row]] for row in self.rows)
         error = root(ratio(np.asarray(total), count, scenes=sums.scenes))
-        return scaled(error, math.degrees(1.0)) if self.unit == "deg" else error
+        return scaled_interval(error, math.degrees(1.0)) if self.unit == "deg" else error
 
     def without_charged(self, sums: Scores) -> tuple[float, float] | None:
         total, charged = (
@@ -144,12 +144,12 @@ class Nees(EstimateMetric):
         mean = ratio(total, count, at_least=0.0, scenes=sums.scenes)
         value = _chi_square(mean, 4, inside)
         scores = breakdown(sums.classes)
-        conditions, parts = judged(scores), judged_parts(scores.all)
+        conditions, parts = condition_verdicts(scores), judged_parts(scores.all)
         whole = value.verdict if sums.given >= LEAST_COVERAGE * sums.due else "undecided"
         if whole is None or (whole == "consistent" and not parts):
             # Too few to tell anything of the tails.
             whole = "undecided"
-        word = together(mean.value, whole, conditions, parts)
+        word = overall_verdict(mean.value, whole, conditions, parts)
         also = heavy_beside(word, mean.value, conditions, parts)
         judgement = {"verdict": word, "also": also, "conditions": tuple(conditions), "parts": tuple(parts)}
         return value.model_copy(update=judgement)
@@ -296,7 +296,9 @@ def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
     value = mean.as_value("1")
     # Innovations that are zero in every run are too small, whatever is not known of other runs.
     certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else value.ci95
-    return value.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": verdict(certain, dof)})
+    return value.model_copy(
+        update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": mean_verdict(certain, dof)}
+    )
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:

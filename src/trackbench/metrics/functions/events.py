@@ -51,7 +51,7 @@ class Answers(NamedTuple):
     """``(N,)`` the intervals that answer no event, or that begin too early."""
 
 
-def answers(events: Spans, own: Spans, time: Array, impact: Array) -> Answers:
+def match_events(events: Spans, own: Spans, time: Array, impact: Array) -> Answers:
     """Match the intervals of a tracker with the events.
 
     An interval answers an event where it is active in it, or begins up to ``TOLERANCE`` after its end; of several the

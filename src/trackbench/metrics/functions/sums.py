@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.functions import Decision, EgoScene, Function, Objects
 from trackbench.functions.path import on_path
 from trackbench.functions.protocol import NO_OBJECT, NOMINAL_SIZE
-from trackbench.metrics.functions.events import TOLERANCE, Spans, answers, spans
+from trackbench.metrics.functions.events import TOLERANCE, Spans, match_events, spans
 from trackbench.metrics.protocol import Chunk, Scope
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class FunctionSums:
         if isinstance(chunk, Chunk):
             sums.append(decisions_of_chunk(self.function, chunk, sums[0]))
         else:
-            sums.append(scores_of(decisions_of_run(self.function, chunk), chunk.truth.time, self.function))
+            sums.append(score_decisions(decisions_of_run(self.function, chunk), chunk.truth.time, self.function))
         return sums
 
     def close(self, sums: list[Any]) -> FunctionScores:
@@ -120,7 +120,7 @@ class FunctionSums:
             return self.merge(sums)
         scope, *chunks = sums
         whole = _joined(chunks, scope.runs)
-        return scores_of(whole, scope.target.time[: len(whole.overlap)], self.function)
+        return score_decisions(whole, scope.target.time[: len(whole.overlap)], self.function)
 
     def merge(self, blocks: Sequence[FunctionScores]) -> FunctionScores:
         sums, delay, missing, events, false = zip(*blocks, strict=True)
@@ -213,7 +213,7 @@ def _joined(chunks: Sequence[Decisions], runs: int) -> Decisions:
     return Decisions(truth, tracks, every(chose), every(overlap))
 
 
-def scores_of(decisions: Decisions, time: Array, function: Function) -> FunctionScores:
+def score_decisions(decisions: Decisions, time: Array, function: Function) -> FunctionScores:
     """The sums of each run from all its decisions, at times ``(instants,)`` s.
 
     A drive ends at the first impact, where an object of the truth overlaps the ego: nothing counts from there on. So a
@@ -226,7 +226,7 @@ def scores_of(decisions: Decisions, time: Array, function: Function) -> Function
     last = np.minimum(driving.sum(axis=0), len(time) - 1)
     events, own = spans(truth.active, time), spans(tracks.active, time)
     impact = np.where(driving.all(axis=0), np.inf, time[last])
-    result = answers(events, own, time, impact)
+    result = match_events(events, own, time, impact)
 
     def by_run(run: Indices, values: Array | None = None) -> Array:
         return np.bincount(run, values, runs).astype(float)

@@ -109,13 +109,13 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
         settled = gains > _best_other(cells[0], gains) + _best_other(cells[1], gains)
         chosen[left[settled]] = True
         left = left[~(among(cells[0], cells[0][settled]) | among(cells[1], cells[1][settled]))]
-    for part in parts_of(group[left]):
+    for part in equal_stretches(group[left]):
         own = left[part]
         chosen[own[matched_in_group(row[own], column[own], gain[own])]] = True
     return chosen
 
 
-def parts_of(group: Indices) -> list[slice]:
+def equal_stretches(group: Indices) -> list[slice]:
     """The stretches of equal numbers."""
     if not len(group):
         return []

@@ -43,7 +43,7 @@ class Stretches(NamedTuple):
     """Whether it is the owner's last stretch."""
 
 
-def stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
+def _paired_stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
     """Instants at which the owner is not there are passed over.
 
     Args:
@@ -86,7 +86,7 @@ class _Partners(NamedTuple):
         self.object[pairs.instant, pairs.column] = pairs.object
 
 
-def costs(of_gospa: Counted, of_clear: Counted) -> Costs:
+def _event_costs(of_gospa: Counted, of_clear: Counted) -> Costs:
     """Half of the squared cutoff for each due object and each track that GOSPA leaves without a partner.
 
     CLEAR, by whose matching events are told, can have a partner for it that GOSPA gives to another one, which in CLEAR
@@ -145,7 +145,7 @@ class TrafficEvent(NamedTuple):
     """m, of the object, or of the track where there is none."""
     y: float
     cost: float
-    """m^2, by :func:`costs`: the part of squared GOSPA that is due to what is missed or false. confirmed: of the
+    """m^2, by :func:`_event_costs`: the part of squared GOSPA that is due to what is missed or false. confirmed: of the
     instants before without a track; lost, merged: of those until it has one; false: of those until the track is on an
     object. switched: as in T-GOSPA."""
     why: str
@@ -217,7 +217,7 @@ def events(
     counts = np.zeros(column_of.shape, dtype=bool)
     instant, column = np.nonzero(counted.present)
     counts[instant, counted.track[instant, column]] = True
-    shared = costs(of_gospa, counted)
+    shared = _event_costs(of_gospa, counted)
     line = _Timeline(truth, tracks, counted, track_of, object_of, optional_of, column_of, counts, shared)
     rows = [*_births(line), *_of_objects(line), *_of_tracks(line), *_of_gospa_alone(line)]
     rows += _switched(line, changes, switch**2)
@@ -235,7 +235,7 @@ def _births(line: _Timeline) -> Iterator[TrafficEvent]:
 
 def _of_objects(line: _Timeline) -> Iterator[TrafficEvent]:
     time = line.truth.time
-    spans = stretches(line.counted.due, line.track_of != NO_TRACK, line.costs.missed)
+    spans = _paired_stretches(line.counted.due, line.track_of != NO_TRACK, line.costs.missed)
     waited: float | None = None
     since = 0
     for item, paired, start, before, cost, last in zip(*(values.tolist() for values in spans), strict=True):
@@ -280,7 +280,7 @@ def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) ->
 
 
 def _of_tracks(line: _Timeline) -> Iterator[TrafficEvent]:
-    spans = stretches(line.counts, line.object_of != NOBODY, line.costs.false)
+    spans = _paired_stretches(line.counts, line.object_of != NOBODY, line.costs.false)
     for track, paired, start, before, cost, _ in zip(*(values.tolist() for values in spans), strict=True):
         if paired:
             continue

@@ -12,9 +12,9 @@ from trackbench.metrics.traffic.assignment import (
     NearPairs,
     among,
     best_matching,
+    equal_stretches,
     last_instant_before,
     matched_in_group,
-    parts_of,
 )
 
 NO_TRACK = NOBODY = -1
@@ -56,7 +56,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
     track_of[pairs.instant[alone], pairs.object[alone]] = pairs.track[alone]
     before = last_instant_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
     contested = np.flatnonzero(~alone)
-    for part in parts_of(pairs.instant[contested]):
+    for part in equal_stretches(pairs.instant[contested]):
         own = contested[part]
         instant, item, track = pairs.instant[own[0]], pairs.object[own], pairs.track[own]
         kept = track_of[before[instant], item] == track if before[instant] >= 0 else np.zeros(len(own), dtype=bool)

@@ -56,7 +56,7 @@ def score_without_truth(scans: list[UnlabelledScan]) -> RunSums:
     return {path: sums for path, sums in sums.items() if sums[1] > 0}
 
 
-def without_truth(values: RunSums) -> RunScores:
+def scores_without_truth(values: RunSums) -> RunScores:
     """The scores of a run of which nothing else is known."""
     none = np.zeros(0)
     parts = GospaParts(none, none, none)

@@ -100,7 +100,7 @@ def changed(before: State, after: State, difference: Interval, direction: Direct
     Args:
         before: the state in one map.
         after: that in the other.
-        difference: the value after minus the value before, see :func:`trackbench.metrics.bounds.difference`.
+        difference: the value after minus the value before, see :func:`trackbench.metrics.bounds.interval_difference`.
         direction: where the value has to be.
         level: what one cell may spend.
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from trackbench.base.errors import InputError, counted
-from trackbench.metrics.bounds import difference
+from trackbench.metrics.bounds import interval_difference
 from trackbench.metrics.intervals import Interval
 from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
@@ -202,7 +202,7 @@ def _is_worse(
         intervals = [_interval(made, place, limit) for made, place in zip((before, after), places, strict=True)]
         if any(item is None for item in intervals):
             continue
-        change = difference(intervals[1], intervals[0], same_runs=paired)  # type: ignore[arg-type]
+        change = interval_difference(intervals[1], intervals[0], same_runs=paired)  # type: ignore[arg-type]
         if changed(was[number].state, now[number].state, change, limit.direction, level / len(own)):
             return True
     return False

@@ -17,7 +17,7 @@ from trackbench.base.types import NotedProgress, no_progress
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.metrics import Evaluation, Metric
-from trackbench.metrics.bounds import difference
+from trackbench.metrics.bounds import interval_difference
 from trackbench.results import Failure
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
@@ -357,7 +357,7 @@ class EnvelopeMap:
             against = other.runs.evaluated(metrics, self.task.config.claim).intervals.get(item.metric)
             if against is None:
                 return None
-            interval = difference(interval, against, same_runs=True)
+            interval = interval_difference(interval, against, same_runs=True)
         if interval is None:
             return None
         return decide(interval, item.limit, item.direction, self._spending.at(looks - 1), requirements)

@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 from trackbench.base.errors import counted
 from trackbench.document.palette import tracker_colours
 from trackbench.metrics.function_events import FunctionEvent, function_events
-from trackbench.metrics.verdicts import named, only_where, what_is_off
+from trackbench.metrics.verdicts import named_verdicts, only_where, what_is_off
 from trackbench.report.numbers import reach
 from trackbench.results import (
     MOST_DRAWN,
@@ -271,7 +271,7 @@ def ranking(result: Result) -> str:
         lines += _failed({tracker.name: result.why_unscored(tracker) for tracker in result.unscored})
     else:
         lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
-        for word, heading, of in named({tracker.name: tracker.nees for tracker in result.scored}):
+        for word, heading, of in named_verdicts({tracker.name: tracker.nees for tracker in result.scored}):
             lines += ["", f"*{word}*: {heading}:", ""]
             lines += [f"- **{name}**: {what_is_off(nees, word=word)}" for name, nees in of.items()]
     if summary.expectations:

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.errors import InputError, counted
 from trackbench.metrics.function_events import TrackEvent, events_of, function_events
 from trackbench.metrics.moments import distinct, require_name, require_time, worst
-from trackbench.metrics.recorded_run import recorded_run
+from trackbench.metrics.recorded_run import load_recorded_run
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
 
@@ -67,7 +67,7 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         vehicle, beside = _vehicle_at(results[0], event)
         return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
     if opening.worst is not None:
-        runs = [recorded_run(result) for result in results]
+        runs = [load_recorded_run(result) for result in results]
         names = list(dict.fromkeys(name for run in runs for name in run.tracks))
         trackers = [tracker.name for result in results for tracker in result.filtering] or names
         if opening.tracker is not None:

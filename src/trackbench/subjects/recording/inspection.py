@@ -18,7 +18,7 @@ from trackbench.metrics.built_in.basic import RootMeanSquare
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.function_events import FunctionEvent, TrackEvent, function_events
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, require_time, scene_at, worst
-from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, recorded_run
+from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack, load_recorded_run
 from trackbench.metrics.silence import measured_positions
 from trackbench.results import Health, Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
@@ -191,7 +191,7 @@ def inspect(
         events = None if count is None else costly_events(result, tracker, vehicle)[:count]
         moment = None if at is None else _tracks_at(result, at, tracker)
         return Inspection(recorded, list(result.scored), at=moment, worst=events, of_function=of_function)
-    run = recorded_run(result)
+    run = load_recorded_run(result)
     scored = rescored(result, run)
     first = [item.name for item in result.filtering if item.name in run.tracks]
     trackers = [*dict.fromkeys([*first, *run.tracks])]

@@ -14,7 +14,7 @@ from trackbench.base.types import COMMON_STATE, DUE, Array
 from trackbench.document.palette import BOUND_COLOUR, mode_colours
 from trackbench.document.replay import Chart, ChartLine
 from trackbench.metrics.consistency import mean_bounds, point95
-from trackbench.metrics.function_events import instants
+from trackbench.metrics.function_events import drawn_instants
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.subjects.recording.contents import Contents
 
@@ -272,7 +272,7 @@ def charts_of_tracks(contents: Contents) -> list[Chart]:
     parts = [
         Chart((ALL_RUNS, name), title, "m", _lines(steps, name, colours, gap=np.inf)) for name, title in PARTS.items()
     ]
-    time = instants(tables)
+    time = drawn_instants(tables)
     tracks = {tracker: rows["time_s"] for tracker, rows in _by_tracker(tables.tracks).items()}
     lines = tuple(
         ChartLine((tracker,), tracker, colour, time, _count(tracks.get(tracker, np.empty(0)), time))

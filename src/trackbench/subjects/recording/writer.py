@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from trackbench.base.errors import InputError
 from trackbench.document.palette import sensor_colours
 from trackbench.document.replay import Chart, Replay, ReplayScene
-from trackbench.metrics.function_events import events_of, instants
+from trackbench.metrics.function_events import drawn_instants, events_of
 from trackbench.results import Result, Tables, write_bytes
 from trackbench.subjects.recording import functions, layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
@@ -129,7 +129,7 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
 
 
 def _draw_tracks(stream: Stream, tables: Tables, tracker: str) -> None:
-    time = instants(tables)
+    time = drawn_instants(tables)
     own = {
         name: table.filter(pc.equal(table["tracker"], tracker))
         for name in ("tracks", "taken", "gates", "objects")

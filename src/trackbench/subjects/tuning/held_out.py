@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.metrics import Metric
-from trackbench.metrics.differences import UNDECIDED, holm, margin_between, verdict
+from trackbench.metrics.differences import UNDECIDED, contrast_verdict, holm, margin_between
 from trackbench.metrics.intervals import FEWEST_SCENES, Contrast, Interval, paired
 from trackbench.results.score_summary import MarginSummary
 from trackbench.scenario import Scenario
@@ -230,7 +230,14 @@ def _by(
     corrected = holm([row[3].p_value for row in rows]) if rows else []
     return [
         MeasureComparison(
-            name, measure, unit, other, own, contrast, p, verdict(contrast, p, better) if contrast.ci95 else UNDECIDED
+            name,
+            measure,
+            unit,
+            other,
+            own,
+            contrast,
+            p,
+            contrast_verdict(contrast, p, better) if contrast.ci95 else UNDECIDED,
         )
         for (name, own, other, contrast), p in zip(rows, corrected, strict=True)
     ]

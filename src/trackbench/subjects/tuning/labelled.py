@@ -15,7 +15,7 @@ from trackbench.driving.drive import TrackerDrive, scans_read
 from trackbench.engine.equations import EngineUsed
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.silence import Silence
-from trackbench.metrics.sums import SHORTEST, STRETCHES, stretches
+from trackbench.metrics.sums import SHORTEST, STRETCHES, stretch_numbers
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.prepare import stepper_of
@@ -54,7 +54,7 @@ class LogTime(NamedTuple):
         """
         duration = float(time[-1] - time[0])
         if self.held_out is None:
-            return stretches(len(time), duration)
+            return stretch_numbers(len(time), duration)
         count = min(2 * STRETCHES, int(duration / (SHORTEST + self.gap)))
         place = (time - time[0]) / duration * count
         number = np.minimum(place.astype(np.intp), count - 1)

@@ -9,7 +9,7 @@ from typing import Literal
 from trackbench.base.errors import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Row, Section, Status
 from trackbench.metrics.breakdown import DOF
-from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
+from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, mean_verdict
 from trackbench.report.numbers import joined
 from trackbench.subjects.tuning import tables
 from trackbench.subjects.tuning.figures import front_figure, pair_figures, response_figure
@@ -149,7 +149,7 @@ def _consistency(tuning: Tuning) -> Iterator[str]:
             yield f"{scenario}, tuned on: {text}" if apart else f"{scenario}: {text}"
         for comparison in tuning.held_out.of("nees"):
             if comparison.scenario == scenario and apart:
-                word = verdict(comparison.tuned.ci95, NEES_DOF)
+                word = mean_verdict(comparison.tuned.ci95, NEES_DOF)
                 yield f"{scenario}, held out: mean NEES {comparison.tuned.value:.2f} where {NEES_DOF} is right, {word}"
 
 
