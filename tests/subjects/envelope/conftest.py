@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
+import yaml
+from click.testing import CliRunner, Result
 
 import trackbench as tb
 from trackbench.base.execution import executor
-from trackbench.subjects.envelope.api import envelope_of
+from trackbench.cli.commands import cli
+from trackbench.subjects.envelope.api import FinishedEnvelope, envelope_of
 from trackbench.subjects.envelope.claim import Envelope
+from trackbench.subjects.envelope.files import save_envelope
 from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.task import task_of
 
@@ -64,6 +69,39 @@ def small_map() -> EnvelopeMap:
 def small_envelope(small_map: EnvelopeMap) -> Envelope:
     """What is claimed of it."""
     return envelope_of(small_map, "trackbench envelope small.yaml")
+
+
+@pytest.fixture(scope="session")
+def searched() -> FinishedEnvelope:
+    """Four cells of the small map from a program, without counter-examples and with the worst run of a search."""
+    return tb.envelope(tb.load(small(cells=4).document.value, {"envelope.search.runs": 20}), counter_examples=0)
+
+
+class Commanded(NamedTuple):
+    """What the command left."""
+
+    done: Result
+    folder: Path
+    """In which it was called."""
+    envelope: Envelope
+    """That it wrote."""
+
+
+@pytest.fixture(scope="session")
+def commanded(tmp_path_factory: pytest.TempPathFactory) -> Commanded:
+    """The command on the small scenario, with a search and one counter-example."""
+    folder, written = tmp_path_factory.mktemp("commanded"), list[Envelope]()
+    (folder / "small.yaml").write_text(yaml.safe_dump(SMALL))
+    words = "envelope small.yaml --search 20 --counter-examples 1 --no-recording --junit cells.xml --github"
+
+    def save(made: Envelope, *arguments: Any) -> Path:
+        written.append(made)
+        return save_envelope(made, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr("trackbench.subjects.envelope.files.save_envelope", save)
+        return Commanded(CliRunner().invoke(cli, words.split()), folder, written[0])
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import yaml
-from tests.subjects.envelope.conftest import SMALL
+from tests.subjects.envelope.conftest import Commanded
 
 from trackbench.subjects.envelope.claim import Envelope
 from trackbench.subjects.envelope.files import save_envelope
@@ -30,15 +29,13 @@ def test_badge(small_envelope: Envelope, tmp_path: Path, cli: Callable[..., Any]
     assert [text.text for text in picture.iter(f"{SVG}text")] == ["kf", share]
 
 
-def test_the_cells_as_test_cases(small_envelope: Envelope, tmp_path: Path, cli: Callable[..., Any]) -> None:
-    (tmp_path / "small.yaml").write_text(yaml.safe_dump(SMALL))
+def test_the_cells_as_test_cases(small_envelope: Envelope, commanded: Commanded) -> None:
+    done, folder, _ = commanded
 
-    done = cli("envelope", "small.yaml", "--junit", "cells.xml", "--github", "-q")
-
-    (suite,) = ET.fromstring((tmp_path / "cells.xml").read_text())
+    (suite,) = ET.fromstring((folder / "cells.xml").read_text())
     counts = small_envelope.claim.counts("kf")
-    assert done.status == 0
+    assert done.exit_code == 0
     assert [int(suite.attrib[key]) for key in ("tests", "failures", "skipped")] == [
         len(small_envelope.claim.cells), counts["fails"], counts["undecided"]
     ]  # fmt: skip
-    assert done.out.count("::error file=small.yaml,line=") == counts["fails"]
+    assert done.stdout.count("::error file=small.yaml,line=") == counts["fails"]

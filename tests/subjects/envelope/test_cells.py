@@ -23,7 +23,15 @@ HIDDEN: dict[str, Any] = {
     },
     "expect": [{"tracker": "gnn", "metric": "tgospa", "below": 1.0}],
 }
-ROAD = {"source": "highway-env", "env": "highway-fast-v0", "seed": 3, "seeds": 3, "duration_s": 3, "rate_hz": 10}
+ROAD = {
+    "source": "highway-env",
+    "env": "highway-fast-v0",
+    "config": {"vehicles_count": 5},
+    "seed": 3,
+    "seeds": 3,
+    "duration_s": 2,
+    "rate_hz": 10,
+}
 
 
 def test_blocks_add_up_to_the_extent() -> None:
@@ -55,7 +63,8 @@ def test_a_repetition_is_the_run_of_one_number_in_every_scene() -> None:
 def test_the_value_of_a_cell_is_that_of_a_run(
     changes: dict[str, Any], made_map: Callable[..., EnvelopeMap], request: pytest.FixtureRequest
 ) -> None:
-    made = made_map(**changes, cells=2, axes={"s": {"key": "sensors.lidar.position_sigma_m", "values": [0.2, 0.9]}})
+    axes = {"s": {"key": "sensors.lidar.position_sigma_m", "values": [0.2, 0.9]}}
+    made = made_map(**changes, runs={"first": 25, "most": 50}, cells=2, axes=axes)
 
     for cell in made.cells.values():
         ((name, tracker),) = cell.trackers.items()
@@ -69,7 +78,8 @@ def test_the_value_of_a_cell_is_that_of_a_run(
 
 def test_traffic_like_these_repeats_scenes(made_map: Callable[..., EnvelopeMap]) -> None:
     made = made_map(
-        truth=ROAD | {"duration_s": 2},
+        truth=ROAD | {"config": {"vehicles_count": 2}, "duration_s": 1},
+        score={"settle_s": 0},
         claim="traffic like these",
         monte_carlo={"runs": 2, "seed": 1},
         runs={"first": 30, "most": 60},

@@ -6,23 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.subjects.envelope.conftest import small
+from tests.subjects.envelope.conftest import Commanded
 
 import trackbench as tb
-from trackbench.api.plan import Listener
-from trackbench.base.execution import executor
 from trackbench.document import Code, Figure, Paragraph, Row, Section
-from trackbench.subjects.envelope.api import EnvelopePlan, FinishedEnvelope, envelope_of, with_counter_examples
+from trackbench.subjects.envelope.api import FinishedEnvelope
 from trackbench.subjects.envelope.claim import Envelope, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections
-from trackbench.subjects.envelope.mapping import EnvelopeMap
 from trackbench.subjects.envelope.report import envelope_document
 
 
 @pytest.fixture(scope="module")
-def countered(small_map: EnvelopeMap) -> Envelope:
-    with executor(1) as chosen:
-        return with_counter_examples(small_map, envelope_of(small_map, "test"), EnvelopePlan(), chosen, Listener())
+def countered(commanded: Commanded) -> Envelope:
+    return commanded.envelope
 
 
 def test_the_only_face_that_fails_has_the_nearest_cell(countered: Envelope) -> None:
@@ -121,8 +117,7 @@ def test_the_page_begins_with_the_map_beside_the_nearest_one_and_its_command(cou
     assert nearest.blocks[-1] == Code(f"trackbench view counter_examples/{example.folder}", "sh")
 
 
-def test_none_are_made_where_none_are_wanted() -> None:
-    finished = tb.envelope(small(), counter_examples=0)
-    assert finished.claim.counter_examples is not None
-    assert finished.claim.counter_examples.examples == []
-    assert finished.envelope.shown == {}
+def test_none_are_made_where_none_are_wanted(searched: FinishedEnvelope) -> None:
+    assert searched.claim.counter_examples is not None
+    assert searched.claim.counter_examples.examples == []
+    assert searched.envelope.shown == {}

@@ -42,8 +42,13 @@ def before(envelope: Callable[..., Envelope]) -> Envelope:
 
 
 @pytest.fixture(scope="module")
-def worse(before: Envelope, envelope: Callable[..., Envelope]) -> EnvelopeDiff:
-    return diff(before, envelope(trackers=WORSE))
+def after(envelope: Callable[..., Envelope]) -> Envelope:
+    return envelope(trackers=WORSE)
+
+
+@pytest.fixture(scope="module")
+def worse(before: Envelope, after: Envelope) -> EnvelopeDiff:
+    return diff(before, after)
 
 
 def test_a_map_does_not_differ_from_itself(before: Envelope) -> None:
@@ -75,8 +80,8 @@ def test_a_regression_is_found_and_located_on_its_axis(worse: EnvelopeDiff) -> N
     assert margin.startswith("kf along sigma: up to 0.3")
 
 
-def test_an_improvement_loses_nothing(before: Envelope, envelope: Callable[..., Envelope]) -> None:
-    found = diff(envelope(trackers=WORSE), before)
+def test_an_improvement_loses_nothing(before: Envelope, after: Envelope) -> None:
+    found = diff(after, before)
 
     assert found.passed
     assert found.of("gained")
@@ -104,18 +109,18 @@ def test_a_smaller_coverage_is_lost_where_it_is_shown_to_be_smaller(low: float, 
 
 def test_what_cannot_be_compared_is_refused(before: Envelope, envelope: Callable[..., Envelope]) -> None:
     two = {"key": "sensors.lidar.position_sigma_m", "values": [0.2, 0.9]}
+    small = {"cells": 4}
     others = {
         "other axes": envelope(axes={"noise": two}),
-        "requirement": envelope(expect=[{"tracker": "kf", "metric": "position_rmse", "below": 0.3}]),
-        "no tracker": envelope(expect=[{"tracker": "loose", "metric": "position_rmse", "below": 0.25}]),
+        "requirement": envelope(**small, expect=[{"tracker": "kf", "metric": "position_rmse", "below": 0.3}]),
+        "no tracker": envelope(**small, expect=[{"tracker": "loose", "metric": "position_rmse", "below": 0.25}]),
     }
     for words, other in others.items():
         with pytest.raises(InputError, match=words):
             diff(before, other)
 
 
-def test_the_command(worse: EnvelopeDiff, before: Envelope, tmp_path: Path, cli: Cli, made_map: Made) -> None:
-    after = envelope_of(made_map(runs=RUNS, trackers=WORSE), "trackbench envelope small.yaml")
+def test_the_command(worse: EnvelopeDiff, before: Envelope, after: Envelope, tmp_path: Path, cli: Cli) -> None:
     for name, made in (("a", before), ("b", after)):
         save_envelope(made, tmp_path / name)
     places = ("a/small-envelope", "b/small-envelope")

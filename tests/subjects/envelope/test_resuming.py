@@ -9,6 +9,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,8 @@ def claim_of(made: EnvelopeMap) -> Envelope:
     return envelope_of(made, "trackbench envelope small.yaml")
 
 
-@pytest.mark.parametrize("where", [{"workers": 2}, pytest.param({"cluster": "local:2"}, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("where", [{"workers": 2}, {"cluster": "local:2"}])
 def test_the_claim_does_not_depend_on_where_the_runs_are_made(where: dict[str, Any], small_envelope: Envelope) -> None:
     with executor(**where) as chosen:
         made = EnvelopeMap(task_of(small()), chosen)
@@ -56,26 +58,39 @@ def test_engines_agree(small_envelope: Envelope) -> None:
     assert np.allclose(numpy.parts["value"], fused.parts["value"], rtol=1e-9)
 
 
-def test_what_was_made_is_not_made_again(tmp_path: Path, small_envelope: Envelope) -> None:
-    first = Store(tmp_path, "one")
-    assert claim_of(map_of(small(), store=first)).claim == small_envelope.claim
-    assert first.taken == 0
-    looks = len([*tmp_path.iterdir()])
-    again, other = Store(tmp_path, "one"), Store(tmp_path, "another")
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory, small_envelope: Envelope) -> Path:
+    """The looks of the small map."""
+    folder = tmp_path_factory.mktemp("looks")
+    store = Store(folder, "one")
+    assert claim_of(map_of(small(), store=store)).claim == small_envelope.claim
+    assert store.taken == 0
+    return folder
+
+
+@pytest.fixture
+def looks(stored: Path, tmp_path: Path) -> Path:
+    """A copy of them, which a test may change."""
+    return shutil.copytree(stored, tmp_path / "looks")
+
+
+def test_what_was_made_is_not_made_again(looks: Path, small_envelope: Envelope) -> None:
+    count = len([*looks.iterdir()])
+    again, other = Store(looks, "one"), Store(looks, "another")
 
     assert claim_of(map_of(small(), store=again)).claim == small_envelope.claim
     assert claim_of(map_of(small(), store=other)).claim == small_envelope.claim
 
-    assert (again.taken, other.taken) == (looks, 0)
+    assert (again.taken, other.taken) == (count, 0)
 
 
-@pytest.mark.parametrize("damage", [b"", b"x", b"\x80\x05."])
-def test_a_damaged_file_is_made_anew(damage: bytes, tmp_path: Path, small_envelope: Envelope) -> None:
-    map_of(small(), store=Store(tmp_path, "one"))
-    files = sorted(tmp_path.iterdir())
-    for file in files[::2]:
+def test_a_damaged_file_is_made_anew(looks: Path, small_envelope: Envelope) -> None:
+    files = sorted(looks.iterdir())
+    damages = (b"", b"x", b"\x80\x05.")
+    assert len(files[::2]) >= len(damages)
+    for file, damage in zip(files[::2], cycle(damages), strict=False):
         file.write_bytes(file.read_bytes()[: -len(damage) or None][:-3] + damage)
-    store = Store(tmp_path, "one")
+    store = Store(looks, "one")
 
     assert claim_of(map_of(small(), store=store)).claim == small_envelope.claim
     assert store.taken == len(files) - len(files[::2])

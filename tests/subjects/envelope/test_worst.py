@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from tests.subjects.envelope.conftest import small
+from tests.subjects.envelope.conftest import Commanded, small
 
 import trackbench as tb
 from trackbench.base.execution import executor
-from trackbench.subjects.envelope.config import Search
+from trackbench.subjects.envelope.api import FinishedEnvelope
+from trackbench.subjects.envelope.config import Search as SearchConfig
 from trackbench.subjects.envelope.task import task_of
 from trackbench.subjects.envelope.worst import Candidate, WorstSearch
 
@@ -41,7 +41,7 @@ OVER: dict[str, Any] = {
 def searching(runs: int, seed: int = 0, **changes: Any) -> WorstSearch:
     """Over the turn, the speed and the noise of the small scenario."""
     task = task_of(small(**TURN, **changes))
-    search = Search.model_validate({"runs": runs, "axes": OVER, "seed": seed})
+    search = SearchConfig.model_validate({"runs": runs, "axes": OVER, "seed": seed})
     with executor(1) as chosen:
         return WorstSearch(task, task.requirements[0], search, chosen)
 
@@ -73,40 +73,56 @@ def test_it_is_worse_than_random_search_with_as_many_runs() -> None:
     assert np.mean(found) > np.mean(random)
 
 
-def test_it_is_the_same_every_time_and_another_seed_tries_others() -> None:
-    first, second, other = (searching(40, seed).worst() for seed in (0, 0, 1))
-    assert first == second
-    assert first[0] != other[0]
+class Search(NamedTuple):
+    """A search that was made."""
+
+    looking: WorstSearch
+    tried: list[Candidate]
+    worst: tuple[Candidate, float]
 
 
-def test_what_it_finds_is_a_run_of_the_product() -> None:
-    looking = searching(40)
-    candidate, value = looking.worst()
+def made_search(runs: int, seed: int) -> Search:
+    """A search, with every run that it tried."""
+    looking = searching(runs, seed)
+    tried, values = list[Candidate](), looking.values
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(looking, "values", lambda group: (tried.extend(group), values(group))[1])
+        return Search(looking, tried, looking.worst())
+
+
+@pytest.fixture(scope="module")
+def search() -> Search:
+    """Of 24 runs."""
+    return made_search(24, 0)
+
+
+def test_it_is_the_same_every_time_and_another_seed_tries_others(search: Search) -> None:
+    second, other = made_search(24, 0), made_search(24, 1)
+    assert (search.tried, search.worst) == (second.tried, second.worst)
+    assert search.worst[0] != other.worst[0]
+
+
+def test_what_it_finds_is_a_run_of_the_product(search: Search) -> None:
+    looking, _, (candidate, value) = search
     loaded = tb.load(small(**TURN).text, looking.changes(candidate))
     result = tb.run(loaded, workers=1)
     runs = result.to_pandas("runs").query("tracker == 'kf'")
     assert runs["position_rmse_m"].iloc[result.summary.recorded_run] == pytest.approx(value, rel=1e-12)
 
 
-def test_the_budget_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    looking, made = searching(50), []
-    values = looking.values
-    monkeypatch.setattr(looking, "values", lambda group: (made.extend(group), values(group))[1])
-    looking.worst()
-    assert len(made) == 50
+def test_the_budget_is_kept(search: Search) -> None:
+    assert len(search.tried) == 24
     # The last of them are other seeds at the worst point, and each generation before has one seed.
-    assert len({candidate.shares for candidate in made[-8:]}) == 1
-    assert len({candidate.number for candidate in made[-8:]}) == 8
+    assert len({candidate.shares for candidate in search.tried[-3:]}) == 1
+    assert len({candidate.number for candidate in search.tried[-3:]}) == 3
 
 
-def test_the_claim_and_the_page_say_that_it_was_found_by_search() -> None:
-    loaded = tb.load(small(**TURN).document.value, {"envelope.search.runs": 20})
-    finished = tb.envelope(loaded, counter_examples=0)
-    (worst,) = finished.claim.worst
+def test_the_claim_and_the_page_say_that_it_was_found_by_search(searched: FinishedEnvelope) -> None:
+    (worst,) = searched.claim.worst
     assert worst.runs == 20
     assert worst.axes == ["sigma"]
-    assert "found by search in 20 runs" in str(finished)
-    assert "says nothing of how often" in str(finished)
+    assert "found by search in 20 runs" in str(searched)
+    assert "says nothing of how often" in str(searched)
 
 
 def test_choices_are_no_axes_of_a_search() -> None:
@@ -117,13 +133,11 @@ def test_choices_are_no_axes_of_a_search() -> None:
         )
 
 
-def test_the_command_says_what_was_found(cli: Any, tmp_path: Path) -> None:
-    file = tmp_path / "small.yaml"
-    file.write_text(small().text)
-    options = ("--search", "20", "--counter-examples", "1", "--no-recording", "--out", tmp_path)
-    out = " ".join(cli("envelope", file, *options, "--set", "envelope.cells=4").out.split())
+def test_the_command_says_what_was_found(commanded: Commanded) -> None:
+    done, place, _ = commanded
+    out = " ".join(done.stdout.split())
     assert "found by search in 20 runs" in out
     assert "Nearest counter-examples" in out
-    (folder,) = (tmp_path / "small-envelope" / "counter_examples").iterdir()
+    (folder,) = (place / "results" / "small-envelope" / "counter_examples").iterdir()
     assert (folder / "scenario.yaml").is_file()
     assert not (folder / "recording.rrd").exists()

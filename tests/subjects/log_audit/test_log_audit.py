@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +48,9 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> list[ReportableAudit]:
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> list[ReportableAudit]:
-    """Audits of logs of a radar and a lidar that are as stated."""
-    return [audit(write_log(tmp_path_factory.mktemp("log"), seed=seed, lidar=Errors())) for seed in SEEDS]
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], ReportableAudit]:
+    """By seed, the audit of a log of a radar and a lidar that are as stated."""
+    return functools.cache(lambda seed: audit(write_log(tmp_path_factory.mktemp("log"), seed=seed, lidar=Errors())))
 
 
 def inside(bounds: tuple[float, float], value: float) -> bool:
@@ -89,9 +91,10 @@ def test_every_error_is_found_and_nothing_else(faulty: list[ReportableAudit]) ->
         assert [finding.component for finding in item.findings if finding.kind == "sigma"] == ["range"]
 
 
-def test_a_log_without_errors_gives_no_finding(clean: list[ReportableAudit]) -> None:
-    assert [item.findings for item in clean] == [()] * len(clean)
-    for item in clean:
+def test_a_log_without_errors_gives_no_finding(clean: Callable[[int], ReportableAudit]) -> None:
+    audits = [clean(seed) for seed in SEEDS]
+    assert [item.findings for item in audits] == [()] * len(audits)
+    for item in audits:
         for sensor in item.sensors.values():
             assert sensor.square_before == pytest.approx(1, abs=0.06)
             assert not sensor.fit.unidentified
@@ -158,10 +161,10 @@ def test_what_cannot_be_told_apart_is_not_given_a_number(tmp_path: Path) -> None
     assert "What this log cannot tell" in str(item)
 
 
-def test_a_bias_of_azimuth_is_a_turned_mount_in_any_log(clean: list[ReportableAudit]) -> None:
-    estimate = clean[0].sensors["radar"].fit.estimates["mount_yaw"]
+def test_a_bias_of_azimuth_is_a_turned_mount_in_any_log(clean: Callable[[int], ReportableAudit]) -> None:
+    estimate = clean(0).sensors["radar"].fit.estimates["mount_yaw"]
     assert estimate.same_as == {"bias_azimuth": pytest.approx(-estimate.interval.value)}
-    lidar = clean[0].sensors["lidar"].fit.estimates
+    lidar = clean(0).sensors["lidar"].fit.estimates
     assert lidar["mount_x"].same_as["bias_x"] == pytest.approx(-lidar["mount_x"].interval.value, rel=0.05, abs=1e-3)
 
 

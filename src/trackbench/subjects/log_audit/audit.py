@@ -212,11 +212,12 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
     """
     # What is too large or too small to be computed gives no number, and that is said.
     with np.errstate(all="ignore"):
-        return _with_squares(_audited(loaded, progress))
+        recorded = _read(loaded)
+        return _with_squares(_audited(loaded, recorded, progress), recorded)
 
 
-def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
-    truth, drive = _read(loaded)
+def _audited(loaded: Scenario, recorded: tuple[RecordingTruth, Drive], progress: Progress) -> LogAudit:
+    truth, drive = recorded
     columns = truth.columns
     key = "vx" if columns is not None and columns.vx is not None else "speed"
     unit = (columns.units.get(key) if columns is not None else None) or truth.units.speed
@@ -227,8 +228,9 @@ def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
     units = [finding for finding in of_truth if finding.changes]
     if units:
         # Range rates are judged by the truth's velocity, so that is put right first.
-        fixed = _audited(_with_findings(loaded, units), progress)
-        return replace(fixed, scenario=loaded, velocities=tuple(velocities), findings=(*units, *fixed.findings))
+        fixed = _with_findings(loaded, units)
+        audit = _audited(fixed, _read(fixed), progress)
+        return replace(audit, scenario=loaded, velocities=tuple(velocities), findings=(*units, *audit.findings))
     clipped = drive.clipped()
     looked, reference = scan_cycles(clipped), reference_noise(drive)
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
@@ -280,7 +282,7 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     return truth, drive
 
 
-def _with_squares(audit: LogAudit) -> LogAudit:
+def _with_squares(audit: LogAudit, recorded: tuple[RecordingTruth, Drive]) -> LogAudit:
     """The audit with the mean square of the errors before and after the findings are put in, as far as they can be."""
     findings = audit.findings
     if audit.changes and _refused(audit.scenario, findings):
@@ -292,9 +294,10 @@ def _with_squares(audit: LogAudit) -> LogAudit:
             for finding in findings
         )
         audit = replace(audit, findings=findings)
-    before = after = _squares(audit.scenario)
+    before = after = _squares(audit.scenario, recorded)
     if audit.changes:
-        after = _squares(_with_findings(audit.scenario, findings))
+        fixed = _with_findings(audit.scenario, findings)
+        after = _squares(fixed, _read(fixed))
     sensors = {
         name: replace(item, square_before=before.get(name), square_after=after.get(name))
         for name, item in audit.sensors.items()
@@ -315,9 +318,9 @@ def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
     return False
 
 
-def _squares(loaded: Scenario) -> dict[str, float]:
+def _squares(loaded: Scenario, recorded: tuple[RecordingTruth, Drive]) -> dict[str, float]:
     """By sensor, the mean square of measurement minus truth over the stated sigmas."""
-    truth, drive = _read(loaded)
+    truth, drive = recorded
     squares, reference = {}, reference_noise(drive)
     for name, log in drive.clipped().logs.items():
         if name in drive.detections:
