@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
+from functools import cache, partial
 from importlib import import_module
 from itertools import combinations
 from pathlib import Path
@@ -42,16 +43,20 @@ RANDOM = "truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {a: {pie
 
 
 @pytest.fixture(scope="module")
-def keep(run_tiny: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
-    """Runs the tiny scenario with other values, saves the result and finds it for a comparison; once for each."""
-    known: dict[tuple[str, ...], ResultSet] = {}
+def ran(run_tiny: Run) -> Run:
+    """The result of 12 runs of the tiny scenario with other values; once for each."""
+    return cache(partial(run_tiny, "monte_carlo.runs=12"))
 
+
+@pytest.fixture(scope="module")
+def keep(ran: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
+    """The same result, saved and found for a comparison; once for each."""
+
+    @cache
     def call(*overrides: str) -> ResultSet:
-        if overrides not in known:
-            folder = tmp_path_factory.mktemp("runs") / "tiny"
-            run_tiny("monte_carlo.runs=12", *overrides).save(folder, {})
-            known[overrides] = find(folder)
-        return known[overrides]
+        folder = tmp_path_factory.mktemp("runs") / "tiny"
+        ran(*overrides).save(folder, {})
+        return find(folder)
 
     return call
 
@@ -64,10 +69,9 @@ def by_tracker(comparison: Comparison) -> dict[str, PairDifference]:
     return {item.entrant.tracker: item for item in comparison.differences}
 
 
-def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path: Path) -> None:
-    result = run_tiny("monte_carlo.runs=12", TWIN, WORSE_EKF)
-    result.save(tmp_path / "tiny", {})
-    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=COMPARED)
+def test_the_trackers_of_a_run_differ_as_its_result_says(ran: Run, keep: Keep) -> None:
+    result, file = ran(TWIN, WORSE_EKF), Path(keep(TWIN, WORSE_EKF).label) / "result.json"
+    found = compare([find(file)], metrics=COMPARED)
     stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.differences}
     assert len(found.differences) == len(stated) == 33
     for item in found.differences:
@@ -82,7 +86,7 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path
         if item.metric != "position_rmse":
             assert expected.p_value is None
     # By the metric that ranks alone the family is the same.
-    alone = compare([find(tmp_path / "tiny" / "result.json")]).differences
+    alone = compare([find(file)]).differences
     assert {item.metric for item in alone} == {"position_rmse"}
     for item in alone:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
@@ -166,7 +170,6 @@ def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
 @pytest.mark.parametrize(
     ("setting", "reason"),
     [
-        ("truth.seed=3", "another scenario: truth.seed is 3 here and 1 there"),
         ("truth.duration_s=1", "another scenario: truth.duration_s is 1.0 here and 2.0 there"),
         ("truth.targets={nearest: 1}", "another scenario: truth.targets.nearest is 1 here and 2 there"),
         ("sensors.radar.range_sigma_m=0.4", "another scenario: sensors.radar.range_sigma_m is 0.4 here and 0.3 there"),
@@ -174,16 +177,25 @@ def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
         ("score.settle_s=1", "another scenario: score.settle_s is 1.0 here and 0.0 there"),
     ],
 )
-def test_results_that_are_not_comparable_are_refused_with_the_reason(keep: Keep, setting: str, reason: str) -> None:
-    base, later = keep(), keep(setting)
+def test_results_that_are_not_comparable_are_refused_with_the_reason(ran: Run, setting: str, reason: str) -> None:
+    base = ran()
+    scenario = base.summary.scenario
+    later = base.updated(scenario=scenario.model_copy(update={"overrides": [*scenario.overrides, setting]}))
     with pytest.raises(InputError) as caught:
         compare([base, later])
+    assert str(caught.value).startswith(f"results 2: cannot be compared with results 1: {reason}")
+
+
+def test_results_of_another_scene_are_refused_with_the_reason(keep: Keep) -> None:
+    base, later = keep(), keep("truth.seed=3")
+    with pytest.raises(InputError) as caught:
+        compare([base, later])
+    reason = "another scenario: truth.seed is 3 here and 1 there"
     assert str(caught.value).startswith(f"{later.label}: cannot be compared with {base.label}: {reason}")
 
 
-@pytest.mark.parametrize("setting", ["description=other", "score.divergence_m=1", "monte_carlo.runs=12"])
-def test_what_bears_on_no_error_may_differ(keep: Keep, setting: str) -> None:
-    assert how(keep(), keep(setting)).shared is not None
+def test_what_bears_on_no_error_may_differ(keep: Keep) -> None:
+    assert how(keep(), keep("description=other", "score.divergence_m=1", "monte_carlo.runs=12")).shared is not None
 
 
 def changed(run: ResultSet, folder: Path, **fields: Any) -> Path:
@@ -471,11 +483,10 @@ def test_a_folder_of_several_scenarios_ranks_its_trackers(versions: tuple[Path, 
     assert len(found.scenarios) == 2
 
 
-def test_results_of_python_are_compared_like_folders(run_tiny: Run, keep: Keep) -> None:
-    base, later = run_tiny("monte_carlo.runs=12"), run_tiny("monte_carlo.runs=12", WORSE_EKF)
+def test_results_of_python_are_compared_like_folders(ran: Run, keep: Keep) -> None:
     of_folders = compare([keep(), keep(WORSE_EKF)])
-    assert compare([base, later]).differences == of_folders.differences
-    named = [run_tiny("monte_carlo.runs=12", f"name={name}") for name in ("one", "two")]
+    assert compare([ran(), ran(WORSE_EKF)]).differences == of_folders.differences
+    named = [ran("name=tiny"), ran("name=other")]
     assert [item.tracker for item in compare([named]).ranking] == ["ekf", "raw"]
 
 
@@ -513,6 +524,7 @@ def with_metric(
     code = tmp_path_factory.mktemp("code")
     module = write_module(code, PLUGINS)
 
+    @cache
     def call(limit: float) -> ResultSet:
         metric = f"score.metrics=[{{use: '{module}:Within', options: {{limit_m: {limit}}}}}]"
         result = run_tiny(metric, "expect=[{tracker: ekf, metric: within, above: 0}]", folder=code)
@@ -535,8 +547,8 @@ def test_plugins_of_metrics_are_not_needed_to_compare(
     assert "within" in done.stdout
 
 
-def test_a_plugin_of_the_truth_must_be_there(run_tiny: Run) -> None:
-    result = run_tiny()
+def test_a_plugin_of_the_truth_must_be_there(ran: Run) -> None:
+    result = ran()
     scenario = result.summary.scenario
     gone = scenario.model_copy(update={"overrides": ["sensors.radar.type=not_here:Radar"]})
     later = result.updated(scenario=gone)
@@ -555,8 +567,8 @@ def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[fl
         compare([base, later], metrics=["within"])
 
 
-def test_two_results_of_one_scenario_in_a_list(run_tiny: Run) -> None:
-    twice = [run_tiny(), run_tiny(WORSE_EKF)]
+def test_two_results_of_one_scenario_in_a_list(ran: Run) -> None:
+    twice = [ran(), ran(WORSE_EKF)]
     with pytest.raises(InputError, match=r"^results 1: two results of the scenario 'tiny' in one list; give each"):
         compare([twice])
 

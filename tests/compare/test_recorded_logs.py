@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,18 +31,20 @@ monte_carlo: {runs: 1}
 Run = Callable[..., list[Result]]
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Run:
-    """The results of the scenarios of logs of so many lines, 50 ms apart."""
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The results of the scenarios of logs of so many lines, 50 ms apart; once for each."""
+
+    @cache
+    def result(name: str, q: float, lines: int, seed: int) -> Result:
+        folder = tmp_path_factory.mktemp("log")
+        (folder / f"{name}.txt").write_text("\n".join(synthetic_lines(lines, seed)))
+        text = SCENARIO.replace("NAME", name).replace("PATH", f"{name}.txt").replace("Q", str(q))
+        (folder / f"{name}.yaml").write_text(text)
+        return tb.run(folder / f"{name}.yaml", workers=1)
 
     def run(q: float = 3, lines: int = 400, logs: tuple[str, ...] = ("log",), seed: int = 1) -> list[Result]:
-        results = []
-        for number, name in enumerate(logs):
-            (tmp_path / f"{name}.txt").write_text("\n".join(synthetic_lines(lines, seed + number)))
-            text = SCENARIO.replace("NAME", name).replace("PATH", f"{name}.txt").replace("Q", str(q))
-            (tmp_path / f"{name}.yaml").write_text(text)
-            results.append(tb.run(tmp_path / f"{name}.yaml"))
-        return results
+        return [result(name, q, lines, seed + number) for number, name in enumerate(logs)]
 
     return run
 
@@ -64,7 +67,7 @@ def test_a_worse_tracker_fails_the_limit_and_an_equal_one_keeps_it(run: Run) -> 
 
 
 def test_each_log_of_a_folder_is_compared(run: Run) -> None:
-    logs = ("monday", "tuesday")
+    logs = ("log", "tuesday")
     before, worse = run(logs=logs), run(q=60, logs=logs)
     found = outcomes([before, worse])
     assert {name: found[name, "ekf"] for name in logs} == dict.fromkeys(logs, "failed")
@@ -79,7 +82,7 @@ def test_a_log_that_is_too_short_says_what_is_missing(run: Run) -> None:
     assert item.ci95 is None
 
 
-def test_a_metric_with_one_value_in_a_run_has_no_limit_on_a_log(run: Run, tmp_path: Path) -> None:
+def test_a_metric_with_one_value_in_a_run_has_no_limit_on_a_log(run: Run) -> None:
     before = run()
     with pytest.raises(InputError, match=r"a single run gives no interval of position_p95"):
         outcomes([before, before], metric="position_p95")
@@ -130,7 +133,7 @@ def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_pat
     for q in (3, 60):
         file = tmp_path / "both.yaml"
         file.write_text(SCENARIO.replace("NAME", "both").replace("PATH", "logs").replace("Q", str(q)))
-        results.append(tb.run(file))
+        results.append(tb.run(file, workers=1))
     found = outcomes([[result] for result in results])
     assert found == {("both", "ekf"): "failed", ("both", "raw"): "passed"}
     comparison = compare([[result] for result in results], trackers=["ekf"])
@@ -141,8 +144,7 @@ def test_few_logs_of_one_scenario_are_compared_over_the_stretches_of_all(tmp_pat
     runs = results[0].tables.runs.to_pandas().query("tracker == 'ekf'")
     assert table.groupby("run")["count"].sum().tolist() == runs["count"].tolist()
     # Of each log by itself the stretches are the same.
-    alone = tb.run(
-        tb.load(tmp_path / "both.yaml", {"truth.path": "logs/1.txt", "trackers.ekf.acceleration_sigma_mps2": 3})
-    )
+    one_log = {"truth.path": "logs/1.txt", "trackers.ekf.acceleration_sigma_mps2": 3}
+    alone = tb.run(tb.load(tmp_path / "both.yaml", one_log), workers=1)
     ours = alone.tables.stretches.to_pandas().query("tracker == 'ekf'")
     np.testing.assert_allclose(table["velocity_rmse_mps"][-3:], ours["velocity_rmse_mps"], rtol=1e-12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -232,7 +233,8 @@ def test_a_tracker_has_the_colour_of_its_place_in_the_scenario() -> None:
     first = summary["trackers"][0]
     for place, expected in ((None, TRACKER_COLOURS[0]), (9, TRACKER_COLOURS[9])):
         first["place"] = place
-        page = to_html(result_document(Result.from_json(summary, make_tables())))
+        document = result_document(Result.from_json(summary, make_tables()))
+        page = to_html(replace(document, blocks=document.figures[:1]))
         assert f'style="--mark: {expected}"></span>{first["name"]}</label>' in page
 
 

@@ -16,6 +16,7 @@ import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.document import Figure, Paragraph, Row, Section, Status
 from trackbench.results import Result
+from trackbench.subjects.history.history import History
 from trackbench.subjects.history.report import history_document
 
 Cli = Callable[..., Any]
@@ -46,8 +47,14 @@ def nights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return keep(results, tmp_path_factory.mktemp("nights"))
 
 
-def test_a_change_is_marked_where_it_is_with_what_changed_with_it(nights: Path) -> None:
-    history = tb.history(nights)
+@pytest.fixture(scope="module")
+def gated(nights: Path) -> History:
+    """The history of the nights with a limit over the last three before."""
+    return tb.history(nights, limits={"position_rmse": 5}, window=3)
+
+
+def test_a_change_is_marked_where_it_is_with_what_changed_with_it(gated: History) -> None:
+    history = gated
     (change,) = history.changes
     assert (change.result, change.since, change.tracker, change.verdict) == (5, 1, "kf", "worse")
     assert change.percent == pytest.approx(20.0, abs=0.1)
@@ -57,8 +64,8 @@ def test_a_change_is_marked_where_it_is_with_what_changed_with_it(nights: Path) 
     assert [entry.number for entry in history.results] == [*range(1, NIGHTS + 1)]
 
 
-def test_the_page_begins_with_the_gate_and_what_has_changed(nights: Path) -> None:
-    history = tb.history(nights, limits={"position_rmse": 5})
+def test_the_page_begins_with_the_gate_and_what_has_changed(gated: History) -> None:
+    history = gated
     gate, answer, row, changes, *_ = history_document(history).blocks
     assert gate == Status("failed: 1 of 2 limits kept", "bad")
     assert isinstance(answer, Paragraph)
@@ -118,8 +125,8 @@ def test_without_a_change_few_histories_have_a_mark(tmp_path: Path) -> None:
     assert marked < 5
 
 
-def test_the_gate_holds_the_last_result_against_each_of_the_window(nights: Path) -> None:
-    wide, narrow = (tb.history(nights, limits={"position_rmse": 5}, window=n) for n in (3, 2))
+def test_the_gate_holds_the_last_result_against_each_of_the_window(gated: History, nights: Path) -> None:
+    wide, narrow = gated, tb.history(nights, limits={"position_rmse": 5}, window=2)
     outcomes = {gate.tracker: (gate.outcome, gate.against) for gate in wide.gates}
     assert outcomes == {"raw": ("passed", 6), "kf": ("failed", 4)}
     assert [gate.outcome for gate in narrow.gates] == ["passed", "passed"]

@@ -13,6 +13,7 @@ import yaml
 from tests.support.traffic_files import OPTIONS, WRITERS
 
 import trackbench as tb
+from trackbench.api import session
 
 
 def against_itself(file: Path, form: str, folder: Path) -> tb.Result:
@@ -147,10 +148,13 @@ def test_files_of_different_clocks_are_refused(
     assert message in done.err.splitlines()[-1]
 
 
-def test_rows_outside_the_time_of_the_truth_are_named(tmp_path: Path, cli: Callable[..., Any]) -> None:
+def test_rows_outside_the_time_of_the_truth_are_named(
+    tmp_path: Path, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     rows = boxes(np.arange(300) / 10)
     rows[rows.t < 20].to_csv(tmp_path / "truth.csv", index=False)
     rows.to_csv(tmp_path / "tracks.csv", index=False)
+    monkeypatch.setattr(session, "pages", lambda result: {})
     done = cli("score", "tracks.csv", "--truth", "truth.csv", "--no-recording")
     # Up to a quarter of a second after the last box they may be of its instant.
     assert "tracks: 294 of 900 rows outside the time of the truth" in " ".join(done.out.split())
@@ -158,8 +162,9 @@ def test_rows_outside_the_time_of_the_truth_are_named(tmp_path: Path, cli: Calla
 
 @pytest.mark.parametrize(("seconds", "stretches"), [(12, 0), (30, 7), (60, 10)])
 def test_long_files_have_intervals_and_short_ones_say_why_not(
-    seconds: int, stretches: int, tmp_path: Path, cli: Callable[..., Any]
+    seconds: int, stretches: int, tmp_path: Path, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(session, "pages", lambda result: {})
     truth, random = boxes(np.arange(10 * seconds + 1) / 10), np.random.default_rng(5)
     truth.to_csv(tmp_path / "truth.csv", index=False)
     for name, sigma in (("good", 0.1), ("bad", 1.0)):
