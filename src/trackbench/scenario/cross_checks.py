@@ -57,8 +57,9 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     if baseline is not None and baseline not in scenario.trackers:
         message = f"the scenario has no tracker {baseline!r}; {nearest(baseline, scenario.trackers)}"
         yield Problem(("score", "baseline"), message)
+    metrics = _metrics(scenario) if scenario.expect else {}
     for index, expectation in enumerate(scenario.expect):
-        for problem in _expectation(scenario, expectation):
+        for problem in _expectation(scenario, expectation, metrics):
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
@@ -250,12 +251,13 @@ def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:
     return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
 
 
-def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator[Problem]:
+def _expectation(
+    scenario: ScenarioConfig, expectation: Expectation, metrics: Mapping[str, Field]
+) -> Iterator[Problem]:
     tracker = scenario.trackers.get(expectation.tracker)
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
         yield Problem(("tracker",), f"{message}; {nearest(expectation.tracker, scenario.trackers)}")
-    metrics = _metrics(scenario)
     metric = metrics.get(expectation.metric)
     if metric is None:
         identities = scenario.sensing.identities
