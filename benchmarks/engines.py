@@ -19,7 +19,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.filter_sequence import through
 from trackbench.runner.labelled_run import INSTANTS
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -62,7 +62,7 @@ def problem(runs: int, steps: int) -> Problem:
     # As the runner does for every block.
     keep_freed_memory()
     truth = weaving(steps)
-    return Problem(truth, sense(ideal_sensors(truth, SENSORS), 1, "benchmark", range(runs)).scans, runs)
+    return Problem(truth, sense_known(ideal_sensors(truth, SENSORS), 1, "benchmark", range(runs)).scans, runs)
 
 
 def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:

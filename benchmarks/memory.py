@@ -16,7 +16,7 @@ from benchmarks.scene import DT, SENSORS, weaving
 from trackbench.runner.run import run_scenario
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 from trackbench.truth import LoadedTruth
 
 STEPS = 400
@@ -42,7 +42,7 @@ def main(runs: int) -> None:
             "monte_carlo": {"runs": runs},
         }
     )
-    loaded = Scenario(scenario, Path("memory.yaml"), "", (), parse("", "memory.yaml"))
+    loaded = Scenario(scenario, Path("memory.yaml"), "", (), parse_yaml("", "memory.yaml"))
     begin = time.perf_counter()
     result = run_scenario(loaded, [LoadedTruth(weaving(STEPS), False)])
     seconds = time.perf_counter() - begin

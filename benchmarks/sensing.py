@@ -14,11 +14,11 @@ from benchmarks.table_cells import digits
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.scans import IdealSensor, ideal_sensors, sense
+from trackbench.sensing.scans import IdealSensor, ideal_sensors, sense_known
 
 SCENARIO, RUNS, REPETITIONS = "highway", 100, 9
 IDENTITIES: dict[str, Callable[[Sequence[IdealSensor], int, str, range], Any]] = {
-    "known": sense,
+    "known": sense_known,
     "hidden": sense_hidden,
 }
 

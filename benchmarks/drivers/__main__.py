@@ -115,7 +115,7 @@ def highway(drivers: str) -> list[recorded.Window]:
     windows = []
     for seed in range(1, 4):
         config = load_scenario("highway").config.truth
-        truth = cache.load(
+        truth = cache.load_simulated(
             HighwayTruth.model_validate({**config.model_dump(), "seed": seed, "drivers": drivers, "targets": "all"}),
             cache=True,
             progress=no_progress,

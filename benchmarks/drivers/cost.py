@@ -31,7 +31,7 @@ def _driven(name: str, drivers: str, seed: int) -> tuple[float, int]:
     stated = load_scenario(name).config.truth.model_dump()
     config = HighwayTruth.model_validate({**stated, "drivers": drivers, "seed": seed, "targets": "all"})
     with highway.isolated():
-        env = highway.prepare(config)
+        env = highway.prepare_env(config)
         recorder = Recorder(env, highway.control_of(env, config))
         action = highway._neutral(env.action_type)
         begin = time.process_time()

@@ -169,7 +169,7 @@ def test_two_tunings_are_compared(scenario: tb.Scenario, result: tb.Result) -> N
 def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
     truth, seen = tb.truth(scenario), tb.sense(scenario, range(1, 3))
     work = work_of(scenario, [truth_of(scenario)])
-    expected = scans.sense(work.scenes[0].sensors, work.seed, work.scenario, range(1, 3)).scans
+    expected = scans.sense_known(work.scenes[0].sensors, work.seed, work.scenario, range(1, 3)).scans
     assert len(seen) == len(expected)
     for mine, theirs in zip(seen, expected, strict=True):
         assert mine.measurement.shape == (len(mine.noise_covariance), len(truth.ids), 2)

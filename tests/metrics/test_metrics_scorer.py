@@ -14,7 +14,7 @@ from trackbench.metrics.estimates import ESTIMATES, percentiles
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
-from trackbench.sensing.scans import sense
+from trackbench.sensing.scans import sense_known
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
@@ -373,7 +373,7 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
     whole = work(of, rare, {"raw": PluginConfig(use="raw")}, 40, settle=1.0)
     scores = block_of(whole, range(40)).outcomes["raw"].scores
-    valid = np.stack([seen.valid for seen in sense(whole.scenes[0].sensors, 1, "test", range(40)).scans])
+    valid = np.stack([seen.valid for seen in sense_known(whole.scenes[0].sensors, 1, "test", range(40)).scans])
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
     np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))

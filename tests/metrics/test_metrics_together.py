@@ -21,7 +21,7 @@ from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Scene
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.config import PluginConfig
 
 
@@ -166,7 +166,7 @@ def test_an_object_that_comes_back_is_scored_from_its_next_detection():
     for probability, settle in ((1.0, 0.0), (1.0, 0.5), (0.3, 0.0), (0.3, 0.5)):
         lidar = SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": probability})
         whole = replace(work(of, {"lidar": lidar}, {"ekf": TWO["ekf"]}, 40), settle=settle, lost_after=1.0)
-        measured = sense(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(40))
+        measured = sense_known(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(40))
         due = Targets(whole, BlockRuns(0, range(40)), measured).due[:, 0]
         instants = whole.scenes[0].truth.time[whole.scenes[0].instants()]
         valid = np.stack([scan.valid for scan in measured.scans]).reshape(len(instants), 40)

@@ -21,7 +21,7 @@ from trackbench.results import Result
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns
 from trackbench.scenario import load_scenario
-from trackbench.sensing.scans import sense
+from trackbench.sensing.scans import sense_known
 from trackbench.subjects.recording.inspection import inspect
 
 COMPONENTS = ("px", "py", "vx", "vy")
@@ -192,7 +192,7 @@ def test_an_object_is_due_from_its_first_detection_on() -> None:
     lidar = Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.3)
     whole = scenes.work(of, {"first": lidar, "second": lidar}, {}, 50)
     whole.scenes[0] = replace(whole.scenes[0], each_measurement=True)
-    measured = sense(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(50))
+    measured = sense_known(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(50))
     detected = np.maximum.accumulate(np.stack([scan.valid for scan in measured.scans]))
     np.testing.assert_array_equal(Targets(whole, BlockRuns(0, range(50)), measured).due[:, 0], detected)
     assert (detected[1::2] & ~detected[::2]).any()

@@ -15,7 +15,7 @@ from trackbench.scenario import load_scenario
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.docs import EXAMPLES, scenario_markdown
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 
 SHIPPED = sorted((SCENARIOS).rglob("*.yaml"))
 EXAMPLE = "".join(EXAMPLES.values())
@@ -27,7 +27,7 @@ def validator() -> jsonschema.Draft202012Validator:
 
 
 def errors(text: str) -> list[Any]:
-    return list(validator().iter_errors(parse(text, "example").value))
+    return list(validator().iter_errors(parse_yaml(text, "example").value))
 
 
 def test_schema_is_a_schema() -> None:

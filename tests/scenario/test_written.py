@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import trackbench as tb
 from trackbench.scenario.overrides import apply_overrides
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 from trackbench.scenario.written import changed_text, written_with_changes
 
 TEXT = """\
@@ -84,8 +84,8 @@ VALUES = st.one_of(
 @given(st.lists(st.tuples(KEYS, VALUES), max_size=4, unique_by=lambda pair: pair[0].partition(".")[0]))
 def test_whatever_changes_it_reads_as_the_changes_say(pairs: list[tuple[str, object]]) -> None:
     changes = [f"{key}={json.dumps(value)}" for key, value in pairs]
-    wanted = apply_overrides(parse(TEXT, "text"), changes).value
-    assert parse(changed_text(TEXT, changes), "text").value == wanted
+    wanted = apply_overrides(parse_yaml(TEXT, "text"), changes).value
+    assert parse_yaml(changed_text(TEXT, changes), "text").value == wanted
 
 
 def test_the_path_of_a_recorded_truth_is_as_seen_from_the_new_folder(tmp_path: Path) -> None:
@@ -94,5 +94,5 @@ def test_the_path_of_a_recorded_truth_is_as_seen_from_the_new_folder(tmp_path: P
         folder.mkdir(parents=True)
     (old / "cars.csv").touch()
     text = "truth: {source: recording, path: cars.csv}  # of a day\n"
-    loaded = replace(tb.load("highway"), text=text, path=old / "scenario.yaml", document=parse(text, "text"))
+    loaded = replace(tb.load("highway"), text=text, path=old / "scenario.yaml", document=parse_yaml(text, "text"))
     assert written_with_changes(loaded, new) == text.replace("cars.csv", '"../../old/cars.csv"')

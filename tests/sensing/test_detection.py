@@ -12,7 +12,7 @@ from tests.support.scenes import fixed_observer, truth
 from trackbench.base.types import Array, Truth
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1,
@@ -34,7 +34,7 @@ def found(of: Truth, sensor: Sensor, runs: range = range(1)) -> HiddenMeasuremen
 
 def shares(of: Truth, sensor: Sensor, runs: int = 20) -> Array:
     """``(objects,)`` how often each object was detected, with known identities."""
-    measurements = sense(ideal_sensors(of, {"sensor": sensor}), 3, "detection", range(runs))
+    measurements = sense_known(ideal_sensors(of, {"sensor": sensor}), 3, "detection", range(runs))
     return measurements.detections["sensor"].sum(axis=0) / (runs * len(of.time))
 
 
@@ -81,7 +81,7 @@ def test_an_effect_changes_no_other_draw(effect: dict[str, Any]) -> None:
     random = np.random.default_rng(1)
     of = resting([tuple(place) for place in random.uniform(-50, 50, (10, 2))], 60)
     plain, other = (ideal_sensors(of, {"sensor": Radar(**keys, **RADAR)})[0] for keys in ({}, effect))
-    before, after = (sense([one], 3, "detection", range(7, 8)).scans for one in (plain, other))
+    before, after = (sense_known([one], 3, "detection", range(7, 8)).scans for one in (plain, other))
     assert any(scan.valid.any() for scan in after)
     for scan, less in zip(before, after, strict=True):
         np.testing.assert_array_equal(less.measurement[:, less.valid], scan.measurement[:, less.valid])
@@ -160,7 +160,7 @@ def test_without_effects_the_same_detections_as_with_known_identities() -> None:
     sensors = ideal_sensors(
         of, {"a": Radar(detection_probability=0.7, **RADAR), "b": Lidar(rate_hz=5, position_sigma_m=1)}
     )
-    known, hidden = sense(sensors, 3, "x", range(3)), sense_hidden(sensors, 3, "x", range(3))
+    known, hidden = sense_known(sensors, 3, "x", range(3)), sense_hidden(sensors, 3, "x", range(3))
     for one, other in zip(known.scans, hidden.scans, strict=True):
         assert (one.time, one.sensor) == (other.time, other.sensor)
         for run in range(3):

@@ -19,8 +19,8 @@ from trackbench.results.scenario_summary import SensorSummary
 from trackbench.results.sensor_words import effects, effects_with_options
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
-from trackbench.sensing.detections import false_alarms, sense_hidden
-from trackbench.sensing.scans import affected, ideal_sensors, sense
+from trackbench.sensing.detections import draw_false_alarms, sense_hidden
+from trackbench.sensing.scans import affected, ideal_sensors, sense_known
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
 LIDAR = {"rate_hz": 10, "position_sigma_m": 0.15}
@@ -41,18 +41,18 @@ def ideal(config, position=(50.0, 0.0), velocity=(0.0, 0.0), steps=400, heading=
 
 def runs(sensor, count):
     """``(m, instants, runs)`` measurements of the object."""
-    return np.stack([scan.measurement for scan in sense([sensor], 1, "effects", range(count)).scans], axis=1)
+    return np.stack([scan.measurement for scan in sense_known([sensor], 1, "effects", range(count)).scans], axis=1)
 
 
 def detections(sensor, count):
     """``(instants, runs)`` whether the object is detected."""
-    return np.stack([scan.valid for scan in sense([sensor], 1, "effects", range(count)).scans])
+    return np.stack([scan.valid for scan in sense_known([sensor], 1, "effects", range(count)).scans])
 
 
 def alarms_of(sensor, run):
     """Those of the first effect that makes any, in one run."""
     one = range(run, run + 1)
-    ((alarms,),) = false_alarms(sensor, 1, "effects", one, affected(sensor, 1, "effects", one))
+    ((alarms,),) = draw_false_alarms(sensor, 1, "effects", one, affected(sensor, 1, "effects", one))
     return alarms
 
 
@@ -291,7 +291,7 @@ EVERY = [
 def test_a_run_is_the_same_to_the_last_bit_whatever_the_others_are(effects):
     # With so many instants a few runs are made at a time.
     sensor = ideal(Radar(effects=effects, max_range_m=150.0, **RADAR), velocity=(0.1, 0.0), steps=3000)
-    together, alone = (sense([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
+    together, alone = (sense_known([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
     assert together[9] == alone[0]
     together, alone = (sense_hidden([sensor], 1, "effects", chosen).digests for chosen in (range(12), range(9, 10)))
     assert together[9] == alone[0]

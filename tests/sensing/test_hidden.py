@@ -9,7 +9,7 @@ from tests.support.scenes import truth
 from trackbench.base.types import scan_of_run
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.sensing.detections import PADDING, HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import IdealSensor, Measurements, ideal_sensors, sense
+from trackbench.sensing.scans import IdealSensor, Measurements, ideal_sensors, sense_known
 
 SENSORS = {
     "radar": Radar(
@@ -28,7 +28,7 @@ def ideal() -> list[IdealSensor]:
 
 
 def known(runs: range = range(1)) -> Measurements:
-    return sense(ideal(), 1, "test", runs)
+    return sense_known(ideal(), 1, "test", runs)
 
 
 def hidden(runs: range = range(1)) -> HiddenMeasurements:

@@ -17,7 +17,7 @@ from trackbench.models.sensors import Dropout, Lidar, Mount, Radar
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.scans import hashed, ideal_sensors, sense
+from trackbench.sensing.scans import hashed, ideal_sensors, sense_known
 from trackbench.sensing.view import sensor_motion
 
 RADAR = {"rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.0, "range_rate_sigma_mps": 0.2}
@@ -77,7 +77,7 @@ def test_the_velocity_of_a_sensor_is_the_derivative_of_its_position():
 def test_a_scan_carries_the_pose_the_noise_and_the_latency():
     of = resting([(10.0, 0.0)], observer=fixed_observer(5, 1.0, 2.0, 0.5))
     config = Radar(latency_s=0.25, mount=Mount(yaw_deg=10), **RADAR)
-    scans = sense(ideal_sensors(of, {"front": config}), 1, "test", range(2)).scans
+    scans = sense_known(ideal_sensors(of, {"front": config}), 1, "test", range(2)).scans
     assert [seen.time for seen in scans] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     for seen in scans:
         assert (seen.sensor, seen.kind) == ("front", "radar")
@@ -93,7 +93,7 @@ def test_noise_and_bias_are_what_the_keys_say():
     of = resting([(30.0, 40.0)], steps=20)
     radar = Radar(range_bias_m=0.5, azimuth_bias_deg=2.0, range_rate_bias_mps=-0.3, **RADAR)
     lidar = Lidar(x_bias_m=-0.2, y_bias_m=0.1, **LIDAR)
-    measurements = sense(ideal_sensors(of, {"radar": radar, "lidar": lidar}), 3, "test", range(500))
+    measurements = sense_known(ideal_sensors(of, {"radar": radar, "lidar": lidar}), 3, "test", range(500))
     for kind, expected, sigma in [
         ("radar", [50.5, np.arctan2(40, 30) + np.deg2rad(2), -0.3], [0.3, np.deg2rad(1), 0.2]),
         ("lidar", [29.8, 40.1], [0.15, 0.15]),
@@ -109,7 +109,7 @@ def test_noise_and_bias_are_what_the_keys_say():
 
 
 def test_an_azimuth_stays_in_its_range_behind_the_sensor():
-    measurements = sense(ideal_sensors(resting([(-20.0, 0.0)]), {"radar": Radar(**RADAR)}), 1, "test", range(200))
+    measurements = sense_known(ideal_sensors(resting([(-20.0, 0.0)]), {"radar": Radar(**RADAR)}), 1, "test", range(200))
     azimuths = np.concatenate([seen.measurement[1] for seen in measurements.scans])
     assert np.all((azimuths > -np.pi) & (azimuths <= np.pi))
     assert azimuths.min() < 0 < azimuths.max()
@@ -142,7 +142,7 @@ def test_beyond_the_maximum_range_nothing_is_seen():
 def test_what_is_not_valid_is_not_a_number():
     of = resting([at(0), at(90)])
     ideal = ideal_sensors(of, {"radar": Radar(fov_deg=90, detection_probability=0.5, **RADAR)})
-    for seen in sense(ideal, 1, "test", range(50)).scans:
+    for seen in sense_known(ideal, 1, "test", range(50)).scans:
         np.testing.assert_array_equal(np.isnan(seen.measurement), np.repeat(~seen.valid[None], 3, axis=0))
         assert not seen.valid.reshape(2, 50)[1].any()
         assert seen.valid.reshape(2, 50)[0].any()
@@ -151,7 +151,7 @@ def test_what_is_not_valid_is_not_a_number():
 def test_objects_that_are_not_there_are_not_seen():
     alive = np.array([[True, False], [True, True], [False, True]])
     of = resting([at(0), at(10)], steps=3, alive=alive)
-    measurements = sense(ideal_sensors(of, {"lidar": Lidar(**LIDAR)}), 1, "test", range(3))
+    measurements = sense_known(ideal_sensors(of, {"lidar": Lidar(**LIDAR)}), 1, "test", range(3))
     for k, seen in enumerate(measurements.scans):
         np.testing.assert_array_equal(seen.valid.reshape(2, 3), np.repeat(alive[k][:, None], 3, axis=1))
 
@@ -160,7 +160,7 @@ def test_objects_that_are_not_there_are_not_seen():
 def test_detections_come_with_their_probability(probability):
     of = resting([at(0), at(10)], steps=50)
     config = Lidar(detection_probability=probability, **LIDAR)
-    measurements = sense(ideal_sensors(of, {"lidar": config}), 7, "test", range(100))
+    measurements = sense_known(ideal_sensors(of, {"lidar": config}), 7, "test", range(100))
     count = measurements.detections["lidar"]
     assert count.shape == (50, 2)
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], 50 * 2 * 100, probability)
@@ -172,7 +172,7 @@ def test_detections_come_with_their_probability(probability):
 def test_a_sensor_is_silent_from_the_first_instant_of_a_dropout_to_before_its_last():
     of = resting([at(0)], steps=10)
     gaps = [Dropout(from_s=0.2, to_s=0.4), Dropout(from_s=0.7, to_s=0.8)]
-    measurements = sense(ideal_sensors(of, {"lidar": Lidar(dropouts=gaps, **LIDAR)}), 1, "test", range(1))
+    measurements = sense_known(ideal_sensors(of, {"lidar": Lidar(dropouts=gaps, **LIDAR)}), 1, "test", range(1))
     valid = [bool(seen.valid[0]) for seen in measurements.scans]
     assert valid == [True, True, False, False, True, True, True, False, True, True]
 
@@ -181,7 +181,7 @@ def test_rate_and_phase_choose_the_instants():
     of = resting([at(0)], steps=21, dt=0.05)
     lidar = Lidar(rate_hz=5, position_sigma_m=0.1, phase_s=0.1)
     radar = Radar(**{**RADAR, "rate_hz": 20})
-    measurements = sense(ideal_sensors(of, {"lidar": lidar, "radar": radar}), 1, "test", range(1))
+    measurements = sense_known(ideal_sensors(of, {"lidar": lidar, "radar": radar}), 1, "test", range(1))
     times = {kind: [seen.time for seen in measurements.scans if seen.kind == kind] for kind in ("lidar", "radar")}
     assert times["lidar"] == pytest.approx([0.1, 0.3, 0.5, 0.7, 0.9])
     assert times["radar"] == pytest.approx(np.arange(21) * 0.05)
@@ -190,14 +190,14 @@ def test_rate_and_phase_choose_the_instants():
 def test_scans_come_by_time_and_then_in_the_order_of_the_scenario():
     of = resting([at(0)], steps=3)
     sensors = {"b": Lidar(**LIDAR), "a": Radar(**RADAR), "c": Lidar(**LIDAR)}
-    scans = sense(ideal_sensors(of, sensors), 1, "test", range(1)).scans
+    scans = sense_known(ideal_sensors(of, sensors), 1, "test", range(1)).scans
     assert [seen.sensor for seen in scans] == ["b", "a", "c"] * 3
     assert [seen.time for seen in scans] == sorted(seen.time for seen in scans)
 
 
 def noise_of_run_17(sensors, runs, scenario="test", seed=5):
     of = resting([at(0), at(40)], steps=6)
-    scans = sense(ideal_sensors(of, sensors), seed, scenario, runs).scans
+    scans = sense_known(ideal_sensors(of, sensors), seed, scenario, runs).scans
     column = runs.index(17)
     return np.stack([s.measurement.reshape(-1, 2, len(runs))[:, :, column] for s in scans if s.sensor == "lidar"])
 
@@ -220,12 +220,12 @@ def test_the_noise_of_a_run_depends_on_nothing_but_its_number_and_the_seed():
 def test_runs_and_sensors_differ_and_fingerprints_tell():
     of = resting([at(0)], steps=6)
     lidar = Lidar(**LIDAR)
-    measurements = sense(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(3))
+    measurements = sense_known(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(3))
     a, b = (np.stack([seen.measurement for seen in measurements.scans if seen.sensor == name]) for name in "ab")
     assert not np.allclose(a, b)
     assert not np.allclose(a[..., 0], a[..., 1])
     assert len(set(measurements.digests)) == 3
-    again = sense(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(1, 3))
+    again = sense_known(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(1, 3))
     assert again.digests == measurements.digests[1:]
 
 
@@ -239,7 +239,7 @@ def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():
     px = np.broadcast_to(np.array([10.0, 20.0, 30.0]), (4, 1, 3))
     of = truth(np.arange(4) * 0.1, px, np.zeros((4, 1, 3)), np.zeros((4, 1, 3)), np.zeros((4, 1, 3)))
     ideal = ideal_sensors(of, {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)})
-    for seen in sense(ideal, 1, "test", range(1, 3)).scans:
+    for seen in sense_known(ideal, 1, "test", range(1, 3)).scans:
         np.testing.assert_allclose(seen.measurement[0], [20, 30], atol=1e-6)
 
 
@@ -262,7 +262,7 @@ def digests_of_highway():
     """Of the measurements of 5 s of motorway traffic, in a dozen runs."""
     loaded = load_scenario("highway", ["truth.duration_s=5"])
     work = work_of(loaded, truths_of(loaded))
-    return [digest.hex() for digest in sense(work.scenes[0].sensors, 1, "test", range(12)).digests]
+    return [digest.hex() for digest in sense_known(work.scenes[0].sensors, 1, "test", range(12)).digests]
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="NumPy has no such switch here")

@@ -17,7 +17,7 @@ import yaml
 
 from trackbench.base.types import Truth
 from trackbench.models.sensors import Lidar, Mount, Radar, Sensor
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.truth import Draw
 from trackbench.truth.sources import ScriptedTruth
 
@@ -175,7 +175,7 @@ def _measured(
     true_mount = Mount(**{key: mount.get(key, 0.0) + errors.mount.get(key, 0.0) for key in {*mount, *errors.mount}})
     config = kind(rate_hz=20 if kind is Radar else 10, mount=true_mount, **keys)
     rows = []
-    for scan in sense(ideal_sensors(truth, {name: config}), seed, "log", range(1)).scans:
+    for scan in sense_known(ideal_sensors(truth, {name: config}), seed, "log", range(1)).scans:
         for i, who in enumerate(truth.ids):
             if scan.valid[i]:
                 values = scan.measurement[:, i].tolist()

@@ -22,7 +22,7 @@ from trackbench.models.sensors.detection import FALSE_ALARM_PROBABILITY, signal_
 from trackbench.models.sensors.effects.signal import SignalRange
 from trackbench.results import Result
 from trackbench.scenario import load_scenario
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import SmoothedTracker
@@ -47,7 +47,7 @@ def simulated(sensor: Any, start: tuple[float, ...], steps: int, runs: int, acce
     for run in range(runs):
         of = truth(time, *(x[:, i, run, None, None] for i in range(4)), observer=fixed_observer(steps))
         one = ideal_sensors(of, {"sensor": sensor})
-        scans.append(sense(one, 1, "assumed", range(run, run + 1)).scans)
+        scans.append(sense_known(one, 1, "assumed", range(run, run + 1)).scans)
     kind = sensor.kind()
     values = np.stack([[scan.measurement[:, 0] for scan in of_run] for of_run in scans], axis=-1)
     there = np.stack([[scan.valid[0] for scan in of_run] for of_run in scans], axis=-1)

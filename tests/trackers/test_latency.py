@@ -22,7 +22,7 @@ from trackbench.runner.describe import describe_tracker
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
-from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense
+from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense_known
 from trackbench.trackers.config import FilterConfig
 
 #: Fails where scans do not come as they arrive. It stays where it is.
@@ -107,7 +107,7 @@ def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Pat
     np.testing.assert_allclose(one["position_rmse_m"], other["position_rmse_m"], rtol=1e-12)
 
 
-@pytest.mark.parametrize("sensed", [sense, sense_hidden])
+@pytest.mark.parametrize("sensed", [sense_known, sense_hidden])
 def test_scans_say_their_place_among_those_of_one_time(
     sensed: Callable[..., Measurements | HiddenMeasurements], tiny: Path
 ) -> None:

@@ -14,11 +14,11 @@ from trackbench.base.errors import InputError
 from trackbench.truth import traffic
 from trackbench.truth.formats.tables import I80_FILE
 from trackbench.truth.sources import TrafficTruth
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, checked
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, moving_tracks
 
 
 def read(name: str, file: Path) -> list[TrafficTrack]:
-    return checked(TRAFFIC_FORMATS[name](**OPTIONS.get(name, {})).read(file), file)
+    return moving_tracks(TRAFFIC_FORMATS[name](**OPTIONS.get(name, {})).read(file), file)
 
 
 def written(name: str, folder: Path) -> Path:
@@ -87,7 +87,7 @@ def use(name: str, file: Path) -> Iterator[str]:
             **options,
         }
         try:
-            traffic.load(TrafficTruth.model_validate(settings), file.parent)
+            traffic.load_traffic(TrafficTruth.model_validate(settings), file.parent)
         except InputError as error:
             yield str(error)
 
@@ -156,7 +156,7 @@ def test_columns_may_have_other_names_and_units(tmp_path: Path) -> None:
     text = file.read_text(encoding="utf-8").replace("id,class,time,x", "id,class,t,x", 1)
     file.write_text(text, encoding="utf-8")
     form = TRAFFIC_FORMATS["csv"].model_validate({"columns": {"time": "t"}, "units": {"length": "cm"}})
-    track = checked(form.read(file), file)[0]
+    track = moving_tracks(form.read(file), file)[0]
     np.testing.assert_allclose(track.x, CARS["1"][0] / 100)
     assert track.length == pytest.approx(0.045)
 

@@ -33,7 +33,7 @@ ROADSIDE = {"x": -25, "y": 13, "yaw_deg": 0}
 
 def truths(folder: Path = Path(), **options: Any) -> list[Truth]:
     config = TrafficTruth.model_validate(options)
-    return [traffic.load(scene, folder)[0] for scene in config.scenes()]
+    return [traffic.load_traffic(scene, folder)[0] for scene in config.scenes()]
 
 
 def refusal(folder: Path = Path(), **options: Any) -> str:

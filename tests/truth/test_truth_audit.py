@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Observer, Truth
-from trackbench.truth.audit import TOLERANCE_MPS, Reported, audit
+from trackbench.truth.audit import TOLERANCE_MPS, Reported, audited_truth
 
 DT = 0.05
 
@@ -47,7 +47,7 @@ def stating(truth: Truth, **changes: object) -> Reported:
 @pytest.mark.parametrize("trapezoid", [False, True])
 def test_consistent_truth_passes_untouched(trapezoid: bool) -> None:
     truth = circling(trapezoid=trapezoid)
-    audited = audit(truth, "refuse")
+    audited = audited_truth(truth, "refuse")
     assert audited.audit["verdict"] == "consistent"
     assert audited.audit["velocity_error_after"]["max_mps"] < TOLERANCE_MPS
     np.testing.assert_array_equal(audited.course, truth.course)
@@ -58,20 +58,20 @@ def test_stated_velocity_along_the_heading_is_found_and_not_used() -> None:
     truth = circling()
     wrong = np.stack([truth.speed * np.cos(truth.course + 0.1), truth.speed * np.sin(truth.course + 0.1)])
     wrong[:, :, 1] = np.stack([truth.vx, truth.vy])[:, :, 1]
-    audited = audit(truth, "repair", stating(truth, velocity=wrong))
+    audited = audited_truth(truth, "repair", stating(truth, velocity=wrong))
     assert audited.audit["repaired"]["velocity_from_course_and_slip"] == ["v1"]
     assert audited.audit["velocity_error_before"]["max_mps"] == pytest.approx(2 * 15.0 * np.sin(0.05), rel=1e-3)
     assert audited.audit["velocity_error_before"]["mean_mps"] == pytest.approx(15.0 * np.sin(0.05), rel=1e-3)
     assert audited.audit["velocity_error_after"]["max_mps"] < 1e-9
     with pytest.raises(InputError, match=r"contradicts the motion, by up to 1\.5 m/s \(v1 at .*audit: repair"):
-        audit(truth, "refuse", stating(truth, velocity=wrong))
+        audited_truth(truth, "refuse", stating(truth, velocity=wrong))
 
 
 def test_velocity_wrong_in_a_stretch_is_taken_from_the_displacement() -> None:
     right = circling()
     course = right.course.copy()
     course[40:60, 1] += 0.2
-    audited = audit(replace(right, course=course), "repair")
+    audited = audited_truth(replace(right, course=course), "repair")
     assert audited.audit["repaired"]["velocity_from_displacement"] == ["v2"]
     assert audited.audit["jumps"] == []
     assert audited.audit["velocity_error_before"]["max_mps"] > 2.0
@@ -84,7 +84,7 @@ def test_track_is_cut_where_its_body_jumps() -> None:
     truth = circling()
     px = truth.px.copy()
     px[50:, 0] += 0.4
-    audited = audit(replace(truth, px=px), "repair")
+    audited = audited_truth(replace(truth, px=px), "repair")
     (jump,) = audited.audit["jumps"]
     assert (jump["object"], jump["time_s"], jump["distance_m"]) == ("v1", pytest.approx(2.5), pytest.approx(0.4))
     assert audited.audit["repaired"]["cut_at_jump"] == ["v1"]
@@ -92,14 +92,14 @@ def test_track_is_cut_where_its_body_jumps() -> None:
     assert audited.alive[:, 1].all()
     assert audited.audit["velocity_error_after"]["max_mps"] < 1e-9
     with pytest.raises(InputError, match=r"v1 jumps by 0\.4 m at 2\.50 s"):
-        audit(replace(truth, px=px), "refuse")
+        audited_truth(replace(truth, px=px), "refuse")
 
 
 def test_track_is_cut_at_a_collision_even_if_nothing_jumps() -> None:
     truth = circling()
     collided = np.zeros_like(truth.alive)
     collided[70:, 1] = True
-    audited = audit(truth, "repair", stating(truth, collided=collided))
+    audited = audited_truth(truth, "repair", stating(truth, collided=collided))
     np.testing.assert_array_equal(audited.alive[:, 1], np.arange(100) < 70)
     assert audited.audit["verdict"] == "repaired"
 
@@ -108,14 +108,14 @@ def test_wreck_that_stood_there_from_the_start_stays() -> None:
     truth = circling()
     collided = np.zeros_like(truth.alive)
     collided[:, 1] = True
-    assert audit(truth, "refuse", stating(truth, collided=collided)).alive.all()
+    assert audited_truth(truth, "refuse", stating(truth, collided=collided)).alive.all()
 
 
 def test_truth_ends_where_the_observer_jumps() -> None:
     truth = circling()
     px = truth.observer.px.copy()
     px[30:] = 1.5
-    audited = audit(replace(truth, observer=replace(truth.observer, px=px)), "repair")
+    audited = audited_truth(replace(truth, observer=replace(truth.observer, px=px)), "repair")
     assert len(audited.time) == len(audited.px) == len(audited.alive) == len(audited.observer.px) == 30
     assert audited.audit["ended_early"] == {
         "time_s": pytest.approx(1.45),
@@ -127,13 +127,13 @@ def test_truth_ends_where_the_observer_jumps() -> None:
 def test_clock_of_the_simulator_is_compared_with_the_grid() -> None:
     truth = circling()
     drifting = truth.time * 1.25
-    audited = audit(truth, "repair", stating(truth, clock=drifting))
+    audited = audited_truth(truth, "repair", stating(truth, clock=drifting))
     assert audited.audit["clock_drift_s"] == pytest.approx(0.25 * truth.time[-1])
     assert audited.audit["repaired"]["own_clock"]
     with pytest.raises(InputError, match="clock is off by"):
-        audit(truth, "refuse", stating(truth, clock=drifting))
+        audited_truth(truth, "refuse", stating(truth, clock=drifting))
     unkept = np.full_like(truth.time, np.nan)
-    assert audit(truth, "refuse", stating(truth, clock=unkept)).audit["clock_drift_s"] is None
+    assert audited_truth(truth, "refuse", stating(truth, clock=unkept)).audit["clock_drift_s"] is None
 
 
 def test_absent_steps_are_not_judged() -> None:
@@ -142,4 +142,4 @@ def test_absent_steps_are_not_judged() -> None:
     alive[:20, 0] = alive[80:, 0] = False
     px = truth.px.copy()
     px[:20, 0], px[80:, 0] = px[20, 0], px[79, 0]
-    assert audit(replace(truth, px=px, alive=alive), "refuse").audit["verdict"] == "consistent"
+    assert audited_truth(replace(truth, px=px, alive=alive), "refuse").audit["verdict"] == "consistent"

@@ -66,13 +66,13 @@ def test_second_load_gives_the_same_truth_without_simulating(folder: Path, simul
 )
 def test_key_holds_everything_that_determines_the_truth(change: dict[str, object]) -> None:
     other = HighwayTruth.model_validate({**CONFIG.model_dump(), **change})
-    assert simulated.path(other) != simulated.path(CONFIG)
+    assert simulated.cache_file(other) != simulated.cache_file(CONFIG)
 
 
 def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = simulated.path(CONFIG)
+    before = simulated.cache_file(CONFIG)
     monkeypatch.setattr(simulated, "version", lambda package: "0")
-    assert simulated.path(CONFIG) != before
+    assert simulated.cache_file(CONFIG) != before
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.Mon
 )
 def test_damaged_entry_is_simulated_again(folder: Path, simulations: list[HighwayTruth], damage: object) -> None:
     first = load(CONFIG)
-    file = simulated.path(CONFIG)
+    file = simulated.cache_file(CONFIG)
     file.write_bytes(damage(file.read_bytes()))
     again = load(CONFIG)
     assert not again.cached
@@ -101,7 +101,7 @@ def test_damaged_entry_is_simulated_again(folder: Path, simulations: list[Highwa
 def test_entry_of_another_truth_under_this_name_is_not_taken(folder: Path, simulations: list[HighwayTruth]) -> None:
     other = CONFIG.model_copy(update={"seed": 7})
     load(other)
-    simulated.path(other).rename(simulated.path(CONFIG))
+    simulated.cache_file(other).rename(simulated.cache_file(CONFIG))
     loaded = load(CONFIG)
     assert not loaded.cached
     assert "something else" in loaded.notes[0]

@@ -81,7 +81,7 @@ def test_a_driver_is_the_same_whoever_else_drives() -> None:
 
 def test_the_draws_of_the_environment_are_left_alone() -> None:
     config = HighwayTruth(env="highway-v0", seed=1, duration_s=1, rate_hz=10, drivers="human")
-    env = highway.prepare(config)
+    env = highway.prepare_env(config)
     before = env.np_random.bit_generator.state
     recorder = Recorder(env, highway.control_of(env, config))
     for _ in range(3):
@@ -197,7 +197,7 @@ def test_no_acceleration_jumps() -> None:
 
 
 def test_bends_are_as_fast_as_their_radius_allows() -> None:
-    network = highway.prepare(HighwayTruth(env="roundabout-v1", duration_s=1, rate_hz=20)).road.network
+    network = highway.prepare_env(HighwayTruth(env="roundabout-v1", duration_s=1, rate_hz=20)).road.network
     speeds = bend_speeds(network, 3.0)
     assert speeds["se", "ex", 0] == pytest.approx(math.sqrt(3.0 * network.get_lane(("se", "ex", 0)).radius), rel=1e-3)
     assert ("ser", "ses", 0) not in speeds
@@ -211,7 +211,7 @@ def test_steady_drivers_have_the_key_and_the_motion_that_they_had() -> None:
         "format": 4,
     }
     digest = hashlib.sha256(json.dumps(before, sort_keys=True).encode()).hexdigest()
-    assert digest[:32] in simulated.path(config).name
+    assert digest[:32] in simulated.cache_file(config).name
     truth = highway.simulate(config)
     assert truth.px[-1, :4, 0] == pytest.approx(STEADY_X, abs=1e-9)
     assert truth.observer.py[-1] == pytest.approx(STEADY_OBSERVER_Y, abs=1e-9)
@@ -219,7 +219,7 @@ def test_steady_drivers_have_the_key_and_the_motion_that_they_had() -> None:
 
 def test_every_value_of_the_drivers_is_in_the_key() -> None:
     choices = ("steady", "human", Drivers(), Drivers(wander_m=0.1), Drivers(acceleration_rms_mps2=0.1))
-    assert len({simulated.path(changed("highway", drivers=each)) for each in choices}) == len(choices)
+    assert len({simulated.cache_file(changed("highway", drivers=each)) for each in choices}) == len(choices)
 
 
 @pytest.mark.parametrize(

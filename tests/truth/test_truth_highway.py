@@ -11,8 +11,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
-from trackbench.truth import list_envs
-from trackbench.truth.highway import simulate
+from trackbench.truth.highway import list_envs, simulate
 from trackbench.truth.sources import HighwayTruth
 
 ROADSIDE = {"x": -32, "y": -32, "yaw_deg": 45}

@@ -5,7 +5,7 @@ import pytest
 
 from trackbench.base.types import Array, Observer, Truth
 from trackbench.truth.audit import by_euler
-from trackbench.truth.environment import at_instants
+from trackbench.truth.environment import rates_at_instants
 
 DT, STEPS, SPEED, RADIUS = 0.05, 200, 15.0, 20.0
 TIME = DT * np.arange(STEPS)
@@ -40,7 +40,7 @@ def stepped(course: Array, speed: Array) -> Truth:
 
 def test_on_a_circle_the_velocity_is_tangential_at_each_instant() -> None:
     truth = stepped(SPEED / RADIUS * TIME, np.full(STEPS, SPEED))
-    found = at_instants(truth, by_euler(truth))
+    found = rates_at_instants(truth, by_euler(truth))
     # The positions lie on a circle; its tangent there is the mean of the chords before and after.
     half = 0.5 * SPEED / RADIUS * DT
     np.testing.assert_allclose(found.course[1:, 0, 0], np.angle(np.exp(1j * (SPEED / RADIUS * TIME[1:] - half))))
@@ -54,7 +54,7 @@ def test_on_a_circle_the_velocity_is_tangential_at_each_instant() -> None:
 def test_an_acceleration_is_that_between_the_steps_before_and_after() -> None:
     speed = 10.0 + np.where(TIME < 5.0, 0.0, 2.0 * (TIME - 5.0))
     truth = stepped(np.zeros(STEPS), speed)
-    found = at_instants(truth, by_euler(truth))
+    found = rates_at_instants(truth, by_euler(truth))
     np.testing.assert_allclose(found.speed[1:, 0, 0], 0.5 * (speed[1:] + speed[:-1]))
     np.testing.assert_allclose(found.acceleration[1:, 0, 0], np.diff(speed) / DT)
     assert found.acceleration[100, 0, 0] == pytest.approx(0.0, abs=1e-9)
@@ -64,9 +64,9 @@ def test_an_acceleration_is_that_between_the_steps_before_and_after() -> None:
 def test_a_body_at_rest_keeps_its_course_and_others_keep_all() -> None:
     speed = np.where(TIME < 2.0, 5.0, 0.0)
     truth = stepped(np.full(STEPS, 0.7), speed)
-    found = at_instants(truth, by_euler(truth))
+    found = rates_at_instants(truth, by_euler(truth))
     np.testing.assert_allclose(found.course, 0.7)
-    same = at_instants(truth, np.array([False]))
+    same = rates_at_instants(truth, np.array([False]))
     for name in ("speed", "course", "acceleration", "yaw_rate"):
         np.testing.assert_array_equal(getattr(same, name), getattr(truth, name))
 
@@ -74,6 +74,6 @@ def test_a_body_at_rest_keeps_its_course_and_others_keep_all() -> None:
 def test_an_object_has_no_step_before_the_one_in_which_it_appears() -> None:
     truth = stepped(np.zeros(STEPS), 10.0 + TIME)
     truth.alive[:50] = False
-    found = at_instants(truth, np.array([True]))
+    found = rates_at_instants(truth, np.array([True]))
     assert found.speed[50, 0, 0] == truth.speed[50, 0, 0]
     assert found.speed[51, 0, 0] == pytest.approx(truth.speed[51, 0, 0] - 0.5 * DT)

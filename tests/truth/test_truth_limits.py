@@ -121,5 +121,5 @@ def test_a_pipe_is_no_file(tmp_path: Path) -> None:
 
 def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"there is no file .*a\.\.\.a.*") as caught:
-        logs.find("a" * 5000, tmp_path, "truth.path")
+        logs.find_log("a" * 5000, tmp_path, "truth.path")
     assert len(str(caught.value)) < 300

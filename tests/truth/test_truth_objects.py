@@ -12,7 +12,7 @@ import pytest
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
 from trackbench.scenario.load import load_scenario
-from trackbench.scenario.truth import source_of, truth_of
+from trackbench.scenario.truth import truth_of, truth_source
 from trackbench.truth import Draw, highway
 from trackbench.truth.config import FixedObserver, VehicleSizes
 from trackbench.truth.frames import TRUCK, VAN, Frames, with_sizes
@@ -136,8 +136,8 @@ def test_shares_of_sizes() -> None:
 
 def test_a_scenario_that_hides_identities_asks_for_every_vehicle_in_reach() -> None:
     known, hidden = load_scenario("highway_dense"), load_scenario("traffic/dense_highway")
-    assert source_of(known) == known.config.truth
-    source = source_of(hidden)
+    assert truth_source(known) == known.config.truth
+    source = truth_source(hidden)
     assert isinstance(source, HighwayTruth)
     # The radar's 150 m, its arm of 2.5 m on the observer, and 10 m.
     assert source.others_within_m == pytest.approx(162.5)

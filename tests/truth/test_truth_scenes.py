@@ -53,8 +53,8 @@ def test_the_scenes_are_counted_from_the_seed_or_listed() -> None:
 
 def test_a_scene_is_kept_under_the_key_of_its_seed() -> None:
     (only,) = options(seeds=[13]).scenes()
-    assert simulated.path(only) == simulated.path(PLAIN)
-    assert len({simulated.path(scene) for scene in options(seeds=5).scenes()}) == 5
+    assert simulated.cache_file(only) == simulated.cache_file(PLAIN)
+    assert len({simulated.cache_file(scene) for scene in options(seeds=5).scenes()}) == 5
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_what_is_stored_is_not_made_again(tiny: Path, folder: Path) -> None:
     assert positions(again) == positions(made)
     assert [scene.truth.source["seed"] for scene in again] == [1, 2, 3]
     # Only what is missing is simulated.
-    simulated.path(loaded.config.truth.scenes()[1]).unlink()
+    simulated.cache_file(loaded.config.truth.scenes()[1]).unlink()
     assert [scene.cached for scene in truths_of(loaded, executor=counting)] == [True, False, True]
     assert counting.calls == 1
 

@@ -132,7 +132,7 @@ def test_traffic_steers_at_the_rate_and_has_no_velocity_jump(name: str) -> None:
 
 
 def test_the_rate_is_part_of_the_key() -> None:
-    keys = {simulated.path(configured("highway", steering_rate_degps=rate)) for rate in (None, 20, 30)}
+    keys = {simulated.cache_file(configured("highway", steering_rate_degps=rate)) for rate in (None, 20, 30)}
     assert len(keys) == 3
 
 

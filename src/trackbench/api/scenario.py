@@ -193,7 +193,7 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     sensors = work.scenes[0].sensors
     if hidden:
         return [scan_of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
-    seen = scans.sense(sensors, work.seed, work.scenario, runs).scans
+    seen = scans.sense_known(sensors, work.seed, work.scenario, runs).scans
     shape = (len(loaded_truth.truth.ids), len(runs))
     return [
         scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))

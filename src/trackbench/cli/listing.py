@@ -21,7 +21,7 @@ from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
-from trackbench.scenario.shipped import at_hand, scenario_files, shown_name
+from trackbench.scenario.shipped import at_hand, files_of_scenarios, shown_name
 
 if TYPE_CHECKING:
     from trackbench.metrics import Field
@@ -114,7 +114,7 @@ def _metrics() -> Iterator[Row]:
 
 
 def _envs() -> Iterator[Row]:
-    from trackbench.truth import list_envs
+    from trackbench.truth.highway import list_envs
 
     return ((name, "") for name in list_envs())
 
@@ -170,7 +170,7 @@ def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool
     Example:
       trackbench check my_scenario.yaml
     """
-    for file in scenario_files(scenarios):
+    for file in files_of_scenarios(scenarios):
         loaded = load_scenario(file)
         notes = check(loaded, isolation)
         if quiet:

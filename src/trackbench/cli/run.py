@@ -39,7 +39,7 @@ from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
-from trackbench.scenario.shipped import scenario_files
+from trackbench.scenario.shipped import files_of_scenarios
 from trackbench.scenario.worlds import WORLDS
 from trackbench.truth import MAX_SCENES
 
@@ -127,7 +127,7 @@ def run_command(
     plan = RunPlan(out, workers, cluster, left_out, isolation, engine, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
-    files = scenario_files(scenarios)
+    files = files_of_scenarios(scenarios)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "scenes": scenes, "trackers": only}
     in_worlds = names_in(worlds or "")
     if worlds is not None and not in_worlds:

@@ -31,8 +31,8 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
-from trackbench.sensing.detections import HiddenMeasurements, sense_hidden, side_by_side
-from trackbench.sensing.scans import Measurements, sense
+from trackbench.sensing.detections import HiddenMeasurements, scenes_side_by_side, sense_hidden
+from trackbench.sensing.scans import Measurements, sense_known
 from trackbench.trackers.config import FilterConfig
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
@@ -111,7 +111,7 @@ def run_block(
     kept = work.recorded_in(piece)
     _draw_comparisons(work, piece)
     second_drives = SecondDrives(work, piece) if piece == work.driven_twice else None
-    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
+    measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
     targets = Targets(work, piece, measurements)
     start = partial(
         LabelledRun, work, piece, measurements=measurements, targets=targets, kept=kept, second_drives=second_drives
@@ -180,7 +180,7 @@ def run_group(work: Work, pieces: Sequence[BlockRuns], progress: Progress = no_p
             first = first_velocities(work.trackers, hidden, len(work.scenes[piece.scene].truth.ids))
         alone.append(HiddenBatch([piece], hidden))
         blocks.append(Block(piece, {}, _detections(hidden), hidden.digests, {}, recorded, first_velocities=first))
-    together = [HiddenBatch(pieces, side_by_side([batch.measurements for batch in alone]))]
+    together = [HiddenBatch(pieces, scenes_side_by_side([batch.measurements for batch in alone]))]
     runs, taken = sum(len(piece.runs) for piece in pieces), itertools.count(1)
     for name, entry in work.trackers.items():
         batches = together if isinstance(entry, FilterConfig) else alone

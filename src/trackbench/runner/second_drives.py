@@ -15,7 +15,7 @@ from trackbench.driving.second_drive import Company, SecondDrive
 from trackbench.driving.steppers import Traits
 from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.scans import IdealSensor, sense
+from trackbench.sensing.scans import IdealSensor, sense_known
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
 PURPOSE = "second drive"
@@ -73,7 +73,7 @@ class SecondDrives:
         """The scans of some runs of other scenes, at the same instants by the same sensors."""
         work, first = self._work, self._piece.runs.start
         sensors = nearer(work.scenes[self._piece.scene])
-        sensed = sense if work.cutoff is None else sense_hidden
+        sensed = sense_known if work.cutoff is None else sense_hidden
         noise = f"{work.noise_of(self._piece.scene)}, {PURPOSE}"
         return sensed(sensors, work.seed, noise, range(first, first + count)).scans
 

@@ -289,7 +289,7 @@ class ScenarioKeys(Config):
         return self.name if self.world is None else f"{self.name}-{self.world}"
 
     def problems(self) -> Iterator[Problem]:
-        yield from cross_checks.problems(self)
+        yield from cross_checks.scenario_problems(self)
 
 
 def _with_blocks() -> type[ScenarioKeys]:

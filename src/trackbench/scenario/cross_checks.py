@@ -31,10 +31,10 @@ ROUNDING = 1e-9
 SLOWEST_DECISIONS = 10.0
 
 
-def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
+def scenario_problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
     if isinstance(scenario.truth, RecordingTruth):
-        yield from recorded_checks.problems(scenario, scenario.truth)
+        yield from recorded_checks.recording_problems(scenario, scenario.truth)
     if isinstance(scenario.truth, SteppedTruth):
         yield from _times(scenario, scenario.truth)
     fed = scenario.truth.feeds({name: sensor.type for name, sensor in scenario.sensors.items()})
@@ -251,9 +251,7 @@ def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:
     return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
 
 
-def _expectation(
-    scenario: ScenarioConfig, expectation: Expectation, metrics: Mapping[str, Field]
-) -> Iterator[Problem]:
+def _expectation(scenario: ScenarioConfig, expectation: Expectation, metrics: Mapping[str, Field]) -> Iterator[Problem]:
     tracker = scenario.trackers.get(expectation.tracker)
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"

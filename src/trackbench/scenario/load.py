@@ -16,7 +16,7 @@ from trackbench.base.errors import InputError, InputErrors, counted, nearest
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides, expand_sweeps
 from trackbench.scenario.shipped import find_scenario
-from trackbench.scenario.source import YamlDocument, dotted, parse
+from trackbench.scenario.source import YamlDocument, dotted, parse_yaml
 from trackbench.scenario.worlds import WORLDS, NoSuchWorld, changes
 
 #: That are shown of one file.
@@ -93,7 +93,7 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
 
 def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
     """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
-    document = parse(text, str(path))
+    document = parse_yaml(text, str(path))
     if not isinstance(document.value, dict):
         result = "is empty" if document.value is None else "is not a mapping of keys to values"
         required = ", ".join(name for name, field in ScenarioConfig.model_fields.items() if field.is_required())

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from trackbench.base.config import KeyPath
 from trackbench.base.errors import InputError, did_you_mean, nearest
-from trackbench.scenario.source import Origin, YamlDocument, dotted, parse
+from trackbench.scenario.source import Origin, YamlDocument, dotted, parse_yaml
 
 
 def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDocument:
@@ -60,7 +60,7 @@ def _require_entry(root: Any, parts: Sequence[str], origin: Origin) -> None:
 
 def _read(text: str, origin: Origin) -> Any:
     try:
-        return parse(text, origin.file).value
+        return parse_yaml(text, origin.file).value
     except InputError as error:
         raise InputError(error.message, file=origin.file) from None
 

@@ -29,7 +29,7 @@ SYNTHETIC = (
 )
 
 
-def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
+def recording_problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
     """Everything that is wrong between the recording and the other sections."""
     kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
     fed = truth.feeds(kinds)

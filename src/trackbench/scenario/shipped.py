@@ -44,7 +44,7 @@ def find_scenario(named: Path | str) -> Path:
     raise InputError(f"there is no such file{_nearest(path, files)}", file=path)
 
 
-def scenario_files(named: Iterable[Path | str]) -> Iterator[Path]:
+def files_of_scenarios(named: Iterable[Path | str]) -> Iterator[Path]:
     """The file of each scenario that is named, and those in each folder that is named.
 
     Raises:

@@ -64,7 +64,7 @@ def dotted(path: KeyPath) -> str:
     return ".".join(part if (part := str(raw)).isprintable() else repr(part) for raw in path)
 
 
-def parse(text: str, file: str) -> YamlDocument:
+def parse_yaml(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:

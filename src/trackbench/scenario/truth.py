@@ -11,7 +11,7 @@ from trackbench.base.execution import Here, InProcess, Task
 from trackbench.base.supervised import at_work, plugins_among
 from trackbench.base.types import Progress, no_progress
 from trackbench.scenario.load import Scenario, own_folder
-from trackbench.sensing.view import reach
+from trackbench.sensing.view import sensor_reach
 from trackbench.truth import Draw, LoadedTruth, TruthSource
 from trackbench.truth.jumps import LARGEST
 
@@ -19,7 +19,7 @@ from trackbench.truth.jumps import LARGEST
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
     """As ``truths_of``, of the first scene alone."""
     try:
-        made = _Load.of(loaded, source_of(loaded)).made(progress)
+        made = _Load.of(loaded, truth_source(loaded)).made(progress)
         require_rates(loaded)
         return made
     except InputError as error:
@@ -45,12 +45,12 @@ def truths_of(
     return PendingTruths(loaded, executor or InProcess()).collect(progress)
 
 
-def source_of(loaded: Scenario) -> TruthSource:
+def truth_source(loaded: Scenario) -> TruthSource:
     """The source of the truth: with hidden identities or occlusion, of every object that a sensor may reach."""
     config = loaded.config
     if config.sensing.identities == "known" and not _hides(loaded):
         return config.truth
-    return own_source(loaded).with_all_objects(min(reach(config.sensors.values()), LARGEST["length"]))
+    return own_source(loaded).with_all_objects(min(sensor_reach(config.sensors.values()), LARGEST["length"]))
 
 
 def own_source(loaded: Scenario) -> TruthSource:
@@ -93,7 +93,7 @@ class PendingTruths:
         self._progress: Progress = no_progress
         self._here = InProcess()
         with at_work(plugins_among(loaded.config.truth)):
-            self._scenes = [self._begun(source, executor) for source in source_of(loaded).scenes()]
+            self._scenes = [self._begun(source, executor) for source in truth_source(loaded).scenes()]
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""

@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.files import path_from
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.overrides import apply_overrides
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 
 #: Columns of a line.
 WIDTH = 120
@@ -43,13 +43,13 @@ def changed_text(text: str, changes: Sequence[str]) -> str:
     Raises:
         InputError: a change is none, or cannot be made.
     """
-    document = apply_overrides(parse(text, "scenario"), changes)
+    document = apply_overrides(parse_yaml(text, "scenario"), changes)
     try:
         new = text
         for change in changes:
             key, _, value = change.partition("=")
-            new = _set(new, key.strip().split("."), json.dumps(parse(value, "scenario").value, ensure_ascii=False))
-        if parse(new, "scenario").value == document.value:
+            new = _set(new, key.strip().split("."), json.dumps(parse_yaml(value, "scenario").value, ensure_ascii=False))
+        if parse_yaml(new, "scenario").value == document.value:
             return new
     except (InputError, ValueError, yaml.YAMLError):
         # Such as a key that an anchor brings in, or a whole block that is replaced.

@@ -23,9 +23,9 @@ from trackbench.sensing.scans import (
     as_given,
     effect_streams,
     make_read_only,
-    measured,
+    noisy_measurements,
     scan_at,
-    with_noise,
+    sensor_measurements,
 )
 from trackbench.sensing.view import field_of_view, silent
 
@@ -41,7 +41,7 @@ class Resolved(NamedTuple):
     """``(instants, objects)``: the object with the second largest share of a merged detection, else -1."""
 
 
-def resolve(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -> Resolved:
+def merge_unresolved(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -> Resolved:
     """Merge the detections of objects that are in one cell of range, azimuth and range rate.
 
     Two objects are, where they differ by less than the cell in each of them; a chain of such pairs is one group. A
@@ -121,7 +121,7 @@ class FalseAlarms(NamedTuple):
     """``(n,)`` what they are sorted by among the detections of a scan."""
 
 
-def false_alarms(
+def draw_false_alarms(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, sensed: Sensed | None
 ) -> list[list[FalseAlarms]]:
     """Of each run those of clutter and those of effects, each drawn from a stream of its own."""
@@ -140,7 +140,7 @@ def false_alarms(
 
 
 def _noisy(sensor: IdealSensor, instant: Indices, ideal: Array, random: np.random.Generator) -> FalseAlarms:
-    measurement = with_noise(sensor.config, ideal, random.standard_normal(ideal.shape))
+    measurement = noisy_measurements(sensor.config, ideal, random.standard_normal(ideal.shape))
     return FalseAlarms(instant, measurement, random.random(len(instant)))
 
 
@@ -216,7 +216,7 @@ class HiddenMeasurements:
     """A fingerprint of each run's measurements."""
 
 
-def side_by_side(parts: Sequence[HiddenMeasurements]) -> HiddenMeasurements:
+def scenes_side_by_side(parts: Sequence[HiddenMeasurements]) -> HiddenMeasurements:
     """The measurements of runs of several scenes as those of one block, each run with the pose of its own sensor.
 
     Those of a single scene too: to the last bit a run is then the same with and without others.
@@ -291,13 +291,13 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
 
 
 def _detections(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[_Detections]:
-    for part, seen in measured(sensor, seed, scenario, runs):
+    for part, seen in sensor_measurements(sensor, seed, scenario, runs):
         with at_work(plugins_among(sensor.config, *sensor.config.effects)):
-            alarms = false_alarms(sensor, seed, scenario, part, seen.sensed)
+            alarms = draw_false_alarms(sensor, seed, scenario, part, seen.sensed)
         for i, run in enumerate(part):
             objects = Resolved(seen.measurement[..., i], seen.detected[..., i], np.full(seen.detected.shape[:2], -1))
             if sensor.config.resolution is not None:
-                objects = resolve(sensor, *objects[:2], run)
+                objects = merge_unresolved(sensor, *objects[:2], run)
             yield _of_run(sensor, seed, scenario, run, objects, alarms[i])
 
 

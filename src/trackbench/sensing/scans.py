@@ -27,7 +27,7 @@ from trackbench.base.units import difference, wrap_angle
 from trackbench.engine.arithmetic import by_arithmetic
 from trackbench.models.sensors import Sensor
 from trackbench.models.sensors.effects import Bodies, Sensed, answers
-from trackbench.sensing.view import detection_probability, firing_steps, in_view, motion_at, polar, silent
+from trackbench.sensing.view import detection_probability, firing_steps, motion_at, objects_in_view, polar, silent
 from trackbench.truth.base import Recorded
 
 
@@ -105,7 +105,7 @@ class Measurements:
     """A fingerprint of each run's measurements."""
 
 
-def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
+def sense_known(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
     """The measurements of some of the runs. A run's noise depends on nothing but its number and the seed."""
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
@@ -161,7 +161,7 @@ def ideal_sensor(truth: Truth, name: str, config: Sensor, steps: Indices) -> Ide
     target = by_arithmetic(np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps])
     measurement = np.asarray(config.measure(target, pose[:, :, None, None], velocity[:, :, None, None]))
     seen = polar(truth, steps, motion)
-    within = in_view(truth, steps, config, motion, seen)
+    within = objects_in_view(truth, steps, config, motion, seen)
     visible = within & ~silent(config, truth.time[steps])[:, None, None]
     probability = detection_probability(truth, steps, config, pose, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
@@ -228,7 +228,9 @@ class ObjectMeasurements(NamedTuple):
 AT_A_TIME = 2**16
 
 
-def measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Iterator[tuple[range, ObjectMeasurements]]:
+def sensor_measurements(
+    sensor: IdealSensor, seed: int, scenario: str, runs: range
+) -> Iterator[tuple[range, ObjectMeasurements]]:
     """The measurements of some runs, a few runs at a time."""
     size = max(1, AT_A_TIME // max(1, sensor.measurement[0, :, :, 0].size))
     for first in range(runs.start, runs.stop, size):
@@ -253,7 +255,7 @@ def _measured(sensor: IdealSensor, seed: int, scenario: str, runs: range) -> Obj
         detected = detected & np.isfinite(ideal).all(axis=0)
         noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
     else:
-        noisy = with_noise(sensor.config, ideal, draws)
+        noisy = noisy_measurements(sensor.config, ideal, draws)
     # What was recorded is the same in all runs, which may detect it or not.
     noisy = np.add(noisy, np.where(detected, 0.0, np.nan), out=noisy if noisy.shape[1:] == detected.shape else None)
     return ObjectMeasurements(noisy, detected, sensed)
@@ -286,7 +288,7 @@ def effect_streams(sensor: IdealSensor, place: int, seed: int, scenario: str, ru
     return RunStreams(seed, scenario, runs, f"effect {place} of {sensor.name}")
 
 
-def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
+def noisy_measurements(config: Sensor, ideal: Array, draws: Array) -> Array:
     """Measurements ``(m, ...)`` with the sensor's noise, which ``draws`` of a standard normal become, and its bias."""
     own = (slice(None), *(None,) * (ideal.ndim - 1))
     draws *= np.array(config.sigmas())[own]
@@ -319,7 +321,7 @@ def _stacked(
     measurements = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
     keys = stream(0, "", 0, "fingerprints").integers(2**64, size=2 * size * instants * objects, dtype=np.uint64)
-    for part, (noisy, detected, _) in measured(sensor, seed, scenario, runs):
+    for part, (noisy, detected, _) in sensor_measurements(sensor, seed, scenario, runs):
         place = slice(part.start - runs.start, part.stop - runs.start)
         measurements[..., place] = np.swapaxes(noisy, 0, 1)
         valid[..., place] = detected

@@ -140,7 +140,7 @@ def field_of_view(config: Sensor) -> FieldOfView:
     return FieldOfView(half_angle, config.max_range_m, config.volume() if config.has_volume() else None)
 
 
-def reach(sensors: Iterable[Sensor]) -> float:
+def sensor_reach(sensors: Iterable[Sensor]) -> float:
     """Distance from the observer's centre beyond which an object is neither detected nor hides another, m; no end
     without sensors."""
     limits = (
@@ -161,7 +161,7 @@ def polar(truth: Truth, steps: Indices, motion: SensorMotion) -> Array:
     return Radar.measure(target, motion.pose[:, :, None, None], motion.velocity[:, :, None, None])
 
 
-def in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, seen: Array) -> Mask:
+def objects_in_view(truth: Truth, steps: Indices, config: Sensor, motion: SensorMotion, seen: Array) -> Mask:
     """``(instants, objects, runs or 1)``: present, in the field of view, and not occluded; ``seen`` from ``polar``."""
     field = field_of_view(config)
     inside = (np.abs(seen[1]) <= field.half_angle) & (seen[0] <= field.max_range)
@@ -210,7 +210,7 @@ def find_due(truth: Truth, sensors: Sequence[IdealSensor]) -> Due:
     for config in (sensor.config for sensor in sensors):
         motion = motion_at(truth, config, steps)
         target = polar(truth, steps, motion)
-        well_inside = in_view(truth, steps, config, motion, target) & (to_rim(config, target) >= half_diagonal)
+        well_inside = objects_in_view(truth, steps, config, motion, target) & (to_rim(config, target) >= half_diagonal)
         seen |= well_inside & ~silent(config, truth.time[steps])[:, None, None]
     alive = truth.alive[steps][:, :, None]
     due = alive & seen & truth.target[:, None]

@@ -7,11 +7,4 @@ from __future__ import annotations
 
 from trackbench.truth.base import MAX_SCENES, TRUTH_SOURCES, Draw, LoadedTruth, SteppedTruth, TruthSource
 
-__all__ = ["MAX_SCENES", "TRUTH_SOURCES", "Draw", "LoadedTruth", "SteppedTruth", "TruthSource", "list_envs"]
-
-
-def list_envs() -> list[str]:
-    """The environments that a scenario can name."""
-    from trackbench.truth import highway
-
-    return highway.list_envs()
+__all__ = ["MAX_SCENES", "TRUTH_SOURCES", "Draw", "LoadedTruth", "SteppedTruth", "TruthSource"]

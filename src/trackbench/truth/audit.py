@@ -39,7 +39,7 @@ class Reported:
     """``(steps,)``."""
 
 
-def audit(
+def audited_truth(
     truth: Truth,
     mode: Literal["repair", "refuse"],
     reported: Reported | None = None,

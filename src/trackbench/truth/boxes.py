@@ -10,36 +10,36 @@ import numpy as np
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Mask, Truth
-from trackbench.truth.config.logs import find
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import BoxesOptions
 from trackbench.truth.filed import read_rows
 from trackbench.truth.formats.tables import TableFormat
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
-from trackbench.truth.recorded.reference import ignored_rows, judged, moved_to_centre, placed_boxes
-from trackbench.truth.recorded.rows import read
+from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
+from trackbench.truth.recorded.rows import read_table
 from trackbench.truth.track_rows import LONGEST_GAP_S, SAME_STAMP_S, TrackRows
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible, tracks_of
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible_tracks, tracks_of_rows
 
 #: Instants times objects that still fit the memory of a small machine.
 LARGEST = 20_000_000
 
 
-def load(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
+def load_boxes(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
     """The truth, and how the file was read, a line.
 
     Raises:
         InputError: the file cannot be read or is damaged, or has no object.
     """
-    file = find(config.path, folder, "truth.path")
+    file = find_log(config.path, folder, "truth.path")
     rows = read_rows(config.format, file)
     dont_care = _dont_care(config, rows, file)
     if dont_care.all():
         raise InputError("every row is a don't-care box, so there is no object", file=file)
     time = _without_rounding(rows.time)
     first = float(time[~dont_care].min())
-    tracks = tracks_of(_only(rows, time - first, ~dont_care), file)
-    require_possible(tracks, file)
+    tracks = tracks_of_rows(_only(rows, time - first, ~dont_care), file)
+    require_possible_tracks(tracks, file)
     if len(np.unique(time)) * len(tracks) > LARGEST:
         what = f"{counted(len(tracks), 'object')} at {len(np.unique(time))} times"
         raise InputError(f"{what} are too many; take a shorter time", file=file)
@@ -69,7 +69,7 @@ def load(config: BoxesOptions, folder: Path) -> tuple[Truth, tuple[str, ...]]:
         kinds=kinds,
         start=rows.start + Decimal(repr(first)),
     )
-    truth = judged(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
+    truth = with_scored_region(truth_on_grid(config, drive, grid(drive, {})), config.reference, drive)
     beside = _beside(drive, truth) & ~truth.alive
     truth = replace(truth, alive=truth.alive | beside, beside=beside)
     if config.stretches is not None:
@@ -85,7 +85,7 @@ def _dont_care(config: BoxesOptions, rows: TrackRows, file: Path) -> Mask:
         if not isinstance(config.format, TableFormat):
             message = "is of columns with names, which this format does not have"
             raise InputError(f"{message}; it says itself what is a don't-care box", key="truth.reference.ignore")
-        result = result | ignored_rows(read(file, config.format.form, list(ignore)), ignore)
+        result = result | ignored_rows(read_table(file, config.format.form, list(ignore)), ignore)
     return result
 
 

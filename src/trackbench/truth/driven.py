@@ -12,9 +12,9 @@ from highway_env.envs.common.action import MultiAgentAction
 from trackbench.base.errors import InputError
 from trackbench.base.types import Truth
 from trackbench.truth.config import HighwayOptions
-from trackbench.truth.environment import Recorder, at_instants
+from trackbench.truth.environment import Recorder, rates_at_instants
 from trackbench.truth.frames import with_sizes
-from trackbench.truth.highway import control_of, isolated, prepare
+from trackbench.truth.highway import control_of, isolated, prepare_env
 
 #: By how many places for bodies the truth grows where vehicles come that were not there at first.
 MORE_PLACES = 16
@@ -47,7 +47,7 @@ class DrivenTraffic:
         self._config = config.model_copy(update={"ego": "idle"})
         self._classes: dict[type[Any], dict[str, Any]] = {}
         with isolated(self._classes):
-            self.env = prepare(self._config, render_mode)
+            self.env = prepare_env(self._config, render_mode)
         if isinstance(self.env.action_type, MultiAgentAction):
             self.env.close()
             raise InputError("several agents are not possible", key="config.action")
@@ -101,7 +101,7 @@ class DrivenTraffic:
         if self._config.sizes is not None:
             frames = with_sizes(frames, self._config.sizes, self._seed)
         truth = frames.truth(range(1, len(frames.ids)), frames.carrier(0))
-        truth = at_instants(truth, np.ones(len(truth.ids), dtype=bool))
+        truth = rates_at_instants(truth, np.ones(len(truth.ids), dtype=bool))
         return LatestTruth(replace(truth, time=truth.time + first * self.dt), first, new)
 
     def _time_gap(self) -> float:

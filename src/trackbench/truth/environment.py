@@ -217,7 +217,7 @@ class Kinds:
         vehicle.__class__ = self._made[kind]
 
 
-def at_instants(truth: Truth, stepped: Mask) -> Truth:
+def rates_at_instants(truth: Truth, stepped: Mask) -> Truth:
     """The truth with the rates that hold at its instants, where those of the step that begins there are stated.
 
     A body that moves with one velocity until the next instant has that velocity half a step later, on the smooth path

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from trackbench.truth.config.filed import TracksConfig
-from trackbench.truth.config.logs import find
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import TrafficFormat
 
@@ -23,7 +23,7 @@ def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
     Raises:
         InputError: there is no such file, or it is damaged.
     """
-    file = find(config.path, folder, f"trackers.{name}.path")
+    file = find_log(config.path, folder, f"trackers.{name}.path")
     return read_rows(config.format, file).ordered(file)
 
 

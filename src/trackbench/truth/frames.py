@@ -51,13 +51,13 @@ class Frames:
         """The truth of the bodies with these numbers: course along the motion, speed not negative."""
         chosen = list(bodies)
         alive = self.alive[:, chosen]
-        heading, slip, speed = (held(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))
+        heading, slip, speed = (hold_nearest(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))
         course = heading + slip + np.where(speed < 0.0, np.pi, 0.0)
         return Truth(
             time=np.arange(len(self.px), dtype=np.float64) * self.dt,
             ids=tuple(self.ids[i] for i in chosen),
-            px=held(self.px[:, chosen], alive)[..., None],
-            py=held(self.py[:, chosen], alive)[..., None],
+            px=hold_nearest(self.px[:, chosen], alive)[..., None],
+            py=hold_nearest(self.py[:, chosen], alive)[..., None],
             heading=wrap_angle(heading)[..., None],
             course=wrap_angle(course)[..., None],
             speed=np.abs(speed)[..., None],
@@ -85,7 +85,7 @@ class Frames:
         )
 
 
-def held(values: Array, alive: Mask) -> Array:
+def hold_nearest(values: Array, alive: Mask) -> Array:
     """``values`` with the nearest living value held before a body appears and after it has left."""
     steps = np.arange(len(values))[:, None]
     first = np.argmax(alive, axis=0)
@@ -103,7 +103,7 @@ def rate(values: Array, dt: float, alive: Mask) -> Array:
     slope[:-1] = np.diff(values, axis=0) / dt
     both_ends = np.zeros_like(alive)
     both_ends[:-1] = alive[:-1] & alive[1:]
-    return np.where(both_ends.any(axis=0), held(slope, both_ends), 0.0)
+    return np.where(both_ends.any(axis=0), hold_nearest(slope, both_ends), 0.0)
 
 
 #: Length and width, m. highway-env's drivers leave 10 m from centre to centre at rest: a longer truck would touch.

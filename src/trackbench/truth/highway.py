@@ -20,9 +20,9 @@ from trackbench.base.deferred import imported_when_used
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.scenario_summary import EndedEarly
-from trackbench.truth.audit import Reported, audit, by_euler
+from trackbench.truth.audit import Reported, audited_truth, by_euler
 from trackbench.truth.config import FixedObserver, HighwayOptions
-from trackbench.truth.frames import Frames, bodies_near, held, lane_edges, target_bodies, with_sizes
+from trackbench.truth.frames import Frames, bodies_near, hold_nearest, lane_edges, target_bodies, with_sizes
 from trackbench.truth.jumps import summarised
 
 # Of these, half a second to import, highway-env needs nothing for what is done here.
@@ -42,7 +42,7 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()), impor
     from highway_env.vehicle.kinematics import Vehicle
 
     from trackbench.truth.drivers import Traffic
-    from trackbench.truth.environment import Control, Recorder, at_instants, complete, steered
+    from trackbench.truth.environment import Control, Recorder, complete, rates_at_instants, steered
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
@@ -79,7 +79,7 @@ def validate(config: HighwayOptions) -> None:
         InputError: an unknown id or key, a value of the wrong type, rates that do not divide.
     """
     with isolated():
-        prepare(config).close()
+        prepare_env(config).close()
 
 
 def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
@@ -94,7 +94,7 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     """
     steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     with isolated():
-        env = prepare(config)
+        env = prepare_env(config)
         recorder = Recorder(env, control_of(env, config))
         action = _neutral(env.action_type)
         ended = None
@@ -142,11 +142,11 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
         source=config.model_dump(mode="json", exclude={"seeds", *unused}),
         target=np.isin(bodies, targets),
     )
-    velocity = [held(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
+    velocity = [hold_nearest(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
     observer_collided = frames.collided[:, 0] & (config.observer == "ego")
     stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, bodies], observer_collided)
-    audited = audit(truth, config.audit, stated, ended_early)
-    result = at_instants(audited, by_euler(audited))
+    audited = audited_truth(truth, config.audit, stated, ended_early)
+    result = rates_at_instants(audited, by_euler(audited))
     return replace(result, audit={**result.audit, "velocity_jumps": summarised(result).model_dump(mode="json")})
 
 
@@ -165,7 +165,7 @@ def _fixed(at: FixedObserver, steps: int) -> Observer:
     return Observer(px, py, yaw, zero, zero, zero)
 
 
-def prepare(config: HighwayOptions, render_mode: str | None = None) -> AbstractEnv:
+def prepare_env(config: HighwayOptions, render_mode: str | None = None) -> AbstractEnv:
     """The environment, reset and with the ego's driver in place."""
     ids = list_envs()
     if config.env not in ids:

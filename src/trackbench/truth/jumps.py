@@ -95,7 +95,7 @@ def why_no_name(name: str) -> str | None:
     return None
 
 
-def require_possible(truth: Truth) -> None:
+def require_possible_truth(truth: Truth) -> None:
     """Make sure that a truth can be scored and shown.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from trackbench.base.errors import InputError, nearest
 from trackbench.truth.config.columns import UNITS
-from trackbench.truth.recorded.rows import text_of
+from trackbench.truth.recorded.rows import log_text
 from trackbench.truth.track_rows import COVARIANCE
 
 #: What a column may hold, and its quantity; None: it is read as it is.
@@ -128,7 +128,7 @@ def header(file: Path, form: str) -> list[str]:
         InputError: it cannot be read.
     """
     if form == "csv":
-        lines = [line for line in text_of(file).splitlines() if line.strip()]
+        lines = [line for line in log_text(file).splitlines() if line.strip()]
         names = [name.strip() for name in next(csv.reader(lines[:1]))]
         if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
             raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)

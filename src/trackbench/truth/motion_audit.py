@@ -52,7 +52,7 @@ class MotionFigures(NamedTuple):
     """Steps in which the displacement changes by more than ``IMPOSSIBLE_MPS2`` would do."""
 
 
-def figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) -> MotionFigures:
+def motion_figures(tracks: Sequence[GridTrack], dt: float, start: float, *, raw: bool) -> MotionFigures:
     """Of the motion as recorded, by the file's speeds, or as it is used, by the velocity vector.
 
     Args:
@@ -101,7 +101,7 @@ class JerkyMotion(NamedTuple):
 
 
 def jerkiest(tracks: Sequence[GridTrack], dt: float, start: float) -> JerkyMotion:
-    """Of the motion as it is used; see :func:`figures`."""
+    """Of the motion as it is used; see :func:`motion_figures`."""
     worst = JerkyMotion(tracks[0].track.id, 0.0, 0.0)
     for track in tracks:
         acceleration = np.stack([np.diff(track.vx), np.diff(track.vy)]) / dt

@@ -29,7 +29,7 @@ OWN_CLASSES = "highway_env."
 log = logging.getLogger(__name__)
 
 
-def path(config: HighwayOptions) -> Path:
+def cache_file(config: HighwayOptions) -> Path:
     """The file of the truth that ``config`` and the installed versions determine."""
     return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
@@ -42,7 +42,7 @@ def _read(config: HighwayOptions) -> LoadedTruth | None:
     """
     if not _determined(config):
         return None
-    file = path(config)
+    file = cache_file(config)
     try:
         content = file.read_bytes()
     except FileNotFoundError:
@@ -110,7 +110,7 @@ def _attributes(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
+def load_simulated(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and keep it."""
     notes = []
     try:
@@ -127,7 +127,7 @@ def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth
     truth = highway.simulate(config, progress)
     log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
     if cache and _determined(config):
-        file = path(config)
+        file = cache_file(config)
         try:
             payload = _packed(truth, _key(config))
             write_whole(file, _header(payload) + b"\n" + payload)

@@ -23,7 +23,7 @@ class HighwayTruth(HighwayOptions):
     """Traffic simulated by highway-env."""
 
     def load(self, draw: Draw, *, cache: bool = True, progress: Progress = no_progress, **_: Any) -> LoadedTruth:
-        return simulated.load(self.scenes()[0], cache, progress)
+        return simulated.load_simulated(self.scenes()[0], cache, progress)
 
     def stored(self) -> LoadedTruth | None:
         return simulated.stored(self.scenes()[0])
@@ -66,7 +66,7 @@ class RecordingTruth(_Recorded, RecordingOptions):
     """Motion from files, and measurements where they have them; each log is a scene."""
 
     def load(self, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, **_: Any) -> LoadedTruth:
-        recording = recorded.load(self.scenes()[0], sensors or {}, folder)
+        recording = recorded.load_recording(self.scenes()[0], sensors or {}, folder)
         notes = tuple(f"{self.scene_name}: {note}" if self.scene_name else note for note in recording.notes)
         return LoadedTruth(recording.truth, notes=notes, measurements=recording.measurements)
 
@@ -75,7 +75,7 @@ class BoxesTruth(_Recorded, BoxesOptions):
     """Boxes of a file, against which tracks of other files are scored."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
-        truth, notes = boxes.load(self, folder)
+        truth, notes = boxes.load_boxes(self, folder)
         return LoadedTruth(truth, notes=notes)
 
 
@@ -83,8 +83,8 @@ class TrafficTruth(_Recorded, TrafficOptions):
     """Recorded traffic: every vehicle's motion, which sensors on one of them, or beside the road, see."""
 
     def load(self, draw: Draw, *, folder: Path, **_: Any) -> LoadedTruth:
-        truth, note = traffic.load(self, folder)
+        truth, note = traffic.load_traffic(self, folder)
         return LoadedTruth(truth, notes=(f"recording: {note}",) if self.scene == 0 else ())
 
     def recorded_rate(self, folder: Path) -> float:
-        return traffic.rate_of(self, folder)
+        return traffic.recording_rate(self, folder)

@@ -86,7 +86,7 @@ class RowsFormat(TrafficFormat):
         rows = self.rows(file)
         if rows.dont_care is not None:
             rows = rows.rows(np.flatnonzero(~rows.dont_care))
-        return tracks_of(rows, file)
+        return tracks_of_rows(rows, file)
 
 
 #: The formats of recorded traffic by the names that scenarios use.
@@ -98,7 +98,7 @@ TRAFFIC_FORMATS: Registry[type[TrafficFormat]] = Registry(
 QUANTITIES = {"x": "length", "y": "length", "heading": "angle", **dict.fromkeys(("speed", "vx", "vy"), "speed")}
 
 
-def tracks_of(rows: TrackRows, file: Path) -> list[TrafficTrack]:
+def tracks_of_rows(rows: TrackRows, file: Path) -> list[TrafficTrack]:
     """The tracks of rows in any order, each with the size and class of its first row; a size of 0 is not known.
 
     Raises:
@@ -153,13 +153,13 @@ def start_of(tracks: Sequence[TrafficTrack]) -> float:
     return min(float(track.time[0]) for track in tracks if len(track.time) > 1)
 
 
-def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
+def moving_tracks(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
     """The tracks with at least two rows, from the time of the first row on.
 
     Raises:
-        InputError: as of ``require_possible``, or no track has two rows.
+        InputError: as of ``require_possible_tracks``, or no track has two rows.
     """
-    require_possible(tracks, file)
+    require_possible_tracks(tracks, file)
     kept = [track for track in tracks if len(track.time) > 1]
     if not kept:
         raise InputError("no vehicle has two rows; there is no motion in this file", file=file)
@@ -167,7 +167,7 @@ def checked(tracks: Sequence[TrafficTrack], file: Path) -> list[TrafficTrack]:
     return [track._replace(time=track.time - start) for track in kept]
 
 
-def require_possible(tracks: Sequence[TrafficTrack], file: Path) -> None:
+def require_possible_tracks(tracks: Sequence[TrafficTrack], file: Path) -> None:
     """Make sure that what a file says can be meant.
 
     Raises:

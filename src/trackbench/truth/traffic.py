@@ -14,15 +14,22 @@ import numpy as np
 from trackbench.base.errors import InputError, counted, nearest
 from trackbench.base.types import RecordedNoise, Truth
 from trackbench.base.units import wrap_angle
-from trackbench.truth.audit import audit
+from trackbench.truth.audit import audited_truth
 from trackbench.truth.config import FixedObserver
-from trackbench.truth.config.logs import find
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import Smoothing, TrafficOptions
 from trackbench.truth.frames import Frames, bodies_near, target_bodies
-from trackbench.truth.motion_audit import SMOOTHER, MotionFigures, figures, overlaps, recorded_noise, refuse_impossible
-from trackbench.truth.recorded.drive import fixed
+from trackbench.truth.motion_audit import (
+    SMOOTHER,
+    MotionFigures,
+    motion_figures,
+    overlaps,
+    recorded_noise,
+    refuse_impossible,
+)
+from trackbench.truth.recorded.drive import fixed_observer
 from trackbench.truth.smoothing import GridTrack, gaps, grid_step, grid_tracks
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, checked, start_of
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat, TrafficTrack, moving_tracks, start_of
 
 #: The arrays of ``Frames`` with a column for each body.
 OF_BODIES = ("px", "py", "heading", "slip", "speed", "reported_vx", "reported_vy", "collided")
@@ -74,7 +81,7 @@ class SceneBodies(NamedTuple):
     """All that drive there, the carrier too."""
 
 
-def load(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
+def load_traffic(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     """The truth of one scene, and a line that says what the recording implies.
 
     Raises:
@@ -88,11 +95,11 @@ def load(config: TrafficOptions, folder: Path) -> tuple[Truth, str]:
     return truth, _note(traffic)
 
 
-def rate_of(config: TrafficOptions, folder: Path) -> float:
+def recording_rate(config: TrafficOptions, folder: Path) -> float:
     """Instants of a recording per second, Hz.
 
     Raises:
-        InputError: as of `load`.
+        InputError: as of `load_traffic`.
     """
     return round(1 / _traffic(_recording(config, folder)).frames.dt, 6)
 
@@ -100,7 +107,7 @@ def rate_of(config: TrafficOptions, folder: Path) -> float:
 def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
     file, version = Path(TRAFFIC_FORMATS.name_of(type(config.format))), (0, 0)
     if config.path is not None:
-        file = find(config.path, folder, "truth.path")
+        file = find_log(config.path, folder, "truth.path")
         version = file.stat().st_mtime_ns, file.stat().st_size
     return RecordingKey(
         config.format,
@@ -119,7 +126,7 @@ def _recording(config: TrafficOptions, folder: Path) -> RecordingKey:
 def _tracks(form: TrafficFormat, file: Path, _version: tuple[int, int]) -> tuple[list[TrafficTrack], float]:
     """The tracks of a file from 0 s on, and when its clock says that this is, s."""
     tracks = form.read(file)
-    return checked(tracks, file), start_of(tracks)
+    return moving_tracks(tracks, file), start_of(tracks)
 
 
 @lru_cache(maxsize=2)
@@ -127,7 +134,7 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
     """The vehicles between ``from_s`` and its end, smoothed and audited.
 
     Raises:
-        InputError: see `load`.
+        InputError: see `load_traffic`.
     """
     file, smoothing = recording.file, recording.smoothing
     tracks, clock = _tracks(recording.format, file, recording.version)
@@ -151,11 +158,11 @@ def _traffic(recording: RecordingKey) -> RecordedVehicles:
         message = f"{counted(len(inside), 'vehicle')} in {(last - first) * dt:g} s are too many; take a shorter time"
         raise InputError(message, key="truth.duration_s")
     frames, start = _frames(inside, dt, first, last, recording.size), first * dt
-    used = figures(inside, dt, start, raw=False)
+    used = motion_figures(inside, dt, start, raw=False)
     if recording.refuses:
         together = frames if recording.drove_together else None
         refuse_impossible(used, inside, together, dt, start, smoothing is not None)
-    raw, error = figures(inside, dt, start, raw=True), recorded_noise(inside)
+    raw, error = motion_figures(inside, dt, start, raw=True), recorded_noise(inside)
     return RecordedVehicles(frames, raw, used, error, len(tracks), gaps(tracks, dt), clock + start)
 
 
@@ -220,7 +227,7 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
     if scene.carrier is None:
         assert isinstance(config.observer, FixedObserver)
         frames = _during(frames, 0, len(frames.px) - 1)
-        observer = fixed(config.observer, len(frames.px))
+        observer = fixed_observer(config.observer, len(frames.px))
     else:
         there = np.flatnonzero(traffic.frames.alive[:, scene.carrier])
         first = int(there[0])
@@ -240,7 +247,7 @@ def _truth(config: TrafficOptions, traffic: RecordedVehicles, scene: SceneBodies
         recorded_noise=traffic.error,
         start=Decimal(repr(traffic.start + first * frames.dt)),
     )
-    return audit(truth, config.audit, remedy="" if config.smoothing else f": {SMOOTHER}")
+    return audited_truth(truth, config.audit, remedy="" if config.smoothing else f": {SMOOTHER}")
 
 
 def _only(frames: Frames, bodies: Sequence[int]) -> Frames:

@@ -12,7 +12,7 @@ from trackbench.base.types import Truth
 from trackbench.scenario import Scenario
 from trackbench.sensing.detections import sense_hidden
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.sensing.view import reach
+from trackbench.sensing.view import sensor_reach
 from trackbench.subjects.gym.sensing import EpisodeSensing
 from trackbench.subjects.gym.setting import setting_of
 from trackbench.truth.driven import LatestTruth
@@ -84,7 +84,7 @@ def pieces(truth: Truth) -> list[LatestTruth]:
 def test_piece_by_piece_is_as_all_at_once(name: str) -> None:
     sensors = setting(SENSORS[name]).config.sensors
     truth = traffic()
-    assert reach(sensors.values()) > 0
+    assert sensor_reach(sensors.values()) > 0
     whole = sense_hidden(ideal_sensors(truth, sensors), 11, "episodes", range(2, 3))
     episode = EpisodeSensing(sensors, truth.time, 11, "episodes", 2)
     arrived = []

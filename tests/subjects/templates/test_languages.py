@@ -23,7 +23,7 @@ from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import TrackerTrial, start
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
 SCENARIO = """
@@ -61,7 +61,7 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> list[Scan]:
     file.write_text(SCENARIO)
     loaded = load_scenario(file)
     truth = truths_of(loaded)[0].truth
-    return sense(ideal_sensors(truth, loaded.config.sensors), 3, "beside", range(4)).scans
+    return sense_known(ideal_sensors(truth, loaded.config.sensors), 3, "beside", range(4)).scans
 
 
 def estimates(folder: Path, entry: Any, scans: Sequence[Scan], in_process: bool = False) -> list[Any]:

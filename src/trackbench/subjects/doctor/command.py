@@ -18,7 +18,7 @@ from trackbench.base.plugins import classes_at_hand
 from trackbench.cli.options import isolation_options, out_option
 from trackbench.cli.terminal import progress
 from trackbench.results import EXAMINATION
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 
 if TYPE_CHECKING:
     from trackbench.driving.isolation import Isolation
@@ -175,4 +175,4 @@ def _option(item: str) -> tuple[str, Any]:
     key, equals, value = item.partition("=")
     if not equals or not key.isidentifier():
         raise InputError(f"write KEY=VALUE, such as sigma=3, not {item!r}", key="--option")
-    return key, parse(value, f"--option {item}").value
+    return key, parse_yaml(value, f"--option {item}").value

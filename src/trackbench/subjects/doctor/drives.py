@@ -14,7 +14,7 @@ from pydantic import Field
 from trackbench.base.config import Config, Name, NonNegative, Positive, Probability
 from trackbench.base.types import Array, Scan
 from trackbench.models.sensors import Dropout, Sensor
-from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense_known
 from trackbench.subjects.doctor.site import Carrier, SensorSite
 from trackbench.truth.config import MovingObserver
 from trackbench.truth.config.scripted import ScriptedStart
@@ -111,7 +111,7 @@ def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed
         if drive.silent_s is not None:
             update["dropouts"] = [Dropout(from_s=drive.silent_s[0], to_s=drive.silent_s[1])]
         changed[sensor] = config.model_copy(update=update)
-    scans = sense(ideal_sensors(truth, changed), seed, name, range(drive.runs)).scans
+    scans = sense_known(ideal_sensors(truth, changed), seed, name, range(drive.runs)).scans
     if setting.no_misses:
         scans = [scan for scan in scans if scan.valid.all()]
     time = np.array([scan.time for scan in scans])

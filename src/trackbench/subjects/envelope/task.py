@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
-from trackbench.scenario.truth import source_of
+from trackbench.scenario.truth import truth_source
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, named, overrides
 from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
@@ -148,7 +148,7 @@ def truth_key(loaded: Scenario) -> str:
     """Equal of scenarios that have the same truth."""
     config = loaded.config
     hidden = config.sensing.identities
-    return json.dumps([hidden, config.monte_carlo.seed, repr(source_of(loaded)), config.monte_carlo.runs])
+    return json.dumps([hidden, config.monte_carlo.seed, repr(truth_source(loaded)), config.monte_carlo.runs])
 
 
 def _extents(loaded: Scenario, config: EnvelopeConfig) -> tuple[Extent, ...]:

@@ -11,7 +11,7 @@ from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.sensing.detections import sense_hidden
-from trackbench.sensing.scans import sense
+from trackbench.sensing.scans import sense_known
 from trackbench.truth import LoadedTruth
 
 
@@ -97,7 +97,7 @@ class ScanSource:
             hidden = sense_hidden(scene.sensors, work.seed, noise, runs)
             digest, taken = hidden.digests[0], [scan_of_run(scan, 0) for scan in hidden.scans]
         else:
-            measurements = sense(scene.sensors, work.seed, noise, runs)
+            measurements = sense_known(scene.sensors, work.seed, noise, runs)
             digest, taken, objects = measurements.digests[0], measurements.scans, scene.truth.ids
         arrived = sorted(taken, key=lambda scan: (scan.arrival_time, scan.time))
         self.fingerprints[key] = digest.hex()[:16]

@@ -26,7 +26,7 @@ from trackbench.subjects.log_audit.noise import detections_of, noise_of
 from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
 from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, clock_of, wrong_units
 from trackbench.subjects.log_audit.unlabelled import unlabelled, with_boxes
-from trackbench.truth.recorded import Drive, read
+from trackbench.truth.recorded import Drive, read_drive
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles
 from trackbench.truth.sources import RecordingTruth
@@ -270,7 +270,7 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
             message = f"an audit looks at one log, and these are {truth.number_of_logs}; name one file"
             raise InputError(message, key="truth.path")
         truth = truth.scenes()[0]
-        drive = read(truth, kinds, loaded.path.resolve().parent)
+        drive = read_drive(truth, kinds, loaded.path.resolve().parent)
         found = {name: with_boxes(name, loaded.config.sensors[name], drive, truth) for name in drive.detections}
         drive = replace(drive, logs={**drive.logs, **found})
         if not drive.logs:

@@ -14,7 +14,7 @@ from trackbench.sensing.view import sensor_motion
 from trackbench.subjects.log_audit.reference import ReferenceNoise
 from trackbench.truth.config.columns import COMPONENT_QUANTITIES, UNITS, MeasurementColumns
 from trackbench.truth.recorded import Drive
-from trackbench.truth.recorded.drive import Log, RowOrder, carrier, fixed
+from trackbench.truth.recorded.drive import Log, RowOrder, carrier, fixed_observer
 from trackbench.truth.sources import RecordingTruth
 
 #: The errors of time and mounting that every sensor may have, with their units.
@@ -95,7 +95,7 @@ class SensorLog:
     def observer(self, time: Array) -> Observer:
         """What carries the sensor."""
         if self.drive.observer is None:
-            return fixed(self.truth.observer, len(time))
+            return fixed_observer(self.truth.observer, len(time))
         return carrier(self.drive.observer, time)
 
     def derivatives(self, errors: Mapping[str, float], names: list[str]) -> Array:

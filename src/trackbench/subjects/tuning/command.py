@@ -24,7 +24,7 @@ from trackbench.cli.run_output import RunOutput
 from trackbench.cli.terminal import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.scenario.shipped import scenario_files
+from trackbench.scenario.shipped import files_of_scenarios
 
 
 @click.command("tune")
@@ -100,7 +100,7 @@ def tune_command(
     from trackbench.subjects.tuning.held_out import Split
     from trackbench.subjects.tuning.report import headline, tuning_summary
 
-    loaded, notes = load_several(scenario_files(scenarios), settings)
+    loaded, notes = load_several(files_of_scenarios(scenarios), settings)
     if trackers is None:
         there = nearest("", (name for scenario in loaded for name in scenario.config.trackers))
         raise InputError(f"name those to tune; {there}", key="--trackers")

@@ -23,7 +23,7 @@ from trackbench.document.markdown import to_markdown
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_modules
 from trackbench.scenario.overrides import expand_sweeps
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import Values, plain
 from trackbench.subjects.tuning.report import headline, remarks, tuning_document
 from trackbench.subjects.tuning.response import NEGLIGIBLE
@@ -211,7 +211,7 @@ def written(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
     if not loaded.overrides:
         try:
             text = _changed(loaded, entries, names, seen)
-            if expand_sweeps(parse(text, str(loaded.path)))[0].value == wanted:
+            if expand_sweeps(parse_yaml(text, str(loaded.path)))[0].value == wanted:
                 return text
         except (InputError, KeyError):
             # Such as an entry that a merge key brings in, or a key after a question mark.

@@ -21,7 +21,7 @@ from trackbench.runner.block import keep_freed_memory
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.scans import sense
+from trackbench.sensing.scans import sense_known
 from trackbench.subjects.tuning.entry import Entry
 from trackbench.subjects.tuning.measures import CONDITIONS, OF_ALL, Sums, condition_members
 from trackbench.trackers.filtered import log_likelihood
@@ -122,7 +122,7 @@ def score_labelled(
     """
     keep_freed_memory()
     scene = work.scenes[piece.scene]
-    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+    measurements = sense_known(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
     sensors, scans = entry.sensors_used, measurements.scans
     shape = trials, len(scene.truth.ids), len(piece.runs)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
-from trackbench.scenario.source import parse
+from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import STAYS, current, problem_with
 from trackbench.trackers.config import FilterConfig, ImmConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS, built_in
@@ -311,6 +311,6 @@ def _require(loaded: Scenario, tracker: str, parameter: Parameter, values: Seque
 
 def _read(text: str, at: str) -> Any:
     try:
-        return parse(text, at).value
+        return parse_yaml(text, at).value
     except InputError as error:
         raise InputError(f"{error.message}; {FORM}", key=at) from None

@@ -32,12 +32,12 @@ _PATTERN = re.compile(r"[*?\[]")
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 
 
-def place_of(path: str) -> Path:
+def expanded_path(path: str) -> Path:
     """The path with environment variables and the home folder filled in."""
     return Path(os.path.expandvars(path)).expanduser()
 
 
-def find(path: Paths, folder: Path, key: str) -> Path:
+def find_log(path: Paths, folder: Path, key: str) -> Path:
     """The file that a scenario names.
 
     Args:
@@ -49,7 +49,7 @@ def find(path: Paths, folder: Path, key: str) -> Path:
         InputError: a variable is not set, or there is no such file.
     """
     assert isinstance(path, str)
-    expanded = place_of(path)
+    expanded = expanded_path(path)
     unset = _VARIABLE.search(str(expanded))
     if unset is not None:
         name = unset.group(1).strip("{}")
@@ -81,14 +81,14 @@ def files_of(path: Any, folder: Path, form: Any) -> Any:
     """
     if not isinstance(path, str):
         return path
-    for place in (folder / place_of(path), place_of(path)):
+    for place in (folder / expanded_path(path), expanded_path(path)):
         if place.is_dir():
             names = sorted(file.name for file in place.iterdir() if file.suffix == ENDINGS.get(form))
             return [str(Path(path, name)) for name in names] or path
         if place.exists():
             return path
     if _PATTERN.search(path):
-        start = place_of(path)
+        start = expanded_path(path)
         matches = sorted(glob(str(folder / start))) or sorted(glob(str(start)))
         return matches or path
     return path

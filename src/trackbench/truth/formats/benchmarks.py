@@ -20,7 +20,7 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
-from trackbench.truth.recorded.rows import NUMBER, text_of
+from trackbench.truth.recorded.rows import NUMBER, log_text
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import RowsFormat
 
@@ -46,7 +46,7 @@ def read_lines(file: Path, separator: str | None, least: int, layout: str) -> li
         InputError: it cannot be read or is empty, or a line has fewer cells.
     """
     lines = []
-    for number, text in enumerate(text_of(file).splitlines(), 1):
+    for number, text in enumerate(log_text(file).splitlines(), 1):
         if not text.strip():
             continue
         cells = [cell.strip() for cell in text.split(separator)]

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench.base.errors import InputError
-from trackbench.truth.recorded.rows import read
+from trackbench.truth.recorded.rows import read_table
 from trackbench.truth.track_rows import TrackRows
 from trackbench.truth.tracks import RowsFormat
 
@@ -37,14 +37,14 @@ class _LevelX(RowsFormat):
         rate = self._rate(file)
         motion = (self.x_column, self.y_column, "xVelocity", "yVelocity")
         heading = ("heading",) if self.from_above else ()
-        rows = read(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
+        rows = read_table(file, "csv", ["frame", self.id_column, *motion, *heading, *self.size_columns])
         ids = rows.names(self.id_column)
         quantities = ("length", "length", "speed", "speed")
         x, y, vx, vy = (rows.numbers(name, 1.0, kind) for name, kind in zip(motion, quantities, strict=True))
         length, width = (rows.numbers(name, 1.0, "length", optional=True) for name in self.size_columns)
         # The sides of highD's boxes lie along the picture's axes; its y points down.
         px, py = (x, y) if self.from_above else (x + length / 2, -(y + width / 2))
-        bodies = read(_beside(file, BODIES), "csv", [self.id_column, "class"])
+        bodies = read_table(_beside(file, BODIES), "csv", [self.id_column, "class"])
         kinds = dict(zip(bodies.names(self.id_column), bodies.names("class"), strict=True))
         return TrackRows(
             ids,
@@ -61,7 +61,7 @@ class _LevelX(RowsFormat):
     def _rate(self, file: Path) -> float:
         """Frames per second, Hz."""
         beside = _beside(file, RECORDING)
-        rate = float(read(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
+        rate = float(read_table(beside, "csv", ["frameRate"]).numbers("frameRate", 1.0, None)[0])
         if not 0.1 <= rate <= 1000:
             raise InputError(f"frameRate is {rate:g}; from 0.1 to 1000 Hz is possible", file=beside)
         return rate

@@ -16,7 +16,7 @@ from trackbench.base.types import Array
 from trackbench.truth import jumps
 from trackbench.truth.config.columns import Units
 from trackbench.truth.layouts import QUANTITIES, REQUIRED, ColumnLayout, header, layout
-from trackbench.truth.recorded.rows import Rows, read, time_stamps
+from trackbench.truth.recorded.rows import Rows, read_table, time_stamps
 from trackbench.truth.track_rows import COVARIANCE, TrackRows
 from trackbench.truth.tracks import RowsFormat
 
@@ -110,7 +110,7 @@ class TableFormat(RowsFormat):
         except InputError as error:
             raise error.located(file=file, line=None) from None
         factors = {key: found.factor(key, self.units.factor(quantity, None)) for key, quantity in QUANTITIES.items()}
-        return table_rows(read(file, self.form, found.columns.values()), found, factors)
+        return table_rows(read_table(file, self.form, found.columns.values()), found, factors)
 
 
 class Csv(TableFormat):
@@ -141,4 +141,6 @@ class InterstateI80(RowsFormat):
     def rows(self, file: Path) -> TrackRows:
         names = header(I80_FILE, "parquet")
         factors = {**dict.fromkeys(QUANTITIES, 1.0), **I80_FACTORS}
-        return table_rows(read(I80_FILE, "parquet", names), ColumnLayout({name: name for name in names}, {}), factors)
+        return table_rows(
+            read_table(I80_FILE, "parquet", names), ColumnLayout({name: name for name in names}, {}), factors
+        )

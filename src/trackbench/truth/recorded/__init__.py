@@ -13,18 +13,18 @@ from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import (
     Drive,
+    counts_left_out,
     grid,
-    left_out,
     measurements_on_grid,
     notes,
     require_measurements,
     scan_cycles,
     truth_on_grid,
 )
-from trackbench.truth.recorded.reference import judged
-from trackbench.truth.recorded.scans import detections, scan_notes
+from trackbench.truth.recorded.reference import with_scored_region
+from trackbench.truth.recorded.scans import recorded_detections, scan_notes
 
-__all__ = ["Drive", "Recording", "load", "read"]
+__all__ = ["Drive", "Recording", "load_recording", "read_drive"]
 
 
 class Recording(NamedTuple):
@@ -37,7 +37,7 @@ class Recording(NamedTuple):
     """Rows that were sorted or left out, a line each."""
 
 
-def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
+def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
     """Read a recording.
 
     Args:
@@ -66,13 +66,13 @@ def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> R
     from trackbench.truth.recorded import unlabelled
 
     if config.without_truth:
-        return Recording(*unlabelled.load(config, kinds, folder))
-    drive = read(config, kinds, folder)
+        return Recording(*unlabelled.load_unlabelled(config, kinds, folder))
+    drive = read_drive(config, kinds, folder)
     clipped = drive.clipped()
     require_measurements(drive, clipped)
     looked = scan_cycles(clipped)
     times = grid(clipped, looked)
-    counts = left_out(drive, clipped, hidden=config.hidden)
+    counts = counts_left_out(drive, clipped, hidden=config.hidden)
     truth = truth_on_grid(config, clipped, times)
     source = {"source": "recording", "format": config.format, "recorded": drive.sensors, **truth.source}
     truth = replace(truth, source={**source, **({"left_out": counts} if counts else {})})
@@ -82,17 +82,17 @@ def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> R
     }
     lines = [*notes(drive, counts)]
     if config.hidden:
-        truth = judged(truth, config.reference, clipped)
+        truth = with_scored_region(truth, config.reference, clipped)
         # Objects have numbers of their own.
-        result |= {name: detections(of.without_slots(), times) for name, of in drive.detections.items()}
+        result |= {name: recorded_detections(of.without_slots(), times) for name, of in drive.detections.items()}
         lines += scan_notes(drive.detections, times, "truth")
     return Recording(truth, result, tuple(lines))
 
 
-def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
-    """Read the files of a recording; see :func:`load`."""
+def read_drive(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
+    """Read the files of a recording; see :func:`load_recording`."""
     from trackbench.truth.recorded import table, udacity
 
     if config.format == "udacity":
-        return udacity.load(config, kinds, folder)
-    return table.load(config, kinds, folder)
+        return udacity.load_udacity(config, kinds, folder)
+    return table.load_tables(config, kinds, folder)

@@ -169,6 +169,8 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
     kinematics: dict[str, Any] = {
         name: np.stack([column[name] for column in columns], axis=1)[:, :, None] for name in KINEMATICS
     }
+    fixed, moving = config.observer, drive.observer
+    observer = fixed_observer(fixed, len(times)) if moving is None else carrier(moving, times)
     alive = np.stack([(times >= m.time[0]) & (times <= m.time[-1]) for m in motions.values()], axis=1)
     return Truth(
         time=times,
@@ -177,7 +179,7 @@ def truth_on_grid(config: ReferenceTruth, drive: Drive, times: Array) -> Truth:
         alive=alive,
         length=np.array([config.length_m if m.length is None else np.median(m.length) for m in motions.values()]),
         width=np.array([config.width_m if m.width is None else np.median(m.width) for m in motions.values()]),
-        observer=fixed(config.observer, len(times)) if drive.observer is None else carrier(drive.observer, times),
+        observer=observer,
         start=drive.start,
         source=drive.source,
     )
@@ -196,10 +198,12 @@ def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
     """
     own = [m.time for m in drive.motions.values()] + [sensor.instants for sensor in looked.values()]
     times = np.unique(np.concatenate([*own, *(drive.framed(of.time) for of in drive.detections.values())]))
-    return times if drive.observer is None else within(times, drive.observer, "truth", "truth.columns.observer")
+    if drive.observer is None:
+        return times
+    return times_with_observer(times, drive.observer, "truth", "truth.columns.observer")
 
 
-def within(times: Array, observer: Motion, what: str, key: str) -> Array:
+def times_with_observer(times: Array, observer: Motion, what: str, key: str) -> Array:
     """Those of the times, of ``what``, at which the observer is known.
 
     Raises:
@@ -241,7 +245,7 @@ def measurements_on_grid(log: Log, kind: str, looked: Cycles, times: Array, obje
     return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there], alarms)
 
 
-def left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
+def counts_left_out(drive: Drive, clipped: Drive, *, hidden: bool) -> dict[str, dict[str, int]]:
     """How many rows of the truth and of each sensor were put in order or left out; what did not occur is not named.
 
     With ``hidden`` identities those of no object are false alarms.
@@ -322,7 +326,7 @@ def _spans(time: Array, first: float, last: float) -> tuple[str, str, str]:
     return own, other, f", {round(apart, 2):.12g} s apart" if apart > 0 else ""
 
 
-def fixed(observer: FixedObserver, steps: int) -> Observer:
+def fixed_observer(observer: FixedObserver, steps: int) -> Observer:
     """A point at rest."""
     at_rest = np.zeros(steps)
     yaw = np.deg2rad(observer.yaw_deg)

@@ -246,7 +246,7 @@ def _in_fixed_frame(
             own = np.array([frame == child for frame in frames])
             parents = {parent for parent, *_ in moves[child]}
             if len(parents) > 1:
-                raise InputError(f"the frame {child!r} has several parents: {named(parents)}", file=file)
+                raise InputError(f"the frame {child!r} has several parents: {first_names(parents)}", file=file)
             known = sorted(values for _, *values in moves[child])
             at = np.array([(values[0] - stamps[0]) / 1e9 for values in known])
             x, y, yaw = np.array([values[1:] for values in known]).T
@@ -256,7 +256,7 @@ def _in_fixed_frame(
             result[:, own] = x + cos * px - sin * py, y + sin * px + cos * py, heading + yaw
             frames = [parents.copy().pop() if frame == child else frame for frame in frames]
     if len({*frames}) > 1:
-        problem = f"boxes are in several frames, and no transform says where one is: {named({*frames})}"
+        problem = f"boxes are in several frames, and no transform says where one is: {first_names({*frames})}"
         raise InputError(problem, file=file)
     return result, depth > 0
 
@@ -270,7 +270,7 @@ def _seconds(stamp: int) -> Decimal:
     return Decimal(stamp).scaleb(-9)
 
 
-def named(names: Collection[str]) -> str:
+def first_names(names: Collection[str]) -> str:
     """The first of some names."""
     return ", ".join(shortened(name, 40) for name in sorted(names)[:5])
 

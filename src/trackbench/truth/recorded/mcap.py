@@ -42,7 +42,7 @@ class LogPart(NamedTuple):
 DETECTIONS = (foxglove.POINTS, foxglove.SCAN)
 
 
-def columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
+def log_columns(file: Path, part: LogPart) -> dict[str, Sequence[Any]]:
     """What a part of a file holds, as columns in SI units and radians.
 
     Raises:
@@ -76,7 +76,7 @@ def of_topic(messages: Sequence[Message], schemas: Collection[str], part: LogPar
         raise InputError(f"there are no {what} in this file; known are messages of {', '.join(schemas)}", file=file)
     chosen = [name for name, own in topics.items() if own == schema]
     if len(chosen) > 1:
-        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {foxglove.named(chosen)}"
+        problem = f"{counted(len(chosen), 'topic')} have {schema}: name one in topic: {foxglove.first_names(chosen)}"
         raise InputError(problem, file=file)
     return [message for message in messages if message.topic == chosen[0] and message.schema == schema]
 

@@ -13,7 +13,7 @@ from trackbench.truth.config.columns import TruthColumns
 from trackbench.truth.config.recording import RecordingOptions, ReferenceTruth
 from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
-from trackbench.truth.recorded.robust import noise_of
+from trackbench.truth.recorded.robust import noise_of_motions
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.track_rows import longest_gap
 
@@ -81,7 +81,7 @@ def placed_boxes(
     return np.stack([seconds, *centre, heading, length / 2, width / 2])
 
 
-def judged(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
+def with_scored_region(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
     """The truth of hidden identities: which objects count and where, while they have rows, and its noise."""
     kinds = drive.kinds
     alive = truth.alive.copy()
@@ -99,7 +99,7 @@ def judged(truth: Truth, reference: ReferenceOptions, drive: Drive) -> Truth:
         limit = np.inf if reference.range_m is None else reference.range_m
         corners = None if region is None else np.array(region, dtype=float)
         unscored = Unscored(corners, limit, _lasting(drive.boxes, drive.frames))
-    noise = noise_of(drive.motions.values())
+    noise = noise_of_motions(drive.motions.values())
     source = {**truth.source, "recorded_noise": noise._asdict()}
     return replace(truth, alive=alive, target=target, unscored=unscored, recorded_noise=noise, source=source)
 

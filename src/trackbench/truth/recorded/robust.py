@@ -91,7 +91,7 @@ def body_sigmas(motion: Motion) -> tuple[float, float]:
     return white_sigma(position - travelled(motion)), white_sigma(velocity)
 
 
-def noise_of(motions: Iterable[Motion]) -> RecordedNoise:
+def noise_of_motions(motions: Iterable[Motion]) -> RecordedNoise:
     """Standard deviation of position and velocity per axis, root mean square over the rows of all objects."""
     motions = list(motions)
     squares = np.square([body_sigmas(motion) for motion in motions])

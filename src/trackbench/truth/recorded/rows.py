@@ -19,7 +19,7 @@ from trackbench.truth import jumps
 from trackbench.truth.recorded import mcap
 
 
-def text_of(file: Path) -> str:
+def log_text(file: Path) -> str:
     """The text of a file in UTF-8.
 
     Raises:
@@ -120,7 +120,7 @@ class Rows(NamedTuple):
         return number
 
 
-def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart | None = None) -> Rows:
+def read_table(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart | None = None) -> Rows:
     """The columns of a file of the format "csv", "parquet" or "mcap" that are wanted; of MCAP those of a part.
 
     Raises:
@@ -129,7 +129,7 @@ def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart
     names = [name for name in dict.fromkeys(wanted) if name is not None]
     if form == "mcap":
         assert part is not None
-        every = mcap.columns(file, part)
+        every = mcap.log_columns(file, part)
         _require(names, list(every), file, None)
         rows = Rows(file, {name: every[name] for name in names}, None)
     else:
@@ -140,7 +140,7 @@ def read(file: Path, form: str, wanted: Iterable[str | None], part: mcap.LogPart
 
 
 def _csv(file: Path, names: list[str]) -> Rows:
-    reader = csv.reader(text_of(file).splitlines(keepends=True), strict=True)
+    reader = csv.reader(log_text(file).splitlines(keepends=True), strict=True)
     lines: list[int] = []
     rows: list[list[str]] = []
     header: list[str] = []

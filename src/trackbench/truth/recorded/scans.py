@@ -47,7 +47,9 @@ class Scans(NamedTuple):
         return self._replace(own_track=np.full(len(self.scan), -1), own_tracks=())
 
 
-def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]) -> tuple[Array, Indices]:
+def column_measurements(
+    table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]
+) -> tuple[Array, Indices]:
     """The measurements ``(m, n)`` in SI units and radians, and the rows ``(n,)`` that have one.
 
     Raises:
@@ -92,7 +94,7 @@ def scans_of(table: Rows, entry: MeasurementColumns, at: Array, units: Units, ki
         InputError: a row is damaged.
     """
     model = SENSOR_MODELS[kind]
-    measurement, detected = measured(table, entry, units, model)
+    measurement, detected = column_measurements(table, entry, units, model)
     names = [""] * len(table) if entry.slot is None else table.names(entry.slot)
     slots = list(dict.fromkeys(names[row] for row in detected.tolist()))
     number = {name: i for i, name in enumerate(slots)}
@@ -177,7 +179,7 @@ def scan_notes(result: Mapping[str, Scans], times: Array, whose: str) -> Iterato
             yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the {whose} (left out)"
 
 
-def detections(of: Scans, times: Array) -> RecordedDetections:
+def recorded_detections(of: Scans, times: Array) -> RecordedDetections:
     """The detections of the scans at some times, which are those of the truth."""
     kept = np.isin(of.time, times)
     number = np.cumsum(kept) - 1

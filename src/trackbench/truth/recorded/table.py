@@ -21,18 +21,18 @@ from trackbench.truth.config.columns import (
     TruthColumns,
     Units,
 )
-from trackbench.truth.config.logs import find
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order, slope
 from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
-from trackbench.truth.recorded.rows import Rows, read, seconds_from, time_stamps
-from trackbench.truth.recorded.scans import Scans, columns_of, measured, scans_of
+from trackbench.truth.recorded.rows import Rows, read_table, seconds_from, time_stamps
+from trackbench.truth.recorded.scans import Scans, column_measurements, columns_of, scans_of
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
 
 
-def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
+def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """The motion of all objects, and the measurements of the sensors whose columns are named.
 
     Raises:
@@ -46,8 +46,8 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     wanted = [columns.time, columns.object, *columns.given.values()]
     wanted += [column for entry in inside for column in (entry.time, *_own(entry, columns))]
     wanted += [columns.kind, *ignore, *(observer.given.values() if observer is not None and not observer.path else ())]
-    file = find(config.path, folder, "truth.path")
-    table = read(file, config.format, wanted, LogPart("boxes", columns.topic))
+    file = find_log(config.path, folder, "truth.path")
+    table = read_table(file, config.format, wanted, LogPart("boxes", columns.topic))
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
@@ -63,8 +63,8 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     carrier = None
     if observer is not None and observer.path is not None:
         time = observer.time or columns.time
-        own_rows = find(observer.path, folder, "truth.columns.observer.path")
-        source = read(own_rows, config.format, [time, *observer.given.values()], LogPart("frame", observer.frame))
+        own_rows = find_log(observer.path, folder, "truth.columns.observer.path")
+        source = read_table(own_rows, config.format, [time, *observer.given.values()], LogPart("frame", observer.frame))
         times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
         carrier = observer_motion(source, observer, times, units)
     elif observer is not None:
@@ -75,9 +75,9 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     for name, entry in config.measurements.items():
         source, unlabelled = own, config.unlabelled(name)
         if entry.path is not None:
-            file = find(entry.path, folder, f"truth.readings.{name}.path")
+            file = find_log(entry.path, folder, f"truth.readings.{name}.path")
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
-            source = read(
+            source = read_table(
                 file, config.format, [entry.time or columns.time, *needed], LogPart("detections", entry.topic)
             )
         unit = entry.units.get("time", columns.units.get("time"))
@@ -178,7 +178,7 @@ def _log(
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
-    measurement, rows = measured(table, entry, units, sensor)
+    measurement, rows = column_measurements(table, entry, units, sensor)
     owner = _owners(table, entry.object or columns.object, rows, ids, blank=entry.path is not None)
     alarm = np.flatnonzero(owner < 0)
     alarm = alarm[np.argsort(at[rows[alarm]], kind="stable")]

@@ -13,10 +13,10 @@ import numpy as np
 from trackbench.base.errors import InputError
 from trackbench.truth import jumps
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.logs import find
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.jumps import why_too_large
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
-from trackbench.truth.recorded.rows import NUMBER, text_of
+from trackbench.truth.recorded.rows import NUMBER, log_text
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -103,14 +103,14 @@ def _short(text: str) -> str:
 OBJECT = "cyclist"
 
 
-def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
+def load_udacity(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """The one object's truth at every line, and the measurements of the sensors of the given kinds.
 
     Raises:
         InputError: the file cannot be read, or a line of it is damaged.
     """
-    file = find(config.path or "", folder, "truth.path")
-    measurements = parse(text_of(file), file)
+    file = find_log(config.path or "", folder, "truth.path")
+    measurements = parse_lines(log_text(file), file)
     stamps = np.array([item.stamp for item in measurements], dtype=np.int64)
     seconds = (stamps - stamps[0]) / 1e6
     times, first = np.unique(seconds, return_index=True)
@@ -133,7 +133,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     return Drive({OBJECT: motion}, order, None, logs, {"file": file.name, "lines": len(measurements)})
 
 
-def parse(text: str, file: Path) -> list[Measurement]:
+def parse_lines(text: str, file: Path) -> list[Measurement]:
     """The measurements of all lines that are not blank.
 
     Raises:

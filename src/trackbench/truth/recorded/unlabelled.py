@@ -12,15 +12,15 @@ from trackbench.base.types import KINEMATICS, Array, Observer, Truth
 from trackbench.truth import jumps
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.logs import find
-from trackbench.truth.recorded.drive import carrier, fixed, within
+from trackbench.truth.config.logs import find_log
+from trackbench.truth.recorded.drive import carrier, fixed_observer, times_with_observer
 from trackbench.truth.recorded.mcap import LogPart
-from trackbench.truth.recorded.rows import read, seconds_from, time_stamps
-from trackbench.truth.recorded.scans import columns_of, detections, scan_notes, scans_of
+from trackbench.truth.recorded.rows import read_table, seconds_from, time_stamps
+from trackbench.truth.recorded.scans import columns_of, recorded_detections, scan_notes, scans_of
 from trackbench.truth.recorded.table import observer_motion
 
 
-def load(
+def load_unlabelled(
     config: RecordingOptions, kinds: Mapping[str, str], folder: Path
 ) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
     """A truth without objects, the detections of each sensor, and what was left out, a line each.
@@ -29,8 +29,8 @@ def load(
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
     tables = {
-        name: read(
-            find(entry.path or "", folder, f"truth.readings.{name}.path"),
+        name: read_table(
+            find_log(entry.path or "", folder, f"truth.readings.{name}.path"),
             config.format,
             columns_of(entry),
             LogPart("detections", entry.topic),
@@ -50,16 +50,18 @@ def load(
             raise tables[name].error(row, f"{entry.time}: {jumps.why_too_long(at[row])}")
         result[name] = scans_of(tables[name], entry, at + entry.time_offset_s, config.units, kinds[name])
     times = np.unique(np.concatenate([of.time for of in result.values()]))
-    observer = fixed(config.observer, len(times))
+    observer = fixed_observer(config.observer, len(times))
     if config.ego is not None:
         columns, units = config.ego, config.units
-        file = find(columns.path or "", folder, "truth.ego.path")
-        table = read(file, config.format, [columns.time, *columns.given.values()], LogPart("frame", columns.frame))
+        file = find_log(columns.path or "", folder, "truth.ego.path")
+        table = read_table(
+            file, config.format, [columns.time, *columns.given.values()], LogPart("frame", columns.frame)
+        )
         own_stamps = time_stamps(table, columns.time or "", units.factor("time", columns.units.get("time")))
         motion = observer_motion(table, columns, seconds_from(start, own_stamps), units)
-        times = within(times, motion, "measurements", "truth.ego")
+        times = times_with_observer(times, motion, "measurements", "truth.ego")
         observer = carrier(motion, times)
-    recorded: dict[str, Recorded] = {name: detections(of, times) for name, of in result.items()}
+    recorded: dict[str, Recorded] = {name: recorded_detections(of, times) for name, of in result.items()}
     return _no_objects(config, times, observer), recorded, tuple(scan_notes(result, times, "observer"))
 
 
