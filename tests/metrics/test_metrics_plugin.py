@@ -159,41 +159,37 @@ def test_one_that_raises_has_no_value_and_says_why(
     assert {item.metric for item in result.differences}.isdisjoint({"square"})
 
 
-@pytest.mark.parametrize("value", ["float('nan')", "None", "'high'"])
-def test_what_is_no_number_is_null_with_a_reason(
-    run_tiny: Run, tmp_path: Path, write_module: Write, value: str
-) -> None:
-    name = write_module(tmp_path, CODE + f"\nclass Odd(Square):\n    def finish(self, sums):\n        return {value}\n")
-    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
-    assert result["ekf"].square.value is None
-    assert result["ekf"].square.reason
+#: What ``finish`` gives, and why the metric then has no value.
+NO_VALUES = {
+    "float('nan')": "it is not a number",
+    "None": "it is not a number",
+    "'high'": "must be real number, not str",
+    "Interval(1.0, np.full(4, np.nan))": "the influence of an interval must be finite",
+    "Interval(1.0, np.zeros(3))": "must be an array of shape (4,), not of shape (3,)",
+    "Interval(1.0, [0.0] * 4)": "must be an array of shape (4,), not list",
+    "MetricValue.model_construct(value=float('nan'), unit='m^2')": "finish gave a value that is wrong",
+    "MetricValue(value=float('nan'), unit='m^2')": "finite number",
+    "{'value': 1.0, 'mean': 2.0}": "finish gave odd_8.value, where it may give odd_8",
+    "{'radar': 1.0}": "finish gave odd_9.radar, where it may give odd_9",
+    "{'': 1.0, 5: 2.0}": "finish gave odd_10.5, where it may give odd_10",
+    "[1.0]": "must be real number, not list",
+}
 
 
-@pytest.mark.parametrize(
-    ("value", "reason"),
-    [
-        ("Interval(1.0, np.full(4, np.nan))", "the influence of an interval must be finite"),
-        ("Interval(1.0, np.zeros(3))", "must be an array of shape (4,), not of shape (3,)"),
-        ("Interval(1.0, [0.0] * 4)", "must be an array of shape (4,), not list"),
-        ("MetricValue.model_construct(value=float('nan'), unit='m^2')", "finish gave a value that is wrong"),
-        ("MetricValue(value=float('nan'), unit='m^2')", "finite number"),
-        ("{'value': 1.0, 'mean': 2.0}", "finish gave square.value, where it may give square"),
-        ("{'radar': 1.0}", "finish gave square.radar, where it may give square"),
-        ("{'': 1.0, 5: 2.0}", "finish gave square.5, where it may give square"),
-        ("[1.0]", "must be real number, not list"),
-    ],
-)
 def test_what_cannot_stand_in_a_result_breaks_the_metric_alone(
-    run_tiny: Run, tmp_path: Path, write_module: Write, value: str, reason: str
+    run_tiny: Run, tmp_path: Path, write_module: Write
 ) -> None:
-    imports = "from trackbench.metrics import Interval; from trackbench.results import MetricValue\n"
-    name = write_module(
-        tmp_path, f"{CODE}{imports}class Odd(Square):\n    def finish(self, sums):\n        return {value}\n"
-    )
-    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
-    assert reason in result["ekf"].square.reason
-    assert result["ekf"].square.value is None
-    assert result["ekf"].position_rmse.value is not None
+    code = f"{CODE}from trackbench.metrics import Interval; from trackbench.results import MetricValue\n"
+    for number, value in enumerate(NO_VALUES):
+        code += f"class Odd{number}(Square):\n    name = 'odd_{number}'\n    def finish(self, sums): return {value}\n"
+    name = write_module(tmp_path, code)
+    metrics = [f"{name}:Odd{number}" for number in range(len(NO_VALUES))]
+    ekf = run_tiny(f"score.metrics={[*metrics, f'{name}:Within']}", folder=tmp_path)["ekf"]
+    for number, reason in enumerate(NO_VALUES.values()):
+        assert ekf.metrics[f"odd_{number}"].value is None
+        assert reason in ekf.metrics[f"odd_{number}"].reason
+    assert ekf.position_rmse.value is not None
+    assert ekf.within.value is not None
 
 
 @pytest.mark.parametrize("key", ["mean", "value", "sonar"])
@@ -415,16 +411,20 @@ WRITES = [
 ]
 
 
-@pytest.mark.parametrize(("given", "statement"), WRITES)
-def test_what_the_scorer_holds_cannot_be_changed(
-    run_tiny: Run, tmp_path: Path, write_module: Write, given: str, statement: str
-) -> None:
-    method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
-    code = CODE + f"\nclass Writes(Square):\n    def {method}:\n        {statement}\n"
-    result = run_tiny(f"score.metrics=['{write_module(tmp_path, code)}:Writes']", folder=tmp_path)
-    unchanged = run_tiny()
+def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
+    code = CODE
+    for number, (given, statement) in enumerate(WRITES):
+        method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
+        code += (
+            f"\nclass Writes{number}(Square):\n    name = 'writes_{number}'\n    def {method}:\n        {statement}\n"
+        )
+    name = write_module(tmp_path, code)
+    metrics = [f"{name}:Writes{number}" for number in range(len(WRITES))]
+    result, unchanged = run_tiny(f"score.metrics={metrics}", folder=tmp_path), run_tiny()
     for tracker in ("raw", "ekf"):
-        assert re.search("read-only|does not support item|has no attribute", result[tracker].square.reason)
+        for number, (_, statement) in enumerate(WRITES):
+            reason = result[tracker].metrics[f"writes_{number}"].reason
+            assert re.search("read-only|does not support item|has no attribute", reason), statement
         for path in ("position_rmse", "nees", "nis.radar"):
             assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
 

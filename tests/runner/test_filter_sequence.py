@@ -20,7 +20,8 @@ pytestmark = pytest.mark.skipif(unavailable() is not None, reason=f"no machine c
 
 #: Effects of what is left to steps: a track that starts late, and one whose course is lost.
 SCENARIOS = ("highway", "sensor_dropout", "intersection")
-RUNS = 70
+#: No multiple of the members of a vector.
+RUNS = 26
 
 
 def outcomes(monkeypatch: pytest.MonkeyPatch, scenario: tb.Scenario, by_steps: bool) -> dict[str, LabelledOutcome]:
@@ -121,7 +122,7 @@ def test_other_runs_change_no_bit_of_an_estimate(monkeypatch: pytest.MonkeyPatch
     """Other runs decide where a sequence ends, and where steps are taken one by one."""
     few, many = (
         outcomes(monkeypatch, tb.load("u_turn", {"truth.duration_s": 8}, runs=runs), by_steps=False)
-        for runs in (24, RUNS)
+        for runs in (16, RUNS)
     )
     for tracker, outcome in few.items():
         recorded, others = outcome.recorded, many[tracker].recorded

@@ -39,7 +39,7 @@ RADAR = "radar, range_sigma_m: 30, azimuth_sigma_deg: 0.1, range_rate_sigma_mps:
 def done(tmp_path: Path, cli: Callable[..., Any]) -> Callable[..., tuple[Result, str]]:
     def run(**values: object) -> tuple[Result, str]:
         path = tmp_path / "first.yaml"
-        path.write_text(SCENARIO.format(**{"duration": 100, "rate": 1, **values}), encoding="utf-8")
+        path.write_text(SCENARIO.format(**{"duration": 50, "rate": 1, **values}), encoding="utf-8")
         made = cli("run", path, "--no-recording", "--out", tmp_path, "--in-process")
         assert made.status == 0, made.err
         report = (tmp_path / "first" / "report.md").read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def done(tmp_path: Path, cli: Callable[..., Any]) -> Callable[..., tuple[Result,
 
 
 def test_aircraft_contradict_the_usual_first_velocity_and_it_is_said_once(done: Callable[..., Any]) -> None:
-    result, words = done(speed=300, sensor=LIDAR, rate=1, duration=60)
+    result, words = done(speed=300, sensor=LIDAR)
     stating = {item.name: item.first_velocity for item in result.summary.trackers}
     assert {name for name, first in stating.items() if first is not None} == {"default", "also"}
     assert stating["default"].share > 0.9
@@ -74,7 +74,7 @@ def test_it_is_said_of_trackers_of_several_objects_too(tmp_path: Path, cli: Call
     gnn = "{filter: kf, motion: cv, acceleration_sigma_mps2: 1, associate: {method: gnn}"
     several = f"  default: {gnn}}}\n  fitting: {gnn}, initial: {{velocity_sigma_mps: 210}}}}\n"
     for speed, contradicting in ((300, {"default"}), (60, set())):
-        text = SCENARIO.format(duration=60, rate=1, speed=speed, sensor=LIDAR)
+        text = SCENARIO.format(duration=50, rate=1, speed=speed, sensor=LIDAR)
         begin, end = text[: text.index("trackers:")], "monte_carlo: {runs: 10, seed: 3}\n"
         path = tmp_path / "first.yaml"
         path.write_text(f"{begin}sensing: {{identities: hidden}}\ntrackers:\n{several}{end}", encoding="utf-8")

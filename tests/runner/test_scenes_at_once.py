@@ -63,10 +63,10 @@ def scene(seed: int, objects: int, steps: int = 31) -> Scene:
     return Scene(of, ideal_sensors(of, SENSORS))
 
 
-def work(engine: Any) -> Work:
+def work(engine: Any, steps: int = 31) -> Work:
     """Three scenes with different numbers of objects."""
     trackers = {name: FilterConfig.model_validate(keys) for name, keys in TRACKERS.items()}
-    scenes = [scene(seed, objects) for seed, objects in ((1, 4), (2, 6), (3, 3))]
+    scenes = [scene(seed, objects, steps) for seed, objects in ((1, 4), (2, 6), (3, 3))]
     return Work(
         "test", 5, 3, scenes, trackers, None, 0.0, 1e9, 5.0, 1, 2, 2.0, 20.0,
         metrics=built_in_metrics(True, True), cutoff=5.0, engine=engine,
@@ -91,7 +91,7 @@ def assert_same(outcome: object, alone: object) -> None:
 
 @pytest.mark.parametrize("engine", ["numpy", "fused"])
 def test_each_scene_is_as_it_is_by_itself(engine: Any) -> None:
-    whole = work(engine)
+    whole = work(engine, steps=16)
     pieces = whole.pieces()
     assert whole.groups(pieces) == [pieces]
     for block, piece in zip(run_blocks(whole, pieces), pieces, strict=True):
