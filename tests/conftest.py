@@ -11,22 +11,20 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 from tests.support.browser import CHROMIUM
+from tests.support.commands import run_command
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 from tests.support.places import DOCS
 from tests.support.slow_tests import PARTS, listed, part
 from tests.support.udacity import data_folder
 
-from trackbench.base.errors import InputError
 from trackbench.base.execution import executor
-from trackbench.cli.commands import main
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
 from trackbench.runner.run import run_scenario
@@ -103,20 +101,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @functools.cache
 def viewer_draws() -> bool:
-    """Whether there is a driver for the viewer, which starts without one too."""
-    with ExitStack() as stack:
-        try:
-            started = viewer.start("--headless")
-            stack.callback(started.stop)
-            started.wait().take_screenshot()
-            return True
-        except InputError as error:
-            cause = error
-        except (ConnectionError, RuntimeError):
-            started.process.wait(viewer.PATIENCE)
-            cause = viewer.ended(started.log)
-    assert str(cause) == viewer.NO_DRIVER
-    return False
+    """Whether there is a driver for the viewer."""
+    return viewer.draws()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -313,18 +299,13 @@ class Outcome:
 
 @pytest.fixture
 def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
-    """Runs ``trackbench`` with arguments in the test's folder, in this process: a start takes a second less."""
+    """Runs ``trackbench`` with arguments in the test's folder, in this process."""
     monkeypatch.chdir(tmp_path)
-    # The command line answers a signal, which is no business of the test's process.
-    monkeypatch.setattr(signal, "signal", lambda *_: None)
 
     def call(*arguments: str | Path) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["trackbench", *map(str, arguments)])
         capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
+        status = run_command(Path.cwd(), *arguments)
         printed = capfd.readouterr()
-        assert isinstance(stop.value.code, int)
-        return Outcome(stop.value.code, printed.out, printed.err)
+        return Outcome(status, printed.out, printed.err)
 
     return call

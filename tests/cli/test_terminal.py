@@ -20,7 +20,7 @@ from typing import Any
 import click
 import pytest
 from rich.console import Console
-from tests.support.differences import with_differences
+from tests.support.results import with_differences
 
 from trackbench.cli import terminal
 from trackbench.cli.commands import cli as root

@@ -163,7 +163,7 @@ def test_mutated_recordings(
     for form in forms:
         text = yaml.safe_dump(scenario(form, tmp_path / f"log.{form}", form))
         (tmp_path / f"{form}.yaml").write_text(text)
-    for case in cases(100):
+    for case in cases(50):
         chance = random.Random(case)
         form = chance.choice(list(forms))
         file = tmp_path / f"{form}.yaml"

@@ -89,7 +89,7 @@ def test_mutated_scenarios(tried: Tried, tmp_path: Path, tiny_text: str) -> None
     whole = "".join(EXAMPLES.values())
     file = tmp_path / "scenario.yaml"
     valid = 0
-    for case in cases(100):
+    for case in cases(50):
         chance = random.Random(case)
         text = chance.choice([whole, SCRIPTED, SCRIPTED, HIDDEN, HIDDEN, tiny_text])
         file.write_bytes(_mutated(chance, text, whole))

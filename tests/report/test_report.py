@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from rich.console import Console
-from tests.support.differences import with_differences
 from tests.support.example_result import (
     RMSE,
     breakdown,
@@ -21,6 +20,7 @@ from tests.support.example_result import (
     make_summary,
     make_tables,
 )
+from tests.support.results import with_differences
 
 from trackbench.document.html import to_html
 from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS

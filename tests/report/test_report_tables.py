@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 from rich.console import Console
-from tests.support.differences import with_differences
 from tests.support.example_result import RMSE, make_result
+from tests.support.results import with_differences
 
 from trackbench.document.markdown import to_markdown
 from trackbench.metrics.differences import MOST_PAIRED

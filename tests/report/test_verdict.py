@@ -8,8 +8,8 @@ from itertools import combinations
 import pyarrow as pa
 import pytest
 from rich.console import Console
-from tests.support.differences import with_differences
 from tests.support.example_result import make_result, make_summary, make_tables
+from tests.support.results import with_differences
 
 from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary

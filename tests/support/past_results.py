@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 
 import numpy as np
+from tests.support.results import with_tables
 
 import trackbench as tb
 from trackbench.metrics import ratio, root
-from trackbench.results import Result, Tables
+from trackbench.results import Result
 from trackbench.results.summary import Provenance
 
 SCENE = """\
@@ -77,7 +77,7 @@ def past(
         metrics = dict(tracker.metrics) | {"position_rmse": interval.as_value("m")}
         trackers.append(tracker.model_copy(update={"metrics": type(tracker.metrics)(metrics)}))
     made = (BEGIN + timedelta(days=number)).isoformat()
-    return replace(base, tables=Tables({**base.tables, "runs": table})).updated(
+    return with_tables(base, runs=table).updated(
         trackers=trackers,
         ranking=sorted(base, key=errors.__getitem__),
         seed=seed,

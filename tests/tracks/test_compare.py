@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.support.differences import with_differences
+from tests.support.results import with_differences
 
 import trackbench as tb
 from trackbench.base.errors import InputError

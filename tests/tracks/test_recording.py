@@ -15,6 +15,7 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
+from tests.support.results import with_tables
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import TrackEvent, events_of
@@ -164,7 +165,7 @@ def test_events_are_listed_by_cost_and_starts_of_tracks_apart(traffic_result: Re
         own, ("lost", "false", "confirmed"), (50.0, 80.0, 99.0), (3.0, 2.0, 0.1), strict=False
     ):
         row.update(kind=kind, cost_m2=cost, time_s=time)
-    changed = Result(traffic_result.summary, Tables({**traffic_result.tables, "events": pa.Table.from_pylist(own[:3])}))
+    changed = with_tables(traffic_result, events=pa.Table.from_pylist(own[:3]))
     events, starts = costs(changed, ["pmb"]).split("## Track starts")
     assert [line.split("|")[1] for line in events.splitlines() if "| pmb |" in line] == [" 80 ", " 50 "]
     assert "| 99 |" in starts

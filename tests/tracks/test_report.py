@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure as Canvas
 from matplotlib.text import Annotation
 from rich.console import Console
-from tests.support.differences import with_differences
+from tests.support.results import with_differences
 
 import trackbench as tb
 from trackbench.base.errors import InputError

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,12 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 from tests.metrics.functions.test_function_runs import ALL, BRAKING, result_of
+from tests.support.results import with_tables
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import function_events
 from trackbench.report.result import result_document
-from trackbench.results import Result, Tables
+from trackbench.results import Result
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def _with_events(result: Result, *rows: tuple[str, float, float, float]) -> Resu
     same = {"tracker": "slow", "function": "fcw", "object": "lead"}
     numbers = {"run": run, "time_s": np.ones(len(rows)), "until_s": 1.0 + np.array(length), "delay_s": delay}
     table = pa.table({name: [text] * len(rows) for name, text in same.items()} | {"outcome": outcome, **numbers})
-    return dataclasses.replace(result, tables=Tables({**result.tables, "function_events": table}))
+    return with_tables(result, function_events=table)
 
 
 MIXED = (

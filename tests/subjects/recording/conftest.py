@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 from scipy import stats
+from tests.support.results import with_tables
 
 from trackbench.results import (
     ConditionVerdict,
@@ -284,6 +287,29 @@ def result() -> Result:
 
 
 @pytest.fixture(scope="session")
+def short(result: Result) -> Result:
+    """Its first three seconds, of one vehicle."""
+    tables = {}
+    for name, table in result.tables.items():
+        if "object" in table.column_names:
+            table = table.filter(pc.is_in(table["object"], pa.array(["ego", "v1"])))
+        tables[name] = table.filter(pc.less(table["time_s"], 3.01)) if "time_s" in table.column_names else table
+    return with_tables(result, **tables).updated(truth=result.summary.truth.model_copy(update={"objects": ["v1"]}))
+
+
+@pytest.fixture(scope="session")
+def rewritten(short: Result, tmp_path_factory: pytest.TempPathFactory, read_file: type[Read]) -> Callable[..., Read]:
+    """Writes ``short`` with other tables, or another result, and reads the recording."""
+
+    def write(result: Result = short, **tables: pa.Table) -> Read:
+        path = tmp_path_factory.mktemp("rewritten") / "run.rrd"
+        recording.write(with_tables(result, **tables), path)
+        return read_file(path)
+
+    return write
+
+
+@pytest.fixture(scope="session")
 def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
     recording.write(result, path)
@@ -291,24 +317,24 @@ def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Read:
-    """The rows of a recording: for an entity and a component, values by time in seconds (None: static)."""
+    """A recording: for an entity and a component, values by time in seconds (None: static)."""
 
     def __init__(self, path: Path) -> None:
-        self.rows: dict[tuple[str, str], dict[float | None, Any]] = {}
+        self.parts: dict[tuple[str, str], list[tuple[Any, pa.Array]]] = {}
         self.timelines: set[str] = set()
         for chunk in RrdReader(path).stream():
             batch = chunk.to_record_batch()
             self.timelines.update(chunk.timeline_names)
             times = [None] * len(batch) if chunk.is_static else batch.column("sim_time").to_numpy().astype(float) / 1e9
             for name in batch.schema.names:
-                values = batch.column(name).to_pylist()
-                self.rows.setdefault((chunk.entity_path, name), {}).update(zip(times, values, strict=True))
+                self.parts.setdefault((chunk.entity_path, name), []).append((times, batch.column(name)))
 
     def __call__(self, entity: str, component: str) -> dict[float | None, Any]:
-        return self.rows[entity, component]
+        parts = self.parts[entity, component]
+        return {time: value for times, column in parts for time, value in zip(times, column.to_pylist(), strict=True)}
 
     def entities(self) -> set[str]:
-        return {entity for entity, _ in self.rows}
+        return {entity for entity, _ in self.parts}
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import errno
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,10 @@ from scipy import stats
 
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
-from trackbench.results import Failure, Result, Tables
+from trackbench.results import Failure, Result
 from trackbench.subjects.recording import writer as recording
+
+Rewritten = Callable[..., Any]
 
 
 def test_rerun_verifies_the_file(file: Path) -> None:
@@ -62,12 +65,10 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
     }
 
 
-def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: Result, tmp_path: Path, read_file: Any) -> None:
-    nis = result.tables.nis
+def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(short: Result, rewritten: Rewritten) -> None:
+    nis = short.tables.nis
     own = pc.multiply(nis["nis_high"], pc.if_else(pc.equal(nis["tracker"], "kf_cv"), 0.7, 1.0))
-    changed = nis.set_column(nis.column_names.index("nis_high"), "nis_high", own)
-    recording.write(Result(result.summary, Tables({**result.tables, "nis": changed})), tmp_path / "run.rrd")
-    read = read_file(tmp_path / "run.rrd")
+    read = rewritten(nis=nis.set_column(nis.column_names.index("nis_high"), "nis_high", own))
     place = "/series/all_runs/nis/front_radar/bounds"
     names = [read(f"{place}/nis_high_{i}", "SeriesLines:names")[None][0] for i in (1, 2)]
     assert names == ["95 % bounds: kf_cv", "95 % bounds: ekf_cv, ukf_ctrv, tuned_badly"]
@@ -93,15 +94,11 @@ def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_
 
 
 def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
-    result: Result, tmp_path: Path, read_file: Any
+    short: Result, rewritten: Rewritten
 ) -> None:
-    nis, shown = result.tables.nis, result.tables.recorded_nis
+    nis, shown = short.tables.nis, short.tables.recorded_nis
     nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
-    shown = shown.filter(pc.equal(shown["object"], "v1"))
-    recording.write(
-        Result(result.summary, Tables({**result.tables, "nis": nis, "recorded_nis": shown})), tmp_path / "run.rrd"
-    )
-    read = read_file(tmp_path / "run.rrd")
+    read = rewritten(nis=nis, recorded_nis=shown.filter(pc.equal(shown["object"], "v1")))
     for run in ("all_runs", "recorded_run"):
         place = f"/series/{run}/nis/front_radar/bounds"
         assert {entity for entity in read.entities() if entity.startswith(place)} == {f"{place}/line_1"}
@@ -110,19 +107,13 @@ def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
         np.testing.assert_allclose([value[0] for value in values if value], 7.815, atol=5e-4)
 
 
-def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path, read_file: Any) -> None:
-    steps = result.tables.steps
+def test_a_line_is_broken_where_there_is_no_value(short: Result, rewritten: Rewritten) -> None:
+    steps = short.tables.steps
     column = steps.column_names.index("nees_mean")
     values = steps["nees_mean"].to_numpy().copy()
     values[10] = np.nan
-    recording.write(
-        Result(
-            result.summary,
-            Tables({**result.tables, "steps": steps.set_column(column, "nees_mean", pa.array(values))}),
-        ),
-        tmp_path / "run.rrd",
-    )
-    nees = read_file(tmp_path / "run.rrd")("/series/all_runs/nees/raw", "Scalars:scalars")
+    read = rewritten(steps=steps.set_column(column, "nees_mean", pa.array(values)))
+    nees = read("/series/all_runs/nees/raw", "Scalars:scalars")
     assert (nees[0.5], len(nees[0.55])) == ([], 1)
 
 
@@ -135,10 +126,9 @@ def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, resul
     assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
 
 
-def test_a_tracker_has_the_colour_of_its_place(result: Result, tmp_path: Path, read_file: Any) -> None:
-    placed = [tracker.model_copy(update={"place": i + 2}) for i, tracker in enumerate(result.summary.trackers)]
-    recording.write(result.updated(trackers=placed), tmp_path / "run.rrd")
-    read = read_file(tmp_path / "run.rrd")
+def test_a_tracker_has_the_colour_of_its_place(short: Result, rewritten: Rewritten) -> None:
+    placed = [tracker.model_copy(update={"place": i + 2}) for i, tracker in enumerate(short.summary.trackers)]
+    read = rewritten(short.updated(trackers=placed))
     for i, tracker in enumerate(placed, 2):
         expected = [int(TRACKER_COLOURS[i][1:] + "FF", 16)]
         assert read(f"/world/estimates/{tracker.name}/v1", "Points2D:colors")[None] == expected
@@ -162,76 +152,63 @@ def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
     assert read("/__properties/trackbench", "scenario")[None] == ["synthetic_highway"]
 
 
-def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path, read_file: Any) -> None:
+def test_a_failed_tracker_is_named_with_its_cause(short: Result, rewritten: Rewritten) -> None:
     failed = Failure(cause="returned NaN", step=12, time_s=0.6, sensor="roof_lidar", run=3, object="v1")
     trackers = [
         tracker.model_copy(update={"failed": failed if tracker.name == "raw" else None})
-        for tracker in result.summary.trackers
+        for tracker in short.summary.trackers
     ]
     others = {
-        name: table.filter(pc.not_equal(table["tracker"], "raw")) if "tracker" in table.column_names else table
-        for name, table in result.tables.items()
+        name: table.filter(pc.not_equal(table["tracker"], "raw"))
+        for name, table in short.tables.items()
+        if "tracker" in table.column_names
     }
-    recording.write(
-        Result(result.summary.model_copy(update={"trackers": trackers}), Tables(others)), tmp_path / "run.rrd"
-    )
-    read = read_file(tmp_path / "run.rrd")
+    read = rewritten(short.updated(trackers=trackers), **others)
     assert "**raw**: returned NaN (step 12, 0.60 s" in read("/ranking", "TextDocument:text")[None][0]
     assert "/world/estimates/ekf_cv/v1" in read.entities()
     assert "/world/estimates/raw/v1" not in read.entities()
 
 
 @pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])
-def test_an_empty_table_leaves_the_rest(name: str, result: Result, tmp_path: Path, read_file: Any) -> None:
-    recording.write(
-        Result(result.summary, Tables({**result.tables, name: result.tables[name].slice(0, 0)})), tmp_path / "a.rrd"
-    )
-    assert "/world/vehicles/v1" in read_file(tmp_path / "a.rrd").entities()
+def test_an_empty_table_leaves_the_rest(name: str, short: Result, rewritten: Rewritten) -> None:
+    assert "/world/vehicles/v1" in rewritten(**{name: short.tables[name].slice(0, 0)}).entities()
 
 
-def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(
-    result: Result, tmp_path: Path, read_file: Any
-) -> None:
+def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(rewritten: Rewritten) -> None:
     nothing = dict.fromkeys(("steps", "nis", "estimates", "recorded_nis"), pa.table({}))
-    recording.write(Result(result.summary, Tables({**result.tables, **nothing})), tmp_path / "run.rrd")
-    entities = read_file(tmp_path / "run.rrd").entities()
+    entities = rewritten(**nothing).entities()
     assert {"/world/vehicles/v1", "/world/measurements/front_radar"} <= entities
     assert not any(entity.startswith("/series") for entity in entities)
 
 
-def test_names_need_not_be_plain(result: Result, tmp_path: Path, read_file: Any) -> None:
-    measurements = result.tables.measurements
+def test_names_need_not_be_plain(short: Result, rewritten: Rewritten) -> None:
+    measurements, sensors = short.tables.measurements, short.summary.sensors
     odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in measurements["sensor"]])
-    tables = {
-        **result.tables,
-        "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd),
-    }
-    sensors = result.summary.sensors
-    summary = result.summary.model_copy(update={"sensors": sensors | {"front/radar é": sensors["front_radar"]}})
-    recording.write(Result(summary, Tables(tables)), tmp_path / "run.rrd")
-    entities = read_file(tmp_path / "run.rrd").entities()
+    renamed = measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd)
+    result = short.updated(sensors=sensors | {"front/radar é": sensors["front_radar"]})
+    entities = rewritten(result, measurements=renamed).entities()
     assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
 
 
-def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result: Result, tmp_path: Path) -> None:
+def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(short: Result, tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
-    recording.write(result, path)
+    recording.write(short, path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert len(RrdReader(path).recordings()) == 1
 
 
-def test_a_folder_that_cannot_be_written_is_one_clear_error(result: Result, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_one_clear_error(short: Result, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(TrackbenchError, match=r"cannot write .*file/run\.rrd: "):
-        recording.write(result, tmp_path / "file" / "run.rrd")
+        recording.write(short, tmp_path / "file" / "run.rrd")
     (tmp_path / "run.rrd").mkdir()
     with pytest.raises(TrackbenchError, match="Is a directory"):
-        recording.write(result, tmp_path / "run.rrd")
+        recording.write(short, tmp_path / "run.rrd")
     assert {entry.name for entry in tmp_path.iterdir()} == {"file", "run.rrd"}
 
 
-def test_a_full_disk_leaves_the_old_recording(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_the_old_recording(short: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, content: bytes) -> int:
         path.touch()
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -239,14 +216,14 @@ def test_a_full_disk_leaves_the_old_recording(result: Result, tmp_path: Path, mo
     (tmp_path / "run.rrd").write_text("old")
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(TrackbenchError, match="No space left on device"):
-        recording.write(result, tmp_path / "run.rrd")
+        recording.write(short, tmp_path / "run.rrd")
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
     assert (tmp_path / "run.rrd").read_text() == "old"
 
 
 def test_rerun_switched_off_by_the_environment_is_said(
-    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    short: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RERUN", "off")
     with pytest.raises(InputError, match="RERUN"):
-        recording.write(result, tmp_path / "run.rrd")
+        recording.write(short, tmp_path / "run.rrd")

@@ -68,10 +68,11 @@ def test_lanes_log_and_rings_are_in_the_file(result: Result, file: Path) -> None
 
 
 def test_events_are_read_back_from_the_file(result: Result, file: Path) -> None:
-    from_file = inspect(read(file), count=5, function="fcw").of_function
+    recorded = read(file)
+    from_file = inspect(recorded, count=5, function="fcw").of_function
     assert from_file
     assert from_file[0].word == "late"
-    assert inspect(read(file), count=5, function="fcw", tracker="ekf").of_function != from_file
+    assert inspect(recorded, count=5, function="fcw", tracker="ekf").of_function != from_file
 
 
 def test_a_recording_opens_at_the_worst_event(result: Result) -> None:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from tests.support.results import with_tables
 
 from trackbench.base.types import Array
 from trackbench.document.palette import ERROR_COLOURS
 from trackbench.document.replay import Chart, ChartLine
-from trackbench.results import Result, Tables
+from trackbench.results import Result
 from trackbench.results.columns import Columns
 from trackbench.subjects.recording.contents import contents_of
 from trackbench.subjects.recording.focus import moment_of
@@ -110,7 +111,7 @@ def test_a_recording_opens_where_contenders_differ_most(result: Result) -> None:
     for row in rows:
         if (row["tracker"], row["object"]) == ("ekf_cv", "v2") and 8.0 <= row["time_s"] <= 9.0:
             row["px_m"], row["position_error_m"] = row["px_m"] + 9.0, 9.0
-    apart = Result(result.summary, Tables({**result.tables, "estimates": pa.Table.from_pylist(rows)}))
+    apart = with_tables(result, estimates=pa.Table.from_pylist(rows))
     moment = moment_of(apart)
     assert moment.vehicle == "v2"
     assert moment.time_s == pytest.approx(8.5, abs=0.4)
@@ -161,5 +162,5 @@ def test_the_legend_names_every_colour_once(read: Any, result: Result) -> None:
 
 
 def labels(read: Any, entity: str) -> list[str]:
-    found = [read.rows.get((entity, f"{kind}:labels")) for kind in ("LineStrips2D", "Points2D")]
-    return [name for rows in found if rows for name in rows[None]]
+    kinds = [f"{kind}:labels" for kind in ("LineStrips2D", "Points2D")]
+    return [name for kind in kinds if (entity, kind) in read.parts for name in read(entity, kind)[None]]

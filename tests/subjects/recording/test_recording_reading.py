@@ -14,12 +14,13 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
+from tests.support.results import with_tables
 
 import trackbench as tb
 from trackbench.base.errors import InputError
 from trackbench.metrics.moments import worst
 from trackbench.metrics.recorded_run import load_recorded_run
-from trackbench.results import Result, Tables, to_json
+from trackbench.results import Result, to_json
 from trackbench.subjects.recording import chunks
 from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.data import TABLES, read
@@ -109,7 +110,7 @@ def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path
     saved = Result.load(copy)
     x = saved.tables["estimates"].column("px_m").to_numpy() + 1.0
     estimates = saved.tables["estimates"].set_column(3, "px_m", pa.array(x, from_pandas=True))
-    changed = Result(saved.summary, Tables({**saved.tables, "estimates": estimates}))
+    changed = with_tables(saved, estimates=estimates)
     recording.write(changed, copy / "recording.rrd")
     checked = inspect(copy).checked
     assert checked is not None
