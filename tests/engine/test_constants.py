@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any, ClassVar
+from itertools import product
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -77,8 +78,11 @@ def start() -> Belief:
     return Belief(state, np.stack([np.eye(4)] * MEMBERS, axis=-1))
 
 
-def path_by(filter: Any, kind: str = "lidar") -> Array:
-    """The estimates of objects that drive straight on, made in steps, and by predictions and updates in turn."""
+def path_by(filter: Any, kind: str = "lidar", updates: Any = None) -> Array:
+    """The estimates of objects that drive straight on, made in steps, and by predictions and updates in turn.
+
+    ``updates``: the filter that makes the updates; the same unless given.
+    """
     first = start()
     belief = filter.begin(lambda motion: Gaussian(first.mean, first.covariance))
     means = []
@@ -88,39 +92,53 @@ def path_by(filter: Any, kind: str = "lidar") -> Array:
         if number % 4:
             belief = filter.step(belief, 0.1, seen).update.belief
         else:
-            belief = filter.update(filter.predict(belief, 0.1), seen).belief
+            belief = (updates or filter).update(filter.predict(belief, 0.1), seen).belief
         means.append(filter.cartesian(belief).mean)
     return np.array(means)
 
 
-def driven(moved: Motion, kernels: Kernels | None, of: str = "motion", filter: str = "ekf") -> tuple[Array, EngineUsed]:
+#: What has the odd equations.
+Place = Literal["motion", "sensor", "both"]
+
+
+def driven(
+    moved: Motion, kernels: Kernels | None, of: Place = "motion", filter: str = "ekf"
+) -> tuple[Array, EngineUsed]:
     """The estimates with an odd motion model or sensor, and what computed them; without kernels NumPy."""
-    plain = FILTERS[filter](motion_of(moved) if of == "motion" else STRAIGHT)
+    return driven_by(moved, moved, kernels, of, filter)
+
+
+def driven_by(moved: Motion, seen: Motion, kernels: Kernels | None, of: Place, filter: str) -> tuple[Array, EngineUsed]:
+    """The same, with other equations of the motion model than of the sensor."""
+    plain = FILTERS[filter](STRAIGHT if of == "sensor" else motion_of(moved))
     by = plain if kernels is None else FusedFilter(plain, kernels)
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
-        patch.setitem(SENSOR_MODELS.found, "odd", sensor_of(moved))
-        means = path_by(by, "odd" if of == "sensor" else "lidar")
+        patch.setitem(SENSOR_MODELS.found, "odd", sensor_of(seen))
+        # An update alone has nothing of a motion model.
+        means = path_by(by, "lidar" if of == "motion" else "odd", plain if of == "motion" else by)
         return means, EngineUsed("numpy") if kernels is None else by.used
 
 
-def cases(names: Iterable[str], *filters: str, fast: Sequence[tuple[str, str]]) -> pytest.MarkDecorator:
-    """Each as a motion model and as a sensor, with each filter; what is not fast is slow."""
+def cases(names: Iterable[str], fast: tuple[Place, str], slow: Sequence[tuple[Place, str]]) -> pytest.MarkDecorator:
+    """Each with the odd equations in one place and with one filter, and slow ones with others."""
     return pytest.mark.parametrize(
         ("name", "of", "filter"),
         [
-            pytest.param(name, of, filter, marks=() if (of, filter) in fast else pytest.mark.slow)
-            for name in names
-            for of in ("motion", "sensor")
-            for filter in filters
+            *((name, *fast) for name in names),
+            *(pytest.param(name, *case, marks=pytest.mark.slow) for name in names for case in slow),
         ],
     )
 
 
-LINEARISED = ("motion", "ekf"), ("sensor", "ekf")
+#: Predictions have only the odd equations of the motion model, updates those of the sensor, steps both.
+BOTH: tuple[Place, str] = ("both", "ekf")
+SEVERAL: Sequence[tuple[Place, str]] = (("motion", "imm"), ("sensor", "imm"))
 
 
-@cases(PLACES, "ekf", "imm", fast=LINEARISED)
-def test_a_parameter_that_is_changed_between_two_runs_counts(kernels: Kernels, name: str, of: str, filter: str) -> None:
+@cases(PLACES, BOTH, SEVERAL)
+def test_a_parameter_that_is_changed_between_two_runs_counts(
+    kernels: Kernels, name: str, of: Place, filter: str
+) -> None:
     """Or NumPy computes the model, and it is said."""
     factor, change = PLACES[name]()
     paths = []
@@ -142,9 +160,13 @@ FACTORS = {
 MOTIONS = {**OWN_STATE, **{name: lambda moved=moved: moved for name, moved in WITHOUT_STATE.items()}}
 
 
-def differs_only_where_it_is_said(kernels: Kernels, make: Callable[[], Motion], of: str, filter: str) -> None:
-    expected, _ = driven(make(), None, of, filter)
-    path, used = driven(make(), kernels, of, filter)
+def differs_only_where_it_is_said(kernels: Kernels, make: Callable[[], Motion], of: Place, filter: str) -> None:
+    expected, _ = driven_by(make(), make(), None, of, filter)
+    path, used = driven_by(make(), make(), kernels, of, filter)
+    if used.invalid and of == "both":
+        # One of them may be right.
+        for place in ("motion", "sensor"):
+            differs_only_where_it_is_said(Kernels(), make, place, filter)
     # Where machine code turned out to be wrong, a run is computed again by NumPy.
     assert used.invalid or np.allclose(path, expected, rtol=1e-10, atol=1e-10, equal_nan=True)
     # Members of which a trace does not hold are computed again without a word.
@@ -152,20 +174,24 @@ def differs_only_where_it_is_said(kernels: Kernels, make: Callable[[], Motion], 
     assert used.of_user == bool(used.why_numpy)
 
 
-@cases(FACTORS, "ekf", "imm", fast=LINEARISED)
+@cases(FACTORS, BOTH, SEVERAL)
 def test_an_odd_model_differs_from_numpy_only_where_it_is_said(
-    kernels: Kernels, name: str, of: str, filter: str
+    kernels: Kernels, name: str, of: Place, filter: str
 ) -> None:
     differs_only_where_it_is_said(kernels, FACTORS[name], of, filter)
 
 
-@cases(MOTIONS, "ukf", "ckf", "imm", fast=[("motion", "ukf")])
-def test_a_model_that_is_odd_with_sigma_points_does_so_too(kernels: Kernels, name: str, of: str, filter: str) -> None:
+@cases(MOTIONS, ("motion", "ukf"), [("sensor", "ukf"), *product(("motion", "sensor"), ("ckf", "imm"))])
+def test_a_model_that_is_odd_with_sigma_points_does_so_too(kernels: Kernels, name: str, of: Place, filter: str) -> None:
     differs_only_where_it_is_said(kernels, MOTIONS[name], of, filter)
 
 
-@cases(RANDOM, "ekf", "imm", fast=LINEARISED)
-def test_what_draws_or_asks_the_time_is_left_to_numpy(kernels: Kernels, name: str, of: str, filter: str) -> None:
+@pytest.mark.parametrize(
+    ("of", "filter"),
+    [("motion", "ekf"), ("sensor", "ekf"), *(pytest.param(*case, marks=pytest.mark.slow) for case in SEVERAL)],
+)
+@pytest.mark.parametrize("name", RANDOM)
+def test_what_draws_or_asks_the_time_is_left_to_numpy(kernels: Kernels, name: str, of: Place, filter: str) -> None:
     _, used = driven(by_factor(RANDOM[name]()), kernels, of, filter)
     # The rest of a filter with an odd sensor is compiled.
     assert used.engine == ("numpy" if of == "motion" else "fused and numpy")

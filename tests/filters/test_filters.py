@@ -84,7 +84,7 @@ def test_scalar_kalman_filter_in_closed_form():
 def test_steady_state_is_that_of_the_riccati_equation(make, motion):
     dt, size = 0.1, len(motion.components)
     belief, kalman = Belief(np.zeros(size), np.eye(size)), make(motion)
-    for k in range(2000):
+    for k in range(400):
         predicted = kalman.predict(belief, dt)
         belief = kalman.update(predicted, scan("lidar", k * dt, np.zeros(2))).belief
     f, h, q = motion.jacobian(belief.mean, dt), np.eye(2, size), process_noise(motion, belief.mean, dt)

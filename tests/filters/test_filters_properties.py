@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from tests.support.scenes import LIDAR_NOISE, RADAR_NOISE, TRACKERS, member, scan, tracker
 
 from trackbench.models.motion import Kinematics
@@ -97,17 +95,21 @@ def test_batch_axes_of_any_shape(keys):
     np.testing.assert_allclose(found.covariance.reshape(4, 4, 6), flat.covariance, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("keys", TRACKERS.values(), ids=TRACKERS)
-@given(seed=st.integers(0, 2**32 - 1), initial=st.sampled_from(["first_measurement", "two_measurements"]))
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_covariances_stay_symmetric_and_positive_definite(keys, seed, initial):
-    for estimate in through(tracker(**keys, initial=initial), measurements(5, 25, seed)):
-        started = np.isfinite(estimate.mean[0])
-        for covariance in (estimate.covariance, estimate.state_covariance):
+@every_tracker
+@pytest.mark.parametrize("initial", ["first_measurement", "two_measurements"])
+def test_covariances_stay_symmetric_and_positive_definite(keys, initial):
+    """Of 40 objects at 25 scans, whose times and sensors are drawn twice, and others for each tracker."""
+    for more in (0, 1000):
+        estimates = through(
+            tracker(**keys, initial=initial), measurements(20, 25, seed=[*TRACKERS.values()].index(keys) + more)
+        )
+        started = np.stack([np.isfinite(estimate.mean[0]) for estimate in estimates], axis=-1)
+        for part in ("covariance", "state_covariance"):
+            covariance = np.stack([getattr(estimate, part) for estimate in estimates], axis=-1)
             np.testing.assert_allclose(covariance, np.swapaxes(covariance, 0, 1), rtol=1e-12, atol=1e-12)
             assert np.all(smallest_eigenvalue(covariance[..., started]) > 0)
-        if estimate.innovation_covariance is not None:
-            assert np.all(smallest_eigenvalue(estimate.innovation_covariance) > 0)
+        innovations = [each.innovation_covariance for each in estimates if each.innovation_covariance is not None]
+        assert all(np.all(smallest_eigenvalue(innovation) > 0) for innovation in innovations)
 
 
 @every_tracker

@@ -1,9 +1,9 @@
 """Motion models against finite differences, numerical integration and simulation."""
 
+from itertools import product
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
 from tests.support.scenes import CONTINUOUS, NOISE
@@ -32,29 +32,36 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 stepwise_models = pytest.mark.parametrize("model", STEPWISE.values(), ids=STEPWISE)
 turning_models = pytest.mark.parametrize("model", [MODELS[name] for name in TURNING], ids=TURNING)
 
-#: Components of any state, with both signs; yaw rates crowd around zero and the switch to the series.
-RANGES = {
-    "p": st.floats(-200, 200),
-    "v": st.floats(-40, 40),
-    "a": st.floats(-5, 5),
-    "yaw": st.floats(-np.pi, np.pi),
-    "slip": st.floats(-0.3, 0.3),
-    "yaw_rate": st.one_of(
-        st.floats(-2, 2), st.floats(-0.05, 0.05), st.sampled_from([0.0, 1e-300, -1e-12, 1e-6, 0.01, 0.02, -0.02])
-    ),
-}
-INTERVALS = st.one_of(st.floats(0, 2), st.sampled_from([0.0, 0.05, 1.0]))
+#: Of the components of any state, by their name or its first letter, the largest size.
+LARGEST = {"p": 200.0, "v": 40.0, "a": 5.0, "yaw": np.pi, "slip": 0.3, "yaw_rate": 2.0}
+#: Yaw rates around zero, and around the switch to the series.
+YAW_RATES = [0.0, 1e-300, -1e-12, 1e-6, 0.01, 0.02, -0.02]
+INTERVALS = [0.0, 0.05, 1.0, *np.random.default_rng(0).uniform(0.0, 2.0, 5)]
+SIZE = 60
 
 
-def states(model) -> st.SearchStrategy:
-    return st.tuples(*(RANGES[name if name in RANGES else name[0]] for name in model.components)).map(np.array)
+def drawn(name: str, random: np.random.Generator) -> np.ndarray:
+    """``(60,)`` values of a component, with both signs; some are small, some zero, and some at the ends."""
+    largest = LARGEST[name if name in LARGEST else name[0]]
+    values = random.uniform(-largest, largest, SIZE)
+    values[::5] *= 0.025
+    values[1::10] = random.choice([0.0, largest, -largest, 5e-324, 1e-9], SIZE // 10)
+    if name == "yaw_rate":
+        values[2::5] = random.choice(YAW_RATES, SIZE // 5)
+    return values
+
+
+def states(model, seed: int = 0) -> np.ndarray:
+    """``(n, 60)``"""
+    random = np.random.default_rng(seed)
+    return np.stack([drawn(name, random) for name in model.components])
 
 
 def finite_difference(function, x: np.ndarray, size: float = 1e-3) -> np.ndarray:
-    """Five-point derivative of ``function`` at one state."""
+    """Five-point derivative of ``function`` at states ``(n, ...)``."""
     columns = []
     for i in range(len(x)):
-        step = np.zeros(len(x))
+        step = np.zeros_like(x)
         step[i] = size
         values = [function(x + k * step) for k in (-2, -1, 1, 2)]
         columns.append((values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * size))
@@ -79,12 +86,17 @@ def rate(model, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
 
 def integrated(model, x: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray:
+    """Of states ``(n, ...)`` under noise ``(q, ...)``."""
     if dt == 0:
         return x
+
+    def slope(_: float, s: np.ndarray) -> np.ndarray:
+        return rate(model, s.reshape(x.shape), noise).ravel()
+
     # Where both orders are without error SciPy divides nothing by nothing.
     with np.errstate(invalid="ignore"):
-        done = solve_ivp(lambda _, s: rate(model, s, noise), (0, dt), x, method="DOP853", rtol=1e-11, atol=1e-11)
-    return done.y[:, -1]
+        done = solve_ivp(slope, (0, dt), x.ravel(), method="DOP853", rtol=1e-11, atol=1e-11)
+    return done.y[:, -1].reshape(x.shape)
 
 
 def test_spherical_bessel_functions_agree_with_scipy_on_both_sides_of_the_switch_to_the_series():
@@ -96,42 +108,47 @@ def test_spherical_bessel_functions_agree_with_scipy_on_both_sides_of_the_switch
     np.testing.assert_allclose(turning.bessel1_slope(h), spherical_jn(1, np.abs(h), derivative=True), atol=1e-9)
 
 
+def each(matrix: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """A matrix of each state, also where it is the same for all."""
+    return np.broadcast_to(matrix[..., None] if matrix.ndim == 2 else matrix, (*matrix.shape[:2], x.shape[-1]))
+
+
 @every_model
-@given(data=st.data())
-def test_jacobians_agree_with_finite_differences(model, data):
-    x, dt = data.draw(states(model)), data.draw(INTERVALS)
+@pytest.mark.parametrize("dt", INTERVALS)
+def test_jacobians_agree_with_finite_differences(model, dt):
+    x = states(model)
     # A bicycle of a short wheelbase turns by many radians for each of its slip.
     size, limit = (2e-5, 1e-6) if isinstance(model, KinematicBicycle) else (1e-3, 1e-8)
     expected = finite_difference(lambda s: model.transition(s, dt), x, size)
-    np.testing.assert_allclose(model.jacobian(x, dt), expected, atol=limit)
+    np.testing.assert_allclose(each(model.jacobian(x, dt), x), expected, atol=limit)
     expected = finite_difference(model.to_cartesian, x)
-    np.testing.assert_allclose(model.cartesian_jacobian(x), expected, atol=1e-8)
+    np.testing.assert_allclose(each(model.cartesian_jacobian(x), x), expected, atol=1e-8)
 
 
 @every_model
-@given(data=st.data())
-def test_transition_agrees_with_numerical_integration(model, data):
-    x, dt = data.draw(states(model)), data.draw(INTERVALS)
-    expected = integrated(model, x, np.zeros(len(model.noise_sigma)), dt)
+@pytest.mark.parametrize("dt", INTERVALS)
+def test_transition_agrees_with_numerical_integration(model, dt):
+    x = states(model)
+    expected = integrated(model, x, np.zeros((len(model.noise_sigma), SIZE)), dt)
     np.testing.assert_allclose(model.transition(x, dt), expected, atol=1e-7)
 
 
 @every_model
-@given(data=st.data())
-def test_two_transitions_in_a_row_are_one(model, data):
-    x, first, second = data.draw(states(model)), data.draw(INTERVALS), data.draw(INTERVALS)
-    np.testing.assert_allclose(
-        model.transition(model.transition(x, first), second), model.transition(x, first + second), atol=1e-10
-    )
+def test_two_transitions_in_a_row_are_one(model):
+    x = states(model)
+    for first, second in product(INTERVALS, repeat=2):
+        np.testing.assert_allclose(
+            model.transition(model.transition(x, first), second), model.transition(x, first + second), atol=1e-10
+        )
 
 
 @every_model
-@given(data=st.data())
-def test_nothing_moves_in_no_time(model, data):
-    x = data.draw(states(model))
+def test_nothing_moves_in_no_time(model):
+    x = states(model)
+    size = len(x)
     np.testing.assert_allclose(model.transition(x, 0.0), x, atol=1e-14)
-    np.testing.assert_allclose(model.jacobian(x, 0.0), np.eye(len(x)), atol=1e-14)
-    np.testing.assert_array_equal(process_noise(model, x, 0.0), np.zeros((len(x), len(x))))
+    np.testing.assert_allclose(each(model.jacobian(x, 0.0), x), each(np.eye(size), x), atol=1e-14)
+    np.testing.assert_array_equal(each(process_noise(model, x, 0.0), x), np.zeros((size, size, SIZE)))
 
 
 @stepwise_models
@@ -173,33 +190,34 @@ def test_process_noise_is_the_covariance_of_simulated_steps(model):
 
 
 @every_model
-@given(data=st.data())
-def test_kinematics_become_the_state_of_that_motion(model, data):
-    numbers = [data.draw(RANGES[name]) for name in ("p", "p", "v", "yaw", "a", "yaw_rate")]
-    motion = Kinematics(*map(np.array, numbers))
-    x = model.from_kinematics(motion)
+def test_kinematics_become_the_state_of_that_motion(model):
+    random = np.random.default_rng(1)
+    numbers = [drawn(name, random) for name in ("p", "p", "v", "yaw", "a", "yaw_rate")]
+    x = model.from_kinematics(Kinematics(*numbers))
     px, py, v, course, a, w = numbers
     expected = [px, py, v * np.cos(course), v * np.sin(course)]
     np.testing.assert_allclose(model.to_cartesian(x), expected, atol=1e-12)
     if len(x) == 6:
         # The second derivative of the position is the acceleration along and across the course.
-        velocity = finite_difference(lambda t: model.to_cartesian(model.transition(x, t[0]))[2:], np.zeros(1))[:, 0]
+        size, steps = 1e-3, (-2, -1, 1, 2)
+        values = [model.to_cartesian(model.transition(x, k * size))[2:] for k in steps]
+        velocity = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * size)
         c, s = np.cos(course), np.sin(course)
         np.testing.assert_allclose(velocity, [a * c - v * w * s, a * s + v * w * c], atol=1e-7)
 
 
 @every_model
-@given(data=st.data())
-def test_a_cartesian_belief_survives_the_way_into_a_state_and_back(model, data):
-    speed, course = data.draw(st.floats(2, 40)), data.draw(RANGES["yaw"])
-    mean = np.array([10.0, -20.0, speed * np.cos(course), speed * np.sin(course)])
-    root = np.random.default_rng(data.draw(st.integers(0, 1000))).normal(size=(4, 4)) * 0.01
-    covariance = root @ root.T + 1e-4 * np.eye(4)
+def test_a_cartesian_belief_survives_the_way_into_a_state_and_back(model):
+    random = np.random.default_rng(2)
+    speed, course = random.uniform(2, 40, SIZE), drawn("yaw", random)
+    mean = np.stack([np.full(SIZE, 10.0), np.full(SIZE, -20.0), speed * np.cos(course), speed * np.sin(course)])
+    root = random.normal(size=(SIZE, 4, 4)) * 0.01
+    covariance = np.moveaxis(root @ np.swapaxes(root, 1, 2) + 1e-4 * np.eye(4), 0, -1)
     belief = model.from_cartesian(Gaussian(mean, covariance), InitialSigmas(acceleration=2.0, yaw_rate=0.1))
     back = model.cartesian_belief(belief)
     np.testing.assert_allclose(back.mean, mean, atol=1e-9)
     np.testing.assert_allclose(back.covariance, covariance, rtol=1e-2, atol=1e-6)
-    assert np.linalg.eigvalsh(belief.covariance).min() > 0
+    assert np.linalg.eigvalsh(np.moveaxis(belief.covariance, -1, 0)).min() > 0
 
 
 @turning_models

@@ -33,7 +33,7 @@ def config(method, filter_name, motion, **associate):
 @pytest.mark.parametrize("method", [*METHODS, "naive"])
 @pytest.mark.parametrize(("filter_name", "model"), [("ekf", CV), ("ukf", CTRV)])
 def test_equal_models_give_the_tracks_of_one(method, filter_name, model):
-    seen = traffic(vehicles(6, spacing=12.0), 12, runs=2, detection=0.9, clutter=4.0, seed=3)
+    seen = traffic(vehicles(6, spacing=12.0), 8, runs=2, detection=0.9, clutter=4.0, seed=3)
     one = followed(build_multi(config(method, filter_name, model)), seen)
     two = followed(build_multi(config(method, filter_name, {"imm": [model, model], "stay_s": [3, 2]})), seen)
     for a, b in zip(one, two, strict=True):
@@ -60,7 +60,7 @@ def test_a_batch_of_runs_equals_each_run_alone(method):
 
 
 def test_without_doubt_the_states_are_those_of_the_labelled_run():
-    seen = traffic(vehicles(5, spacing=40.0), 30, detection=1.0, clutter=0.0)
+    seen = traffic(vehicles(5, spacing=40.0), 20, detection=1.0, clutter=0.0)
     of = config("gnn", "ekf", {"imm": [CV, CTRV], "stay_s": [3, 2]}, confirm=[1, 1])
     labelled, state = replace(build(of), cartesian_fallback="never"), None
     for scan, origins, tracks in zip(seen.scans, seen.origins, followed(build_multi(of), seen, run=0), strict=True):

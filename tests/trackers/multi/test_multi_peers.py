@@ -20,7 +20,7 @@ def test_the_estimates_where_both_hold_the_same_association(method: str, spacing
     count, dt = 4, 0.05
     start = vehicles(count, spacing=spacing)
     start[1] = 20.0
-    seen = traffic(start, 30, detection=0.9, clutter=60.0, seed=11)
+    seen = traffic(start, 18, detection=0.9, clutter=60.0, seed=11)
     # All tracks start from one scan that has every object and nothing else; none starts later.
     first = traffic(start, 1, detection=1.0, clutter=0.0, sensors=("lidar",)).scans[0]
     of = build_multi(
