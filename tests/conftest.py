@@ -67,7 +67,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """The folder that holds recordings, for scenarios that name it by TRACKBENCH_DATA."""
+    """The folder that holds recordings, for scenarios that name it by TRACKBENCH_DATA, and byte code that is kept.
+
+    The processes that tests start would compile trackbench anew, each for a third of its time.
+    """
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if data_folder().is_dir():
         os.environ.setdefault("TRACKBENCH_DATA", str(data_folder()))
 

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import jsonschema
@@ -36,6 +36,7 @@ expect:
 """
 
 Trackbench = Callable[..., subprocess.CompletedProcess[str]]
+Many = Callable[..., list[tuple[int, str, str]]]
 
 
 @pytest.fixture(scope="session")
@@ -57,6 +58,48 @@ def installed(site: Path, trackbench: str, tmp_path: Path) -> Trackbench:
         return subprocess.run(
             [trackbench, *arguments], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
         )
+
+    return call
+
+
+#: Commands from stdin, each with its folder, one after the other; prints their statuses, outputs and messages.
+COMMANDS = """
+import json, os, sys, tempfile
+from trackbench.cli.commands import main
+
+outcomes = []
+for folder, arguments in json.load(sys.stdin):
+    os.chdir(folder)
+    sys.argv = ["trackbench", *arguments]
+    kept = [os.dup(number) for number in (1, 2)]
+    files = [tempfile.TemporaryFile("w+") for _ in kept]
+    for number, file in zip((1, 2), files):
+        os.dup2(file.fileno(), number)
+    try:
+        main()
+    except SystemExit as stop:
+        status = stop.code
+    sys.stdout.flush()
+    for number, before in zip((1, 2), kept):
+        os.dup2(before, number)
+    outcomes.append((status, *(file.seek(0) or file.read() for file in files)))
+json.dump(outcomes, sys.stdout)
+"""
+
+
+@pytest.fixture
+def many(site: Path) -> Many:
+    """Runs several commands in one process with the package installed: status, output and message of each."""
+
+    def call(commands: Sequence[tuple[Path, Sequence[str]]]) -> list[tuple[int, str, str]]:
+        env = {**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200"}
+        content = json.dumps([(str(folder), arguments) for folder, arguments in commands])
+        done = subprocess.run(
+            [sys.executable, "-c", COMMANDS], input=content, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        outcomes: list[tuple[int, str, str]] = json.loads(done.stdout)
+        return outcomes
 
     return call
 
@@ -95,23 +138,17 @@ def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, t
         assert re.search(f"<td[^>]*>{value['value']:.3f}<", page)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "missed"),
-    [
-        ("below: 2", "below: 0.001", r"ekf_singer largest_error 0\.\d+, wanted below 0\.001"),
-        (
-            "tracker: ekf_singer, metric: largest_error, better_than: gains",
-            "tracker: gains, metric: largest_error, better_than: ekf_singer",
-            r"gains largest_error [\d.]+, wanted better than\s+ekf_singer\s+\(difference\s+\+0\.",
-        ),
-    ],
-)
-def test_expectations_of_the_metric_can_fail(
-    installed: Trackbench, tmp_path: Path, old: str, new: str, missed: str
-) -> None:
-    done = installed("run", scenario(tmp_path, (old, new)), "--no-recording")
-    assert done.returncode == 1, done.stderr
-    assert re.search(missed, done.stdout), done.stdout
+def test_expectations_of_the_metric_can_fail(many: Many, tmp_path: Path) -> None:
+    turned = (
+        "tracker: ekf_singer, metric: largest_error, better_than: gains",
+        "tracker: gains, metric: largest_error, better_than: ekf_singer",
+    )
+    name = scenario(tmp_path, ("below: 2", "below: 0.001"), turned)
+    ((status, out, err),) = many([(tmp_path, ["run", name, "--no-recording"])])
+    assert status == 1, err
+    assert re.search(r"ekf_singer largest_error 0\.\d+, wanted below 0\.001", out), out
+    missed = r"gains largest_error [\d.]+, wanted better than\s+ekf_singer\s+\(difference\s+\+0\."
+    assert re.search(missed, out), out
 
 
 def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> None:
@@ -126,21 +163,22 @@ def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> N
     assert errors["gains"] < 3
 
 
-@pytest.mark.parametrize(
-    ("what", "line"),
-    [
-        ("motion-models", "correlated .*time_constant_s .seconds."),
-        ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
-        ("truth", "weave .*options .*amplitude_m .metres."),
-        ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
-        ("trackers", "nearest_position .*options alpha, beta"),
-        ("trackers", "broken .*failed: cannot import 'broken': no module named 'example_missing'"),
-    ],
-)
-def test_they_are_listed(installed: Trackbench, what: str, line: str) -> None:
-    done = installed("list", what)
-    assert done.returncode == 0, done.stderr
-    assert re.search(line.replace(" .*", r"[\s\S]*?"), " ".join(done.stdout.split()))
+#: What is listed, and a line of it.
+LISTED = [
+    ("motion-models", "correlated .*time_constant_s .seconds."),
+    ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
+    ("truth", "weave .*options .*amplitude_m .metres."),
+    ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
+    ("trackers", "nearest_position .*options alpha, beta"),
+    ("trackers", "broken .*failed: cannot import 'broken': no module named 'example_missing'"),
+]
+
+
+def test_they_are_listed(many: Many, tmp_path: Path) -> None:
+    outcomes = many([(tmp_path, ["list", what]) for what, _ in LISTED])
+    for (_, line), (status, out, err) in zip(LISTED, outcomes, strict=True):
+        assert status == 0, err
+        assert re.search(line.replace(" .*", r"[\s\S]*?"), " ".join(out.split()))
 
 
 def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Path) -> None:
@@ -168,59 +206,64 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
         assert text in page
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("type: sonar", "type: sonr", "4: sensors.sonar.type: 'sonr' is not known; did you mean 'sonar'?"),
-        (
-            "bearing_sigma_deg: 0.5",
-            "bearing_sigma_rad: 0.01",
-            "4: sensors.sonar.bearing_sigma_rad: unknown key; use bearing_sigma_deg (degrees): 0.573",
-        ),
-        (
-            "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
-            "motion: correlated, acceleration_sigma_mps2: 2, time_constant: 4",
-            "7: trackers.ekf_singer.time_constant: unknown key; use time_constant_s (seconds)",
-        ),
-        (
-            "time_constant_s: 4",
-            "time_constant_s: 4 s",
-            "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'; write 4",
-        ),
-        (
-            "motion: {model: correlated, acceleration_sigma_mps2: 2}",
-            "motion: {model: correlated, acceleration_sigma_mps2: -2}",
-            "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0; write 2",
-        ),
-        (
-            "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
-            "motion: cv, acceleration_sigma_mps2: 2, time_constant_s: 4",
-            "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses noise and "
-            "acceleration_sigma_mps2 and acceleration_density_mps1p5",
-        ),
-        ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
-        ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),
-        (
-            "use: largest_error",
-            "use: largest_eror",
-            "11: score.metrics.0: no metric is published as 'largest_eror': did you mean 'largest_error'?",
-        ),
-        ("after_s: 1", "after: 1", "11: score.metrics.0.options.after: unknown key; use after_s (seconds)"),
-        (
-            "metric: largest_error, below",
-            "metric: largest_eror, below",
-            "13: expect.0.metric: there is no metric 'largest_eror'; did you mean 'largest_error'?",
-        ),
-        ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: 2 is not possible: it must be at most 1"),
-        ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
-    ],
-)
-def test_mistakes_are_located(installed: Trackbench, tmp_path: Path, old: str, new: str, message: str) -> None:
-    done = installed("check", scenario(tmp_path, (old, new)))
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"plugged.yaml:{message}") or f"plugged.yaml:{message}" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stderr.count("\n") == 1
+#: A text of the scenario, a wrong one in its place, and how the message begins.
+MISTAKES = [
+    ("type: sonar", "type: sonr", "4: sensors.sonar.type: 'sonr' is not known; did you mean 'sonar'?"),
+    (
+        "bearing_sigma_deg: 0.5",
+        "bearing_sigma_rad: 0.01",
+        "4: sensors.sonar.bearing_sigma_rad: unknown key; use bearing_sigma_deg (degrees): 0.573",
+    ),
+    (
+        "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
+        "motion: correlated, acceleration_sigma_mps2: 2, time_constant: 4",
+        "7: trackers.ekf_singer.time_constant: unknown key; use time_constant_s (seconds)",
+    ),
+    (
+        "time_constant_s: 4",
+        "time_constant_s: 4 s",
+        "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'; write 4",
+    ),
+    (
+        "motion: {model: correlated, acceleration_sigma_mps2: 2}",
+        "motion: {model: correlated, acceleration_sigma_mps2: -2}",
+        "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0; write 2",
+    ),
+    (
+        "motion: correlated, acceleration_sigma_mps2: 2, time_constant_s: 4",
+        "motion: cv, acceleration_sigma_mps2: 2, time_constant_s: 4",
+        "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses noise and "
+        "acceleration_sigma_mps2 and acceleration_density_mps1p5",
+    ),
+    ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
+    ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),
+    (
+        "use: largest_error",
+        "use: largest_eror",
+        "11: score.metrics.0: no metric is published as 'largest_eror': did you mean 'largest_error'?",
+    ),
+    ("after_s: 1", "after: 1", "11: score.metrics.0.options.after: unknown key; use after_s (seconds)"),
+    (
+        "metric: largest_error, below",
+        "metric: largest_eror, below",
+        "13: expect.0.metric: there is no metric 'largest_eror'; did you mean 'largest_error'?",
+    ),
+    ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: 2 is not possible: it must be at most 1"),
+    ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
+]
+
+
+def test_mistakes_are_located(many: Many, tmp_path: Path) -> None:
+    calls = []
+    for number, (old, new, _) in enumerate(MISTAKES):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        calls.append((folder, ["check", scenario(folder, (old, new))]))
+    for (_, _, message), (status, _, err) in zip(MISTAKES, many(calls), strict=True):
+        assert status == 2
+        assert f"plugged.yaml:{message}" in err
+        assert "Traceback" not in err
+        assert err.count("\n") == 1
 
 
 def test_the_equations_fit(site: Path) -> None:
