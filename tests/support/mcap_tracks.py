@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.subjects.export.mcap import SCHEMAS, STAMP, schema_of, stamp_of, written
+from trackbench.subjects.export.mcap import SCHEMAS, STAMP, mcap_messages, schema_of, stamp_of
 from trackbench.truth.recorded.foxglove import TRACKS
 from trackbench.truth.track_rows import TrackRows
 
@@ -29,7 +29,7 @@ def write_tracks(rows: TrackRows, path: Path) -> None:
     groups: dict[tuple[Any, ...], list[int]] = {}
     for row, time in enumerate(rows.time.tolist()):
         groups.setdefault((*(column[row] for column in keys.values()), time), []).append(row)
-    with written(path) as write:
+    with mcap_messages(path) as write:
         for (*of_run, time), members in groups.items():
             tracks = [_track(rows, row) for row in members]
             message = {

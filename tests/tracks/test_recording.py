@@ -20,7 +20,7 @@ from tests.support.results import with_tables
 from trackbench.base.errors import InputError
 from trackbench.metrics.function_events import TrackEvent, events_of
 from trackbench.results import Result, Tables
-from trackbench.subjects.recording.contents import contents_of, ranking
+from trackbench.subjects.recording.contents import contents_of, ranking_text
 from trackbench.subjects.recording.data import read
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of, moment_of
 from trackbench.subjects.recording.layout import track_blueprint
@@ -143,7 +143,7 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
 
 
 def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
-    plain = ranking(traffic_result)
+    plain = ranking_text(traffic_result)
     assert "95 % intervals" not in plain
     assert "| oracle (reference) |" in plain
     metrics = traffic_result["pmb"].metrics
@@ -153,7 +153,7 @@ def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
         tracker.model_copy(update={"metrics": metrics}) if tracker.name == "pmb" else tracker
         for tracker in traffic_result.summary.trackers
     ]
-    text = ranking(traffic_result.updated(trackers=trackers))
+    text = ranking_text(traffic_result.updated(trackers=trackers))
     assert "±" not in text
     assert "| pmb | n/a | 1.23 to 5.68 | n/a |" in text
 

@@ -15,7 +15,7 @@ from tests.support.mcap_logs import log_of, mounted
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.export.mcap import written
+from trackbench.subjects.export.mcap import mcap_messages
 
 pytest.importorskip("mcap", reason="needs trackbench[mcap]")
 
@@ -83,7 +83,7 @@ def car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
         return own | {"point_stride": 16} | changes
 
     def write(topics: tuple[str, ...] = ("/lidar",), frame: str = "body", **changes: Any) -> str:
-        with written(tmp_path / "log.mcap") as out:
+        with mcap_messages(tmp_path / "log.mcap") as out:
             # The body looks along y; its mount is stated once.
             out("/tf", "foxglove.FrameTransforms", 0, {"transforms": [move(0, "base", "body", 1.0, straight)]})
             for k in range(20):

@@ -14,7 +14,7 @@ import pytest
 from tests.support.mcap_tracks import write_tracks
 
 from trackbench.base.errors import InputError
-from trackbench.subjects.export.mcap import written
+from trackbench.subjects.export.mcap import mcap_messages
 from trackbench.truth.formats.mcap import Mcap
 from trackbench.truth.track_rows import TrackRows
 
@@ -24,7 +24,7 @@ Messages = list[tuple[str, str, Any]]
 
 def file_of(folder: Path, messages: Messages) -> Path:
     file = folder / "tracks.mcap"
-    with written(file) as write:
+    with mcap_messages(file) as write:
         for number, (topic, schema, message) in enumerate(messages):
             write(topic, schema, 0.1 * number, message)
     return file

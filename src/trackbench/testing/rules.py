@@ -23,13 +23,13 @@ OF_OTHER_KIND: Mapping[Identities, str] = {
 }
 
 
-def require_known(identities: str) -> None:
+def require_identities(identities: str) -> None:
     """Refuse what is neither of the two."""
     if identities not in OF_OTHER_KIND:
         raise InputError(f"{identities!r} is not known; {nearest(identities, OF_OTHER_KIND)}", key="identities")
 
 
-def answers(reports: Callable[[], Iterable[bool]]) -> bool:
+def gives_reports(reports: Callable[[], Iterable[bool]]) -> bool:
     """Whether a tracker bears some scans and says something, given whether it does after each of them."""
     try:
         return any(list(islice(reports(), TRIED)))
@@ -52,7 +52,7 @@ class TrackerCheckError(AssertionError):
     """A tracker does not keep the contract; the text lists every broken rule."""
 
 
-def side_by_side(runs: Sequence[Scan]) -> Scan:
+def batched_scan(runs: Sequence[Scan]) -> Scan:
     """The scans of several runs at one instant with a last axis of runs, padded to as many detections."""
     most = np.max([scan.valid.shape for scan in runs], axis=0).astype(int)
     measurement = np.full((len(runs[0].measurement), *most, len(runs)), np.nan)
@@ -73,7 +73,7 @@ def require_state_kept(
     ``check`` and ``what`` are as of ``Stateful``; ``other`` is another answer, in the message.
     """
     state: Any = None
-    for scan in [side_by_side([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:
+    for scan in [batched_scan([scan]) for scan in scans] if getattr(tracker, "batched", False) else scans:
         after, first = unpack(tracker.step(state, scan), what)
         again = unpack(tracker.step(state, scan), what)[1]
         before, repeated = check(first, scan), check(again, scan)

@@ -30,10 +30,10 @@ from trackbench.testing.rules import (
     STATE_KEPT,
     Identities,
     TrackerCheckError,
-    answers,
-    require_known,
+    batched_scan,
+    gives_reports,
+    require_identities,
     require_state_kept,
-    side_by_side,
 )
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, is_random
 from trackbench.trackers.config import PluginConfig
@@ -69,7 +69,7 @@ def check_tracker(
         TrackerCheckError: rules are broken; says which and how.
         InputError: the tracker cannot be imported or started, or ``identities`` is another word.
     """
-    require_known(identities)
+    require_identities(identities)
     with ExitStack() as programs:
         return _checked(_maker(use, identities, options, programs), identities, own_state=not isinstance(use, Mapping))
 
@@ -127,9 +127,9 @@ def _draws(make: Make) -> bool:
 
 
 def _of_other_kind(make: Make, identities: Identities) -> bool:
-    kinds = [lambda: (answer is not None for answer in _answers(make, _usual())), lambda: tracks.reported(make)]
+    kinds = [lambda: (answer is not None for answer in _answers(make, _usual())), lambda: tracks.track_reports(make)]
     own, other = kinds if identities == "known" else kinds[::-1]
-    return not answers(own) and answers(other)
+    return not gives_reports(own) and gives_reports(other)
 
 
 def drive(
@@ -180,7 +180,7 @@ def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Estimate | None]:
     tracker = Stateful(make(), checked)
     batched, begun = tracker.batched, False
     for scan in dropwhile(lambda scan: not scan.valid, scans):
-        estimate = tracker.step(side_by_side([scan]) if batched else scan)
+        estimate = tracker.step(batched_scan([scan]) if batched else scan)
         if estimate is None:
             if begun:
                 raise TrackerFault(f"{GIVEN_UP} ({scan.time:g} s)")
@@ -262,7 +262,7 @@ def _batch_is_loop(make: Make) -> None:
     targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
     tracker, batch = Stateful(make(), checked), []
     for scans in zip(*targets, strict=True):
-        estimate = tracker.step(side_by_side(scans))
+        estimate = tracker.step(batched_scan(scans))
         batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
     for target, alone in enumerate(targets):
         single = _means(make, alone)

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import FieldOfView, Scan, Tracks
 from trackbench.driving.alone import Stateful
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, require_state_kept, side_by_side
+from trackbench.testing.rules import LOST, NOISE, STATE_KEPT, TrackerCheckError, batched_scan, require_state_kept
 from trackbench.trackers.answers import TRACKS, checked_tracks, tracks_of_run
 
 Make = Callable[[], Any]
@@ -63,10 +63,10 @@ def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
     tracker = Stateful(make(), checked_tracks, TRACKS)
     batched = tracker.batched
     for scan in scans:
-        yield tracks_of_run(tracker.step(side_by_side([scan])), 0) if batched else tracker.step(scan)
+        yield tracks_of_run(tracker.step(batched_scan([scan])), 0) if batched else tracker.step(scan)
 
 
-def reported(make: Make) -> Iterator[bool]:
+def track_reports(make: Make) -> Iterator[bool]:
     """Whether a fresh tracker has tracks after each scan of cars in plain sight."""
     return (len(tracks.ids) > 0 for tracks in _answers(make, hidden_drive()))
 
@@ -161,7 +161,7 @@ def _batch_is_loop(make: Make) -> None:
     tracker = Stateful(make(), checked_tracks, TRACKS)
     alone = [list(_answers(make, drive)) for drive in drives]
     for number, scans in enumerate(zip(*drives, strict=True)):
-        tracks = tracker.step(side_by_side(scans))
+        tracks = tracker.step(batched_scan(scans))
         for run, single in enumerate(alone):
             own, other = tracks_of_run(tracks, run), single[number]
             if not (np.array_equal(own.ids, other.ids) and np.allclose(own.mean, other.mean, rtol=1e-9, atol=1e-9)):

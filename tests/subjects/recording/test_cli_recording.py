@@ -171,13 +171,13 @@ def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Pa
 @pytest.mark.viewer
 def test_the_viewer_opens_at_the_worst_moment(cli: Cli, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a screen here; with one the viewer has a window."""
-    start, started = viewer.start, []
+    start, started = viewer.start_viewer, []
 
     def headless() -> viewer.Viewer:
         started.append(start("--headless"))
         return started[-1]
 
-    monkeypatch.setattr(viewer, "start", headless)
+    monkeypatch.setattr(viewer, "start_viewer", headless)
     try:
         assert cli("inspect", "results/tiny", "--worst", "1", "--open").status == 0
         worst = json.loads(cli("inspect", "results/tiny", "--worst", "1", "--json").out)["worst"]
@@ -219,7 +219,7 @@ def test_a_viewer_that_is_not_there_is_said(cli: Cli, tiny: Path) -> None:
 
 @pytest.mark.viewer
 def test_a_run_in_a_viewer_that_is_open(cli: Cli, tiny: Path) -> None:
-    open_viewer = viewer.start("--headless")
+    open_viewer = viewer.start_viewer("--headless")
     try:
         client = open_viewer.wait()
         done = cli("run", "tiny.yaml", "--connect", open_viewer.url, "--workers", "2", "--runs", "1500")

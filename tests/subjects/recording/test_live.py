@@ -102,7 +102,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
     scene: tuple[Scenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rerun itself would wait for ever."""
-    code = f"from trackbench.subjects.recording import painter; painter.STALLED = 2; painter.main({deaf!r})"
+    code = f"from trackbench.subjects.recording import painter; painter.STALLED = 2; painter.paint({deaf!r})"
     assert painter.STALLED > 2
     begin = subprocess.Popen
     monkeypatch.setattr(live.subprocess, "Popen", lambda command, **rest: begin([command[0], "-c", code], **rest))

@@ -19,9 +19,9 @@ from trackbench.subjects.adaptors.options import (
     OWN,
     FilterPyOptions,
     FilterPySensor,
-    function,
+    entry_of_sensor,
+    import_function,
     made,
-    of_sensor,
     takes_state,
 )
 from trackbench.subjects.adaptors.tracker import AdaptedTracker, Updated
@@ -47,7 +47,7 @@ KINDS: dict[type, Kind] = {
 }
 
 
-def kind_of(filter_: Any, options: FilterPyOptions) -> type:
+def filter_class(filter_: Any, options: FilterPyOptions) -> type:
     """The class of a filter, the options held against it.
 
     Raises:
@@ -110,7 +110,7 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
     def use_of(name: str, sensor: FilterPySensor) -> SensorUse:
         def of(key: str) -> Callable[..., Array] | None:
             reference = getattr(sensor, key)
-            return None if reference in (None, OWN) else function(f"sensors.{name}.{key}", reference)
+            return None if reference in (None, OWN) else import_function(f"sensors.{name}.{key}", reference)
 
         return SensorUse(
             Reader(layout, sensor.measurement or usual),
@@ -185,7 +185,7 @@ class FilterPyTracker(AdaptedTracker):
         return Updated(belief, np.reshape(belief.y, -1).astype(float), np.array(belief.S, dtype=float))
 
     def _of(self, scan: Scan) -> SensorUse:
-        return self._sensing if isinstance(self._sensing, SensorUse) else of_sensor(self._sensing, scan)
+        return self._sensing if isinstance(self._sensing, SensorUse) else entry_of_sensor(self._sensing, scan)
 
     def _shaped(self, vector: Array) -> Array:
         """A vector as FilterPy has the state: as it is, or as a column."""
@@ -195,7 +195,7 @@ class FilterPyTracker(AdaptedTracker):
         """The user's function of dt or of x and dt that gives a square matrix; one of dt is tried once."""
         if reference is None:
             return None
-        call = function(option, reference)
+        call = import_function(option, reference)
         if takes_state(option, reference, call):
             return lambda x, dt: np.asarray(call(x, dt), dtype=float)
         try:
@@ -207,7 +207,7 @@ class FilterPyTracker(AdaptedTracker):
         return lambda _, dt: np.asarray(call(dt), dtype=float)
 
 
-def tracker(values: Mapping[str, Any]) -> FilterPyTracker:
+def build_filterpy(values: Mapping[str, Any]) -> FilterPyTracker:
     """The tracker that the options describe.
 
     Raises:
@@ -216,7 +216,7 @@ def tracker(values: Mapping[str, Any]) -> FilterPyTracker:
     """
     options = FilterPyOptions.model_validate(values)
     filter_ = made("filter", options.filter, options.filter_options, lambda item: isinstance(item, tuple(KINDS)))
-    kind = kind_of(filter_, options)
+    kind = filter_class(filter_, options)
     size, named = np.size(filter_.x), len(options.state)
     if size != named or np.shape(filter_.P) != (named, named):
         sizes = f"x has {size} components and P the shape {np.shape(filter_.P)}"
@@ -285,7 +285,7 @@ class ExtendedTracker(MatrixTracker):
 
     def __init__(self, options: FilterPyOptions, kind: type, filter_: Any) -> None:
         super().__init__(options, kind, filter_)
-        self._fx = None if options.fx is None else function("fx", options.fx)
+        self._fx = None if options.fx is None else import_function("fx", options.fx)
 
     def _moved(self, x: Array, dt: float) -> Array:
         if self._fx is None:

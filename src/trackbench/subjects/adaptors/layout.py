@@ -88,7 +88,7 @@ POSITION = "position"
 ELEVATION = "elevation"
 
 
-def components() -> tuple[str, ...]:
+def readable_components() -> tuple[str, ...]:
     """Every component that a published sensor reads."""
     return tuple(dict.fromkeys(name for model in SENSOR_MODELS.loaded().values() for name in model.components))
 

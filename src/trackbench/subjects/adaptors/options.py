@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError, TrackbenchError, nearest
 from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.adaptors import layout
-from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, components
+from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, readable_components
 from trackbench.trackers.config import STATE_COMPONENTS
 from trackbench.trackers.initial import InitialConfig
 
@@ -46,7 +46,7 @@ class SensorOptions(Config):
             yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
         if not isinstance(self.measurement, list):
             return
-        every = (*components(), ELEVATION)
+        every = (*readable_components(), ELEVATION)
         for index, name in enumerate(self.measurement):
             if name not in every:
                 yield Problem(("measurement", index), f"no sensor reads {name!r}: {nearest(name, every)}")
@@ -112,12 +112,12 @@ def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
         if name in SENSOR_MODELS.names() and isinstance(sensor.measurement, list):
             read = (*SENSOR_MODELS[name].components, ELEVATION)
             for index, component in enumerate(sensor.measurement):
-                if component not in read and component in components():
+                if component not in read and component in readable_components():
                     hint = nearest(component, read)
                     yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 
 
-def of_sensor(sensors: Mapping[str, Entry], scan: Scan) -> Entry:
+def entry_of_sensor(sensors: Mapping[str, Entry], scan: Scan) -> Entry:
     """The entry of a scan's sensor, which is by its name or by its kind.
 
     Raises:
@@ -130,7 +130,7 @@ def of_sensor(sensors: Mapping[str, Entry], scan: Scan) -> Entry:
     raise TrackbenchError(f"options.sensors has no entry for {scan.sensor} ({scan.kind}), by its name or kind: {hint}")
 
 
-def named(option: str, reference: str) -> Any:
+def import_named(option: str, reference: str) -> Any:
     """What an option names.
 
     Raises:
@@ -142,13 +142,13 @@ def named(option: str, reference: str) -> Any:
         raise InputError(f"{option}: {error.message}") from error
 
 
-def function(option: str, reference: str) -> Callable[..., Any]:
+def import_function(option: str, reference: str) -> Callable[..., Any]:
     """The function that an option names.
 
     Raises:
         InputError: it cannot be imported, or is not a function.
     """
-    call = named(option, reference)
+    call = import_named(option, reference)
     if not callable(call):
         raise InputError(f"{option}: {reference!r} is not a function")
     return call  # type: ignore[no-any-return]
@@ -166,7 +166,7 @@ def made(option: str, reference: str, arguments: Mapping[str, Any], kind: Callab
     Raises:
         InputError: it cannot be imported or made.
     """
-    value = named(option, reference)
+    value = import_named(option, reference)
     if kind(value):
         if arguments:
             raise InputError(f"{option}_options: {reference!r} is an object, not a function that would take them")

@@ -10,16 +10,16 @@ from trackbench.trackers.answers import Tracker
 
 def filterpy(**options: Any) -> Tracker:
     """A KalmanFilter, ExtendedKalmanFilter or UnscentedKalmanFilter of FilterPy; needs trackbench[filterpy]."""
-    from trackbench.subjects.adaptors.filterpy_tracker import tracker
+    from trackbench.subjects.adaptors.filterpy_tracker import build_filterpy
 
-    return tracker(options)
+    return build_filterpy(options)
 
 
 def stonesoup(**options: Any) -> Tracker:
     """A Kalman predictor and updater of Stone Soup; needs trackbench[stonesoup]."""
-    from trackbench.subjects.adaptors.stonesoup_tracker import tracker
+    from trackbench.subjects.adaptors.stonesoup_tracker import build_stonesoup
 
-    return tracker(options)
+    return build_stonesoup(options)
 
 
 # By these a scenario is checked before a tracker starts.

@@ -24,7 +24,14 @@ from stonesoup.updater.kalman import KalmanUpdater
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.subjects.adaptors.layout import ELEVATION, POSITION, Reader
-from trackbench.subjects.adaptors.options import OWN, StoneSoupOptions, StoneSoupSensor, made, named, of_sensor
+from trackbench.subjects.adaptors.options import (
+    OWN,
+    StoneSoupOptions,
+    StoneSoupSensor,
+    entry_of_sensor,
+    import_named,
+    made,
+)
 from trackbench.subjects.adaptors.tracker import AdaptedTracker, Updated
 
 ANGLES = {"azimuth": Bearing, ELEVATION: Elevation}
@@ -62,7 +69,7 @@ class SensorMeasurement(NonLinearGaussianMeasurement):  # type: ignore[misc]
 
     def jacobian(self, state: Any, **kwargs: Any) -> Array:
         """``(m, n)`` derivative at a state."""
-        return self.reader.slope(vector(state), self.scan)
+        return self.reader.slope(numbers_of(state), self.scan)
 
 
 def typed(values: Array, names: Sequence[str]) -> Any:
@@ -74,7 +81,7 @@ def typed(values: Array, names: Sequence[str]) -> Any:
     return rows
 
 
-def vector(state: Any) -> Array:
+def numbers_of(state: Any) -> Array:
     """``(n,)`` the numbers of a state or a measurement."""
     return np.array(state.state_vector, dtype=float).reshape(-1)
 
@@ -84,7 +91,7 @@ def state(x: Array) -> Any:
     return State(StateVector(x))
 
 
-def measured(model: Any, measurement: str | Sequence[str] | None) -> str | Sequence[str]:
+def measured_components(model: Any, measurement: str | Sequence[str] | None) -> str | Sequence[str]:
     """What a model measures, in its order; the user says it of a model that is not known.
 
     Raises:
@@ -103,7 +110,7 @@ def measured(model: Any, measurement: str | Sequence[str] | None) -> str | Seque
     return components
 
 
-def placed(model: Any, scan: Scan) -> Any:
+def model_at_scan(model: Any, scan: Scan) -> Any:
     """The model with the pose and velocity of the sensor at a scan."""
     x, y, yaw = scan.sensor_pose
     changed = copy.copy(model)
@@ -168,7 +175,7 @@ class Model(NamedTuple):
     options: StoneSoupSensor
 
 
-def tracker(values: Mapping[str, Any]) -> StoneSoupTracker:
+def build_stonesoup(values: Mapping[str, Any]) -> StoneSoupTracker:
     """The tracker that the options describe.
 
     Raises:
@@ -220,7 +227,7 @@ class StoneSoupTracker(AdaptedTracker):
         return GaussianState(StateVector(mean), CovarianceMatrix(covariance), timestamp=_date(time))
 
     def _gaussian(self, belief: Any) -> Gaussian:
-        return Gaussian(vector(belief), np.array(belief.covar, dtype=float))
+        return Gaussian(numbers_of(belief), np.array(belief.covar, dtype=float))
 
     def _predict(self, belief: Any, elapsed: float) -> Any:
         for interval in self._intervals(elapsed):
@@ -242,13 +249,13 @@ class StoneSoupTracker(AdaptedTracker):
         reference, option = sensor.measurement_model, f"sensors.{name}.measurement_model"
         if reference is None:
             return Model(None, sensor)
-        source = self._updater.measurement_model if reference == OWN else named(option, reference)
+        source = self._updater.measurement_model if reference == OWN else import_named(option, reference)
         size = len(self.layout.names)
         if isinstance(source, MeasurementModel):
             if source.ndim_state != size:
                 raise InputError(f"{option}: {reference!r} is of a state of {source.ndim_state} components, not {size}")
             try:
-                components = measured(source, sensor.measurement)
+                components = measured_components(source, sensor.measurement)
             except TrackbenchError as error:
                 raise InputError(f"sensors.{name}.{error}") from None
             if components != POSITION and sensor.pose != OWN and not hasattr(source, "translation_offset"):
@@ -262,16 +269,16 @@ class StoneSoupTracker(AdaptedTracker):
 
     def _model(self, scan: Scan) -> tuple[Any, Reader]:
         """The measurement model at a scan, and the part of the measurement that it is of."""
-        source, options = of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
+        source, options = entry_of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
         if source is None:
             reader = Reader(self.layout, options.measurement)
             noise = reader.measurement(scan).covariance
             return SensorMeasurement(len(self.layout.names), (), noise, reader=reader, scan=scan), reader
         if isinstance(source, MeasurementModel):
-            model = source if options.pose == OWN else placed(source, scan)
+            model = source if options.pose == OWN else model_at_scan(source, scan)
         else:
             model = source(scan)
-        reader = Reader(self.layout, measured(model, options.measurement))
+        reader = Reader(self.layout, measured_components(model, options.measurement))
         if options.states_noise:
             model = copy.copy(model)
             model.noise_covar = CovarianceMatrix(reader.measurement(scan).covariance)

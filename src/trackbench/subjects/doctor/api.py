@@ -29,7 +29,7 @@ from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import lives_elsewhere, subject
 from trackbench.subjects.doctor.traffic import MultiObjectSession, TrafficDoctor
-from trackbench.testing.rules import Identities, answers
+from trackbench.testing.rules import Identities, gives_reports
 from trackbench.testing.tracker import drive
 from trackbench.testing.tracks import hidden_drive
 
@@ -54,8 +54,8 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
         return (len(session.step(scan).ids) > 0 for scan in hidden_drive())
 
     if hidden:
-        return f"{target} follows one object: choose known" if answers(of_one) else ""
-    return f"{target} follows several objects: choose hidden" if answers(of_several) else ""
+        return f"{target} follows one object: choose known" if gives_reports(of_one) else ""
+    return f"{target} follows several objects: choose hidden" if gives_reports(of_several) else ""
 
 
 def _examined_there(

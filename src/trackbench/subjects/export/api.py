@@ -15,8 +15,9 @@ from trackbench.results import require_replaceable, require_writable
 from trackbench.results.folder import save_files
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.export import mcap, osi
 from trackbench.subjects.export.manifest import MANIFEST, manifest_writer, scan_manifest, truth_manifest
+from trackbench.subjects.export.mcap import mcap_scan_files, mcap_truth_files
+from trackbench.subjects.export.osi import osi_scan_files, osi_truth_files
 from trackbench.subjects.export.source import ScanSource
 from trackbench.subjects.export.tables import scan_table, truth_table
 
@@ -76,8 +77,8 @@ def _tables_in(ending: str, write: Callable[[Iterable[pa.Table], Path], None]) -
 FORMATS = {
     "csv": _tables_in("csv", _write_csv),
     "parquet": _tables_in("parquet", _write_parquet),
-    "mcap": ExportFormat(mcap.scan_files, mcap.truth_files),
-    "osi": ExportFormat(osi.scan_files, osi.truth_files),
+    "mcap": ExportFormat(mcap_scan_files, mcap_truth_files),
+    "osi": ExportFormat(osi_scan_files, osi_truth_files),
 }
 
 

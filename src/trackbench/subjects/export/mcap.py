@@ -97,12 +97,12 @@ GREY = {"r": 0.5, "g": 0.5, "b": 0.5, "a": 0.6}
 Write = Callable[[str, str, float, Any], None]
 
 
-def scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+def mcap_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
     """A file for each run."""
     return {f"{key.stem}.mcap": partial(_write_scans, source, key) for key in source.keys}
 
 
-def truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+def mcap_truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
     """A file for each scene; where motion is drawn anew, one for each run."""
     return {f"{name}.mcap": partial(_write_truth, truth, run) for name, truth, run in source.truth_runs()}
 
@@ -111,7 +111,7 @@ def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
     of_run = source.scans(key)
     common = {**key._asdict(), "fingerprint": of_run.fingerprint}
     mounts = {name: sensor.mount for name, sensor in source.loaded.config.sensors.items()}
-    with written(path) as write:
+    with mcap_messages(path) as write:
         for number, scan in enumerate(of_run.scans):
             arrival = scan.arrival_time
             write("/tf", TRANSFORMS, arrival, {"transforms": _transforms(scan, mounts[scan.sensor])})
@@ -121,7 +121,7 @@ def _write_scans(source: ScanSource, key: RunKey, path: Path) -> None:
 
 
 def _write_truth(truth: Truth, run: int, path: Path) -> None:
-    with written(path) as write:
+    with mcap_messages(path) as write:
         for step, time in enumerate(truth.time.tolist()):
             bodies = np.flatnonzero(truth.alive[step]).tolist()
             entities = [_entity(truth, step, body, run) for body in bodies]
@@ -129,7 +129,7 @@ def _write_truth(truth: Truth, run: int, path: Path) -> None:
 
 
 @contextmanager
-def written(path: Path) -> Iterator[Write]:
+def mcap_messages(path: Path) -> Iterator[Write]:
     """A new file; yields what writes a message.
 
     Raises:

@@ -31,7 +31,7 @@ DETECTED_ID, DETECTED_AT, DETECTED_RMSE, RADIAL_VELOCITY, RADIAL_VELOCITY_RMSE =
 VEHICLE, CAR = 2, 4
 
 
-def scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+def osi_scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
     """A file for each run and sensor.
 
     Raises:
@@ -49,7 +49,7 @@ def scan_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
     }
 
 
-def truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
+def osi_truth_files(source: ScanSource) -> dict[str, Callable[[Path], object]]:
     """A file for each scene; where motion is drawn anew, one for each run."""
     return {f"{name}_gt_.osi": partial(_write_truth, truth, run) for name, truth, run in source.truth_runs()}
 

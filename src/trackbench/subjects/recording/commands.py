@@ -99,7 +99,7 @@ def open_viewer(runs: tuple[Path, ...], **opening: Any) -> None:
     from trackbench.subjects.recording import viewer
 
     with _playable(runs, **opening) as ready:
-        viewer.start().open(ready.files, ready.time_s)
+        viewer.start_viewer().open(ready.files, ready.time_s)
 
 
 @contextmanager
@@ -293,10 +293,10 @@ def _place(connect: str | None, host: str | None) -> tuple[str, Viewer | None]:
             raise TrackbenchError(f"no viewer answers at {connect}")
         return connect, None
     if host is not None:
-        served, page = viewer.serve(host)
+        served, page = viewer.serve_viewer(host)
         click.echo(f"the run is shown at {page}", err=True)
         return served.url, served
-    started = viewer.start()
+    started = viewer.start_viewer()
     started.wait()
     return started.url, started
 

@@ -107,7 +107,7 @@ def contents_of(result: Result) -> Contents:
         sensors=summary.sensors,
         tables=tables,
         reference="" if summary.reference is None else summary.reference.label,
-        ranking=ranking(result.listed),
+        ranking=ranking_text(result.listed),
         about=about(result),
         best=result.contenders[0].name if result.scored else None,
         unlabelled=result if summary.identities == "hidden" else None,
@@ -170,7 +170,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
     }
     references = {result.summary.held_against.label for result in named.values()}
     name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
-    lines = [truth(first.summary)]
+    lines = [truth_line(first.summary)]
     for label, result in named.items():
         summary = result.summary
         run = f"run {summary.recorded_run} of {summary.runs}, seed {summary.seed}"
@@ -260,7 +260,7 @@ METRICS = {"tgospa": "T-GOSPA m", "gospa": "GOSPA m", "gospa_missed": "missed", 
 INTERVALS = {"tgospa": "T-GOSPA m", "gospa": "GOSPA m", "hota": "HOTA"}
 
 
-def ranking(result: Result) -> str:
+def ranking_text(result: Result) -> str:
     """The trackers by position RMSE or T-GOSPA, and whether the scenario's expectations were met."""
     summary = result.summary
     if summary.identities == "hidden":
@@ -309,7 +309,7 @@ def about(result: Result) -> str:
     lines = [
         summary.scenario.description,
         "",
-        truth(summary),
+        truth_line(summary),
         f"- shown: Monte-Carlo run {summary.recorded_run} of {summary.runs}, seed {summary.seed}",
         f"- measurements: fingerprint `{summary.fingerprint}`",
         *legend(summary.trackers, summary.sensors, hidden=summary.identities == "hidden"),
@@ -319,7 +319,7 @@ def about(result: Result) -> str:
     return "\n".join(lines)
 
 
-def truth(summary: Summary) -> str:
+def truth_line(summary: Summary) -> str:
     """Where the motion came from."""
     motion = summary.truth
     source = " ".join(str(part) for part in (motion.source, (motion.model_extra or {}).get("env")) if part)

@@ -259,7 +259,7 @@ def _opened(main: rrb.Container, contents: Contents, focus: Focus) -> rrb.Bluepr
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-    shown = beside(main, entries_of(contents), texts)
+    shown = with_legend(main, entries_of(contents), texts)
     return opened(shown, "playing" if focus.time_s is None else "paused", contents.moment.time_s)
 
 
@@ -269,7 +269,7 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     empty = recorded_run(NOTHING, NOTHING, NOTHING, NOTHING, {})
     below = rrb.Horizontal(*(plot(chart.title, chart.place) for chart in (*empty.errors, empty.nees)))
     main = rrb.Vertical(scene, below, row_shares=[3, 2])
-    return opened(beside(main, entries(colours, list(sensors))), "following")
+    return opened(with_legend(main, entries(colours, list(sensors))), "following")
 
 
 def _shown(vehicles: list[str], focus: Focus) -> list[str]:
@@ -277,7 +277,7 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
     return first if focus.vehicle is None or focus.vehicle in first else [*first[:-1], focus.vehicle]
 
 
-def beside(
+def with_legend(
     main: rrb.Container, shown: list[NamedColour], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
     """A container with the legend on its right, and texts under that."""

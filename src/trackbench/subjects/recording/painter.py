@@ -127,7 +127,7 @@ STALLED = 20
 KEPT = 500
 
 
-def main(url: str) -> None:
+def paint(url: str) -> None:
     """Pass on what comes at standard input until it ends."""
     # Ctrl-C is for the run, whose end ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -166,4 +166,4 @@ def _read(batches: Queue[list[Any] | None]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    paint(sys.argv[1])

@@ -119,7 +119,7 @@ class Viewer:
             time.sleep(0.1)
 
 
-def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewer:
+def start_viewer(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewer:
     """Start a viewer that listens on a port of ``host``; with ``--headless`` it needs no screen.
 
     It goes on when this process ends, unless it is stopped.
@@ -141,7 +141,7 @@ def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewe
     return viewer
 
 
-def serve(host: str) -> tuple[Viewer, str]:
+def serve_viewer(host: str) -> tuple[Viewer, str]:
     """A viewer for browsers that listens at an address of this machine (0.0.0.0: at all), and that of its page.
 
     Raises:
@@ -154,7 +154,7 @@ def serve(host: str) -> tuple[Viewer, str]:
         name = socket.gethostname() if host in EVERYWHERE else host
         # Rerun lets pages of this machine alone read its data.
         options += ["--cors-allow-origin", f"http://*:{page}"]
-    viewer = start(*options, host=host, port=port)
+    viewer = start_viewer(*options, host=host, port=port)
     return viewer, f"http://{name}:{page}/?url={quote(grpc_url(name, port), safe='')}"
 
 
@@ -173,7 +173,7 @@ def pictures(
         InputError: there is no Vulkan driver.
         TrackbenchError: the viewer does not draw.
     """
-    viewer = start("--headless", "--window-size", f"{size[0]}x{size[1]}")
+    viewer = start_viewer("--headless", "--window-size", f"{size[0]}x{size[1]}")
     try:
         client = viewer.open(files)
         for _ in range(zoom):
@@ -208,7 +208,7 @@ def ended(log: IO[bytes]) -> InputError:
 
 def draws() -> bool:
     """Whether there is a driver for a viewer without a screen, which starts without one too."""
-    viewer = start("--headless")
+    viewer = start_viewer("--headless")
     try:
         return bool(viewer.wait().take_screenshot())
     except (InputError, ConnectionError, RuntimeError):

@@ -20,7 +20,7 @@ from trackbench.subjects.recording import functions, layout, scene, views
 from trackbench.subjects.recording.contents import Contents, contents_of
 from trackbench.subjects.recording.data import send_data
 from trackbench.subjects.recording.focus import Focus
-from trackbench.subjects.recording.layout import beside, chart_tabs, opened, send_chart, send_legend
+from trackbench.subjects.recording.layout import chart_tabs, opened, send_chart, send_legend, with_legend
 from trackbench.subjects.recording.series import charts_of, charts_of_tracks
 from trackbench.subjects.recording.stream import Stream, path, pixels, rgba, send_ellipses, send_points
 from trackbench.subjects.recording.track_scene import (
@@ -213,7 +213,7 @@ def write_replay(replay: Replay, file: Path) -> None:
     def send(recording: rr.RecordingStream) -> None:
         scenes = rrb.Tabs(*(_scene_tab(part) for part in replay.scenes), active_tab=0)
         text = rrb.TextDocumentView(origin=replay.title.lower(), name=replay.title)
-        recording.send_blueprint(opened(beside(scenes, list(replay.legend), text), "playing"))
+        recording.send_blueprint(opened(with_legend(scenes, list(replay.legend), text), "playing"))
         recording.send_recording_name(replay.name)
         stream = Stream(recording)
         stream.markdown(replay.title.lower(), replay.text)

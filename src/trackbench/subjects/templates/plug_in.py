@@ -102,7 +102,7 @@ def new(kind: str, name: str, out: Path, around: str | None = None, language: st
         raise InputError(f"--language goes with a tracker in {language}, not with {'--around' if around else kind}")
     if kind == "metric" and (unfit := unfit_name(name)):
         raise InputError(f"no metric can be written: {unfit}")
-    filter_ = None if around is None else wrapped(around)
+    filter_ = None if around is None else wrapped_class(around)
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
@@ -189,7 +189,7 @@ class Wrapped(NamedTuple):
     """What the signatures leave open at each call: ``start``, ``predict``, ``update``."""
 
 
-def wrapped(reference: str) -> Wrapped:
+def wrapped_class(reference: str) -> Wrapped:
     """Look a class up and at its methods, without calling any.
 
     Raises:
