@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import trackbench as tb
-from trackbench.scenario.overrides import apply_overrides
+from trackbench.scenario.overrides import apply_overrides, changed_text, written_with_changes
 from trackbench.scenario.source import parse_yaml
-from trackbench.scenario.written import changed_text, written_with_changes
 
 TEXT = """\
 name: two  # of them

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.subjects.export.mcap import SCHEMAS, STAMP, mcap_messages, schema_of, stamp_of
 from trackbench.truth.recorded.foxglove import TRACKS
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import TrackRows
 
 SCHEMAS[TRACKS] = schema_of(
     {

@@ -16,7 +16,7 @@ from tests.support.mcap_tracks import write_tracks
 from trackbench.base.errors import InputError
 from trackbench.subjects.export.mcap import mcap_messages
 from trackbench.truth.formats.mcap import Mcap
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import TrackRows
 
 pytest.importorskip("mcap", reason="needs trackbench[mcap]")
 Messages = list[tuple[str, str, Any]]

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.errors import InputError
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import TrafficTrack, rows_of
+from trackbench.truth.tracks import TrackRows, TrafficTrack, rows_of
 
 TIME = np.array([0.2, 0.0, 0.1])
 

@@ -52,7 +52,7 @@ from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.raw import BASELINE
 from trackbench.truth import LoadedTruth
 from trackbench.truth.base import Recorded
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.tracks import TrackRows
 
 log = logging.getLogger(__name__)
 

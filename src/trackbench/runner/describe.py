@@ -10,7 +10,7 @@ from trackbench.base.config.key_units import in_words
 from trackbench.scenario.config import TrackerEntry
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.initial import InitialConfig
-from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig
 
 
 def describe_tracker(tracker: TrackerEntry, late: Collection[str]) -> str:

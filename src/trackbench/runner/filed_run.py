@@ -14,8 +14,8 @@ from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.results import MetricValue
 from trackbench.runner.filed_tracks import inside, rows_of_run, tracks_at_instants, truth_at, why_other_scans
 from trackbench.runner.hidden_run import HiddenRun, SceneRuns
-from trackbench.truth.config.filed import TracksConfig
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.config.traffic import TracksConfig
+from trackbench.truth.tracks import TrackRows
 
 #: Offsets that are tried first, to this on both sides, s.
 FARTHEST_S = 2.0

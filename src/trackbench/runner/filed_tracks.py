@@ -12,7 +12,7 @@ from trackbench.base.errors import InputError, shortened
 from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.metrics.traffic import TrackHistory, TruthHistory
 from trackbench.trackers.answers import NO_TRACK
-from trackbench.truth.track_rows import SAME_STAMP_S, TrackRows
+from trackbench.truth.tracks import SAME_STAMP_S, TrackRows
 
 #: s.
 LONGEST_PERIOD_S = 0.5

@@ -35,10 +35,9 @@ from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.sensing.view import Due, find_due
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
-from trackbench.truth.config.filed import TracksConfig
 from trackbench.truth.config.recording import ReferenceTruth
-from trackbench.truth.filed import read_tracks
-from trackbench.truth.track_rows import TrackRows
+from trackbench.truth.config.traffic import TracksConfig, read_tracks
+from trackbench.truth.tracks import TrackRows
 
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
 #: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.

@@ -12,8 +12,7 @@ from trackbench.driving.isolation import ISOLATED, Isolation, is_program
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.truth import own_source, require_rates
 from trackbench.trackers.config import PluginConfig
-from trackbench.truth.config.filed import TracksConfig
-from trackbench.truth.filed import read_tracks
+from trackbench.truth.config.traffic import TracksConfig, read_tracks
 
 Step = Callable[[], object]
 

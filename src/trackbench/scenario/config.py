@@ -23,7 +23,7 @@ from trackbench.scenario import cross_checks
 from trackbench.scenario.worlds import MEANING, World
 from trackbench.trackers.config import NO_KIND, FilterConfig, PluginConfig, kind_of
 from trackbench.truth import TRUTH_SOURCES, TruthSource
-from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig
 
 KEYS = ("use", "options")
 

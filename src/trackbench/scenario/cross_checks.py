@@ -18,7 +18,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import TRACKERS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.config import FixedObserver, HighwayOptions, ScriptedOptions
-from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:

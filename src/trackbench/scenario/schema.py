@@ -10,8 +10,8 @@ from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
-from trackbench.truth.config.filed import AUTO, TracksConfig
 from trackbench.truth.config.scripted import WhiteMotion
+from trackbench.truth.config.traffic import AUTO, TracksConfig
 
 Schema = dict[str, Any]
 

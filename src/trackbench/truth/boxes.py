@@ -12,14 +12,21 @@ from trackbench.base.errors import InputError, counted
 from trackbench.base.types import Array, Mask, Truth
 from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.traffic import BoxesOptions
-from trackbench.truth.filed import read_rows
 from trackbench.truth.formats.tables import TableFormat
 from trackbench.truth.recorded.cycles import require_long_enough
 from trackbench.truth.recorded.drive import Drive, Motion, RowOrder, grid, slope, truth_on_grid
 from trackbench.truth.recorded.reference import ignored_rows, moved_to_centre, placed_boxes, with_scored_region
 from trackbench.truth.recorded.rows import read_table
-from trackbench.truth.track_rows import LONGEST_GAP_S, SAME_STAMP_S, TrackRows
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficTrack, require_possible_tracks, tracks_of_rows
+from trackbench.truth.tracks import (
+    LONGEST_GAP_S,
+    SAME_STAMP_S,
+    TRAFFIC_FORMATS,
+    TrackRows,
+    TrafficTrack,
+    read_rows,
+    require_possible_tracks,
+    tracks_of_rows,
+)
 
 #: Instants times objects that still fit the memory of a small machine.
 LARGEST = 20_000_000

@@ -11,8 +11,7 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.truth.config.traffic import Smoothing
-from trackbench.truth.track_rows import longest_gap
-from trackbench.truth.tracks import TrafficTrack
+from trackbench.truth.tracks import TrafficTrack, longest_gap
 
 #: Slower than this a displacement has no direction that could be a heading, m/s.
 SLOW_MPS = 0.5

@@ -15,7 +15,7 @@ from trackbench.scenario.truth import truth_source
 from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, named, overrides
 from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
-from trackbench.truth.config.filed import TracksConfig
+from trackbench.truth.config.traffic import TracksConfig
 
 
 def base_point(loaded: Scenario, axes: Sequence[MapAxis]) -> list[Value | None]:

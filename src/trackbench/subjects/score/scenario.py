@@ -16,11 +16,10 @@ from trackbench.base.errors import InputError, nearest
 from trackbench.metrics.intervals import FEWEST_SCENES
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
-from trackbench.truth.config.filed import format_of
-from trackbench.truth.filed import read_rows
-from trackbench.truth.layouts import QUANTITIES, header, layout
+from trackbench.truth.config.traffic import format_of
+from trackbench.truth.formats.tables import QUANTITIES, header, layout
 from trackbench.truth.recorded.cycles import SHORTEST, stretch_of
-from trackbench.truth.tracks import TRAFFIC_FORMATS
+from trackbench.truth.tracks import TRAFFIC_FORMATS, read_rows
 
 #: Into how many stretches the scores of boxes are cut, for intervals.
 MOST_STRETCHES = 10

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from trackbench.truth.config.drivers import HUMAN, Drivers
-from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
+from trackbench.truth.config.highway import HUMAN, Drivers, HighwayOptions, IdTargets, NearestTargets, VehicleSizes
 from trackbench.truth.config.recording import FixedObserver, MovingObserver, RecordingOptions
 from trackbench.truth.config.scripted import ScriptedObserver, ScriptedOptions
 

@@ -1,19 +1,38 @@
-"""The options of recorded traffic, and of recorded boxes in the same formats."""
+"""The options of recorded traffic, and of boxes and tracks in the same formats."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, Tag
+from pydantic import Field, PrivateAttr, Tag, model_validator
 
-from trackbench.base.config import LIST, MAPPING, WORD, Config, NonNegative, Positive, Problem, chosen_by, text_or_list
+from trackbench.base.config import (
+    LIST,
+    MAPPING,
+    WORD,
+    Config,
+    NonNegative,
+    Positive,
+    Problem,
+    chosen_by,
+    problem_error,
+    text_or_list,
+)
 from trackbench.base.config.plugin import OptionsBeside, Plugin
 from trackbench.truth.base import MAX_SCENES, TruthSource
 from trackbench.truth.config.highway import ChosenTargets, OthersWithin
+from trackbench.truth.config.logs import find_log
 from trackbench.truth.config.recording import FixedObserver, ReferenceTruth
-from trackbench.truth.tracks import TRAFFIC_FORMATS, TrafficFormat
+from trackbench.truth.tracks import TRAFFIC_FORMATS, TrackRows, TrafficFormat, read_rows
 
+FileFormat = Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)]
+FORMAT = "The format of the file (`trackbench list truth` shows them), or one of your own as `module:Class`"
+FILE = (
+    "The file. A relative path starts in the scenario's folder, or in the working directory; environment variables "
+    "such as $TRACKBENCH_DATA are filled in."
+)
 Vehicle = Annotated[str, Field(min_length=1)]
 
 
@@ -57,16 +76,8 @@ class Smoothing(Config):
 class TrafficOptions(TruthSource, OptionsBeside):
     """Traffic recorded from above or by a simulator: every vehicle's motion, which sensors on one of them see."""
 
-    format: Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)] = Field(
-        description="The format of the file (`trackbench list truth` shows them), or one of your own as "
-        "`module:Class`. Its options stand beside it."
-    )
-    path: str | None = Field(
-        None,
-        min_length=1,
-        description="The file. A relative path starts in the scenario's folder, or in the working directory; "
-        "environment variables such as $TRACKBENCH_DATA are filled in. None with i80, which comes with the package.",
-    )
+    format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
+    path: str | None = Field(None, min_length=1, description=f"{FILE} None with i80, which comes with the package.")
     observer: Annotated[
         Annotated[FixedObserver, Tag(MAPPING)] | Annotated[VehicleObserver, Tag("<vehicle>")],
         chosen_by(_observer_kind, 'write {vehicle: "12"} or {x: 0, y: 0, yaw_deg: 0}'),
@@ -150,12 +161,74 @@ class TrafficOptions(TruthSource, OptionsBeside):
 class BoxesOptions(ReferenceTruth, OptionsBeside):
     """Boxes of a reference as they stand in a file: an id is one object, due at the time stamps of the file."""
 
-    format: Annotated[TrafficFormat, Plugin(TRAFFIC_FORMATS, "name", word=True)] = Field(
-        description="The format of the file (`trackbench list truth` shows them), or one of your own as "
-        "`module:Class`. Its options stand beside it."
+    format: FileFormat = Field(description=f"{FORMAT}. Its options stand beside it.")
+    path: str = Field(min_length=1, description=FILE)
+
+
+AUTO = "auto"
+
+
+class TracksConfig(OptionsBeside):
+    """Tracks that another program wrote into a file."""
+
+    use: Literal["tracks"] = Field(description="tracks.")
+    path: str = Field(min_length=1, description=FILE)
+    format: FileFormat = Field(
+        description=f"{FORMAT}. Its options, such as columns and units, stand beside it. auto, or none: by the ending "
+        "of the file, where it tells."
     )
-    path: str = Field(
-        min_length=1,
-        description="The file. A relative path starts in the scenario's folder, or in the working directory; "
-        "environment variables such as $TRACKBENCH_DATA are filled in.",
+    time_offset_s: float = Field(
+        0,
+        ge=-3600,
+        le=3600,
+        description="Added to the time stamps, s; negative where they are late. An offset is estimated and shown, and "
+        "taken out by this alone.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_ending(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or data.get("format", AUTO) != AUTO or not isinstance(data.get("path"), str):
+            return data
+        return {**data, "format": format_of(data["path"])}
+
+    @property
+    def sensors(self) -> None:
+        """It names none."""
+
+    @property
+    def sensors_used(self) -> list[str]:
+        """It reads none of the scenario's."""
+        return []
+
+
+def format_of(path: str) -> str:
+    """The name of the format of a file's ending.
+
+    Raises:
+        PydanticCustomError: no format has it, or several.
+    """
+    ending = PurePath(path).suffix.lower()
+    names = [name for name, form in TRAFFIC_FORMATS.loaded().items() if ending in form.endings]
+    if len(names) == 1:
+        return names[0]
+    endings = sorted({each for form in TRAFFIC_FORMATS.loaded().values() for each in form.endings})
+    known = f"files of {' and of '.join(names)} end in it" if names else f"known are {', '.join(endings)}"
+    what = f"the ending {ending!r}" if ending else "a name without an ending"
+    message = f"{what} does not tell the format ({known}); name it in format"
+    raise problem_error(message)
+
+
+def read_tracks(config: TracksConfig, name: str, folder: Path) -> TrackRows:
+    """All rows of a file, in the order of time.
+
+    Args:
+        config: the scenario's entry.
+        name: of the tracker.
+        folder: the scenario's, where a relative path starts.
+
+    Raises:
+        InputError: there is no such file, or it is damaged.
+    """
+    file = find_log(config.path, folder, f"trackers.{name}.path")
+    return read_rows(config.format, file).ordered(file)

@@ -21,8 +21,7 @@ from trackbench.base.types import Array
 from trackbench.base.units import wrap_angle
 from trackbench.truth import jumps
 from trackbench.truth.recorded.rows import NUMBER, log_text
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.tracks import RowsFormat, TrackRows
 
 
 class TextLine(NamedTuple):

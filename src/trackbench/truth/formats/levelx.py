@@ -13,8 +13,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.truth.recorded.rows import read_table
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.tracks import RowsFormat, TrackRows
 
 TRACKS, RECORDING, BODIES = "_tracks.csv", "_recordingMeta.csv", "_tracksMeta.csv"
 

@@ -9,13 +9,11 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from trackbench.truth.formats import osi
-from trackbench.truth.formats.tables import table_rows
-from trackbench.truth.layouts import QUANTITIES, ColumnLayout
+from trackbench.truth.formats.tables import QUANTITIES, ColumnLayout, table_rows
 from trackbench.truth.recorded import foxglove
 from trackbench.truth.recorded.mcap import LogPart, Message, decoded, messages_of, of_topic
 from trackbench.truth.recorded.rows import Rows
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.tracks import RowsFormat, TrackRows
 
 
 def _osi(messages: Sequence[Message], file: Path, _: Sequence[Message]) -> TrackRows:

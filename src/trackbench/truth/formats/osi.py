@@ -19,8 +19,7 @@ from pydantic import Field
 
 from trackbench.base.errors import InputError, counted
 from trackbench.base.files import read_bytes
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.tracks import RowsFormat, TrackRows
 
 #: Numbers of fields.
 GROUND_TRUTH_OF_VIEW = 7

@@ -20,8 +20,7 @@ from trackbench.base.files import LARGE, read_bytes
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array
 from trackbench.truth.formats.tables import FROM_ZERO_S
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.tracks import RowsFormat, TrackRows
 
 #: Of a folder of files, the one that names the others.
 METADATA = "metadata.yaml"

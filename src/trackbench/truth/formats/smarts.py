@@ -14,8 +14,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.files import require_regular
-from trackbench.truth.track_rows import TrackRows
-from trackbench.truth.tracks import MOST_ROWS, RowsFormat
+from trackbench.truth.tracks import MOST_ROWS, RowsFormat, TrackRows
 
 #: Of a vehicle in NGSIM, which SMARTS keeps; a size that it does not know is 0 or NULL.
 KINDS = {1: "motorcycle", 2: "car", 3: "truck"}

@@ -1,11 +1,16 @@
-"""Tables of recorded traffic: CSV and Parquet of one's own, and I-80, which comes with the package."""
+"""Tables of recorded traffic: CSV and Parquet of one's own, and I-80, which comes with the package.
+
+Which column is what is told by usual names and shown; what they leave in doubt is asked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import csv
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -14,17 +19,188 @@ from trackbench.base.config import Problem
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.types import Array
 from trackbench.truth import jumps
-from trackbench.truth.config.columns import Units
-from trackbench.truth.layouts import QUANTITIES, REQUIRED, ColumnLayout, header, layout
-from trackbench.truth.recorded.rows import Rows, read_table, time_stamps
-from trackbench.truth.track_rows import COVARIANCE, TrackRows
-from trackbench.truth.tracks import RowsFormat
+from trackbench.truth.config.columns import UNITS, Units
+from trackbench.truth.recorded.rows import Rows, log_text, read_table, time_stamps
+from trackbench.truth.tracks import COVARIANCE, RowsFormat, TrackRows
 
 #: Times up to this count from 0 s, as a program's own clock does; larger ones from the first whole second.
 FROM_ZERO_S = 1e7
 #: What cannot be meant: the least, the most, and why.
 _NO_SIZE = (np.nextafter(0, 1), np.inf, "which is no size; leave it empty where it is not known")
 POSSIBLE = {"length": _NO_SIZE, "width": _NO_SIZE, "existence": (0.0, 1.0, "which is no probability")}
+
+
+#: What a column may hold, and its quantity; None: it is read as it is.
+QUANTITIES: dict[str, str | None] = {
+    "time": "time",
+    "id": None,
+    **dict.fromkeys(("x", "y"), "length"),
+    **dict.fromkeys(("vx", "vy"), "speed"),
+    "heading": "angle",
+    "speed": "speed",
+    **dict.fromkeys(("length", "width"), "length"),
+    **dict.fromkeys(("class", "existence", "scene", "run", "fingerprint"), None),
+    **dict.fromkeys(COVARIANCE, None),
+}
+REQUIRED = ("time", "id", "x", "y")
+
+#: Names of a position along an axis.
+PLACES = ("{}", "p{}", "pos{}", "position{}", "{}pos", "center{}", "centre{}", "{}center", "{}centre", "c{}")
+
+
+def _pairs(row: int, column: int) -> set[str]:
+    """How an entry of a covariance is called: ``xvy``, ``vyx``."""
+    a, b = (("x", "y", "vx", "vy")[place] for place in (row, column))
+    return {a + b, b + a}
+
+
+#: Names in lower case, without what stands between their parts and without a unit at their end.
+NAMES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "t", "timestamp", "stamp", "timesec", "epoch"),
+    "id": ("id", "track", "trackid", "tid", "object", "objectid", "objid", "trackuuid", "uuid", "targetid"),
+    **{
+        axis: (*(word.format(axis) for word in PLACES), compass)
+        for axis, compass in (("x", "easting"), ("y", "northing"))
+    },
+    **{f"v{axis}": (f"v{axis}", f"vel{axis}", f"velocity{axis}", f"{axis}velocity", f"speed{axis}") for axis in "xy"},
+    "heading": ("heading", "yaw", "psi", "rotation", "orientation"),
+    "speed": ("speed", "v", "velocity"),
+    "length": ("length", "len", "l"),
+    "width": ("width", "w"),
+    "class": ("class", "type", "label", "category", "objectclass", "objecttype", "kind"),
+    "existence": ("existence", "existenceprobability", "probabilityofexistence", "pexist"),
+    **{key: (key,) for key in ("scene", "run", "fingerprint")},
+    **{
+        name: (name.replace("_", ""), *(f"{word}{pair}" for word in ("cov", "p") for pair in _pairs(*places)))
+        for name, places in COVARIANCE.items()
+    },
+}
+#: Other ways to write a unit.
+UNIT_WORDS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "nsec": "ns", "kmh": "kmph", "kph": "kmph"}
+#: Of a column, characters.
+LONGEST_NAME = 64
+
+
+class ColumnLayout(NamedTuple):
+    """Where a table has what."""
+
+    columns: Mapping[str, str]
+    """The column of each key of ``QUANTITIES`` that the table has."""
+    units: Mapping[str, str]
+    """By key the unit that the name of its column ends in, or that was stated."""
+
+    @property
+    def lines(self) -> list[str]:
+        """What is read from where: ``time <- timestamp_ns (ns)``."""
+        return [
+            f"{key} \N{LEFTWARDS ARROW} {name}" + (f" ({self.units[key]})" if key in self.units else "")
+            for key, name in self.columns.items()
+            if key != name
+        ]
+
+    def factor(self, key: str, default: float) -> float:
+        """What a column is multiplied by; ``default`` where its unit is not known from its name."""
+        quantity = QUANTITIES[key]
+        return default if quantity is None or key not in self.units else UNITS[quantity][self.units[key]]
+
+
+def layout(header: Sequence[str], stated: Mapping[str, str], required: Iterable[str] = REQUIRED) -> ColumnLayout:
+    """The layout of a table with these columns.
+
+    Args:
+        header: names of all columns.
+        stated: the column of some keys, perhaps with its unit after a colon: ``timestamp:ns``.
+        required: keys that it must have.
+
+    Raises:
+        InputError: a key has several columns, or a required one none; names the candidates.
+    """
+    columns, units = {}, {}
+    for key in QUANTITIES:
+        if key in stated:
+            name, unit = _named(key, stated[key], header)
+        else:
+            candidates = [(name, unit) for name in header for known, unit in [_known(name)] if known == key]
+            if len(candidates) > 1:
+                names = " or ".join(repr(name) for name, _ in candidates)
+                raise InputError(f"{key} may be {names}: say which, such as {key}={candidates[0][0]}")
+            if not candidates:
+                continue
+            name, unit = candidates[0]
+        columns[key] = name
+        if unit is not None:
+            units[key] = unit
+    for key in required:
+        if key not in columns:
+            others = [name for name in header if name not in columns.values()]
+            none = f"there is no column {key!r}, nor a usual name of it ({', '.join(NAMES[key])})"
+            raise InputError(f"{none}; {nearest(key, others or header)}")
+    return ColumnLayout(columns, units)
+
+
+def header(file: Path, form: str) -> list[str]:
+    """The names of the columns of a file of the format "csv" or "parquet".
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if form == "csv":
+        lines = [line for line in log_text(file).splitlines() if line.strip()]
+        names = [name.strip() for name in next(csv.reader(lines[:1]))]
+        if len(names) == 1 and (other := re.search(r"[;\t|]", names[0])):
+            raise InputError(f"columns are separated by {other[0]!r}; separate them by commas", file=file, line=1)
+    else:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            names = list(pq.read_schema(file).names)
+        except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
+            reason = str(error).splitlines()[0]
+            raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
+    if not all(name.isprintable() and len(name) <= LONGEST_NAME for name in names):
+        raise InputError("this is no row of column names", file=file)
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"there are {names.count(name)} columns {name!r}", file=file)
+    return names
+
+
+def _named(key: str, stated: str, header: Sequence[str]) -> tuple[str, str | None]:
+    name, colon, unit = stated.rpartition(":")
+    units = UNITS.get(QUANTITIES[key] or "", {})
+    if stated in header or not colon:
+        if stated not in header:
+            raise InputError(f"there is no column {stated!r} for {key}; {nearest(stated, header)}")
+        return stated, _unit(stated, key)
+    if name not in header:
+        raise InputError(f"there is no column {name!r} for {key}; {nearest(name, header)}")
+    if unit not in units:
+        raise InputError(f"{unit!r} is no unit of {key}; {nearest(unit, units)}")
+    return name, unit
+
+
+def _parts(name: str) -> list[str]:
+    words = name.lower().replace("m/s", "mps").replace("km/h", "kmph").replace("kmps", "kmph")
+    return [UNIT_WORDS.get(part, part) for part in re.split(r"[^a-z0-9]+", words) if part]
+
+
+def _unit(name: str, key: str) -> str | None:
+    """The unit of its quantity in which the name of a column ends."""
+    parts, units = _parts(name), UNITS.get(QUANTITIES[key] or "", {})
+    return parts[-1] if len(parts) > 1 and parts[-1] in units else None
+
+
+def _known(name: str) -> tuple[str | None, str | None]:
+    """What a column of this name holds, and its unit; None where that is not known."""
+    parts = _parts(name)
+    for key, names in NAMES.items():
+        if "".join(parts) in names:
+            return key, None
+        unit = _unit(name, key)
+        if unit is not None and "".join(parts[:-1]) in names:
+            return key, unit
+    return None, None
 
 
 def table_rows(rows: Rows, found: ColumnLayout, factors: Mapping[str, float]) -> TrackRows:

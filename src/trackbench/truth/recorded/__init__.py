@@ -63,10 +63,10 @@ def load_recording(config: RecordingOptions, kinds: Mapping[str, str], folder: P
 
 
 def _load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
-    from trackbench.truth.recorded import unlabelled
+    from trackbench.truth.recorded import table
 
     if config.without_truth:
-        return Recording(*unlabelled.load_unlabelled(config, kinds, folder))
+        return Recording(*table.load_unlabelled(config, kinds, folder))
     drive = read_drive(config, kinds, folder)
     clipped = drive.clipped()
     require_measurements(drive, clipped)

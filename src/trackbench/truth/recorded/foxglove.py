@@ -16,7 +16,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError, nearest, shortened
 from trackbench.base.types import Array
-from trackbench.truth.track_rows import COVARIANCE
+from trackbench.truth.tracks import COVARIANCE
 
 T = TypeVar("T")
 #: Names of schemas.

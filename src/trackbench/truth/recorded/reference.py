@@ -15,7 +15,7 @@ from trackbench.truth.config.reference import BoxRegion, ReferenceOptions
 from trackbench.truth.recorded.drive import Drive, Motion, slope
 from trackbench.truth.recorded.robust import noise_of_motions
 from trackbench.truth.recorded.rows import Rows
-from trackbench.truth.track_rows import longest_gap
+from trackbench.truth.tracks import longest_gap
 
 #: Of a box, m.
 LARGEST_M = 1000.0

@@ -1,17 +1,20 @@
-"""A drive from tables whose columns and units the scenario names."""
+"""Logs in tables whose columns and units the scenario names: a drive, or the scans of sensors without a truth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from trackbench.base.errors import InputError, nearest
-from trackbench.base.types import Array, Indices
+from trackbench.base.types import KINEMATICS, Array, Indices, Observer, Truth
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import jumps
+from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     MOTION_QUANTITIES,
@@ -22,11 +25,28 @@ from trackbench.truth.config.columns import (
     Units,
 )
 from trackbench.truth.config.logs import find_log
-from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order, slope
+from trackbench.truth.recorded.drive import (
+    Drive,
+    Log,
+    Motion,
+    RowOrder,
+    carrier,
+    fixed_observer,
+    row_order,
+    slope,
+    times_with_observer,
+)
 from trackbench.truth.recorded.mcap import LogPart
 from trackbench.truth.recorded.reference import LARGEST_M, dont_care_boxes, ignored_rows, moved_to_centre
 from trackbench.truth.recorded.rows import Rows, read_table, seconds_from, time_stamps
-from trackbench.truth.recorded.scans import Scans, column_measurements, columns_of, scans_of
+from trackbench.truth.recorded.scans import (
+    Scans,
+    column_measurements,
+    columns_of,
+    recorded_detections,
+    scan_notes,
+    scans_of,
+)
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -51,35 +71,26 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
     stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = seconds_from(start, stamps)
-    if seconds.max() > jumps.LONGEST:
-        row = int(np.argmax(seconds))
-        raise table.error(row, f"{columns.time}: {jumps.why_too_long(seconds[row])}")
+    _require_not_long(table, columns.time, seconds)
     dropped = ignored_rows(table, ignore)
     if dropped.all():
         raise InputError("every row is a don't-care box, so there is no object", key="truth.reference.ignore")
     own = table.only(~dropped) if dropped.any() else table
     motions, order = _motions(own, columns, seconds[~dropped], config)
     boxes = dont_care_boxes(table.only(dropped), columns, seconds[dropped], config)
-    carrier = None
+    moving = None
     if observer is not None and observer.path is not None:
-        time = observer.time or columns.time
-        own_rows = find_log(observer.path, folder, "truth.columns.observer.path")
-        source = read_table(own_rows, config.format, [time, *observer.given.values()], LogPart("frame", observer.frame))
-        times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
-        carrier = observer_motion(source, observer, times, units)
+        moving = _observer_of_file(observer, observer.time or columns.time, config, folder, start)
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
-        carrier = observer_motion(table, observer, seconds, units)
+        moving = observer_motion(table, observer, seconds, units)
     logs: dict[str, Log] = {}
     detections: dict[str, Scans] = {}
     for name, entry in config.measurements.items():
         source, unlabelled = own, config.unlabelled(name)
         if entry.path is not None:
-            file = find_log(entry.path, folder, f"truth.readings.{name}.path")
             needed = columns_of(entry) if unlabelled else _own(entry, columns)
-            source = read_table(
-                file, config.format, [entry.time or columns.time, *needed], LogPart("detections", entry.topic)
-            )
+            source = _detections_of_file(name, entry, [entry.time or columns.time, *needed], config, folder)
         unit = entry.units.get("time", columns.units.get("time"))
         times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
@@ -89,12 +100,89 @@ def load_tables(config: RecordingOptions, kinds: Mapping[str, str], folder: Path
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
         # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
         logs[name] = log if entry.path is None else log._replace(scans=np.unique(times))
-    said = {"file": table.file.name, "rows": len(table)}
     classes: dict[str, str] = {}
     if columns.kind is not None:
         for item, kind in zip(_names(own, columns), own.names(columns.kind, optional=True), strict=True):
             classes.setdefault(item, kind)
-    return Drive(motions, order, carrier, logs, said, detections, np.unique(seconds), boxes, classes, start)
+    read = {"file": table.file.name, "rows": len(table)}
+    return Drive(motions, order, moving, logs, read, detections, np.unique(seconds), boxes, classes, start)
+
+
+def load_unlabelled(
+    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
+) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
+    """A truth without objects, the detections of each sensor, and what was left out, a line each.
+
+    Raises:
+        InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
+    """
+    entries, units = config.measurements, config.units
+    tables = {
+        name: _detections_of_file(name, entry, columns_of(entry), config, folder) for name, entry in entries.items()
+    }
+    stamps = {
+        name: time_stamps(tables[name], entry.time or "", units.factor("time", entry.units.get("time")))
+        for name, entry in entries.items()
+    }
+    start = min(min(of) for of in stamps.values())
+    scans = {}
+    for name, entry in entries.items():
+        seconds = seconds_from(start, stamps[name])
+        _require_not_long(tables[name], entry.time or "", seconds)
+        scans[name] = scans_of(tables[name], entry, seconds + entry.time_offset_s, units, kinds[name])
+    times = np.unique(np.concatenate([of.time for of in scans.values()]))
+    observer = fixed_observer(config.observer, len(times))
+    if config.ego is not None:
+        moving = _observer_of_file(config.ego, config.ego.time or "", config, folder, start)
+        times = times_with_observer(times, moving, "measurements", "truth.ego")
+        observer = carrier(moving, times)
+    recorded: dict[str, Recorded] = {name: recorded_detections(of, times) for name, of in scans.items()}
+    return _no_objects(config, times, observer), recorded, tuple(scan_notes(scans, times, "observer"))
+
+
+def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
+    kinematics: dict[str, Any] = dict.fromkeys(KINEMATICS, np.zeros((len(times), 0, 1)))
+    return Truth(
+        time=times,
+        ids=(),
+        **kinematics,
+        alive=np.zeros((len(times), 0), dtype=bool),
+        length=np.zeros(0),
+        width=np.zeros(0),
+        observer=observer,
+        source={"source": "recording", "format": config.format, "recorded": list(config.measurements)},
+        known=False,
+    )
+
+
+def _detections_of_file(
+    name: str, entry: MeasurementColumns, columns: Iterable[str | None], config: RecordingOptions, folder: Path
+) -> Rows:
+    """The rows of the file of a sensor's own."""
+    file = find_log(entry.path or "", folder, f"truth.readings.{name}.path")
+    return read_table(file, config.format, columns, LogPart("detections", entry.topic))
+
+
+def _observer_of_file(
+    columns: ObserverColumns, time: str, config: RecordingOptions, folder: Path, start: Decimal
+) -> Motion:
+    """The observer's motion from a file of its own, whose column of times is ``time``."""
+    key = "truth.ego.path" if config.columns is None else "truth.columns.observer.path"
+    file = find_log(columns.path or "", folder, key)
+    table = read_table(file, config.format, [time, *columns.given.values()], LogPart("frame", columns.frame))
+    stamps = time_stamps(table, time, config.units.factor("time", columns.units.get("time")))
+    return observer_motion(table, columns, seconds_from(start, stamps), config.units)
+
+
+def _require_not_long(table: Rows, column: str, seconds: Array) -> None:
+    """Make sure that a log is no longer than can be meant.
+
+    Raises:
+        InputError: it is.
+    """
+    if seconds.max() > jumps.LONGEST:
+        row = int(np.argmax(seconds))
+        raise table.error(row, f"{column}: {jumps.why_too_long(seconds[row])}")
 
 
 def _names(table: Rows, columns: TruthColumns) -> list[str]:
