@@ -19,7 +19,7 @@ from trackbench.subjects.tuning.measures import Sums
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import start_values
 from trackbench.subjects.tuning.search import Proposals, search
-from trackbench.subjects.tuning.study import Study, TuningTrial, best_of, trial_of
+from trackbench.subjects.tuning.study import Study, TuningTrial, best_trial, trial_of
 
 from .protocol import Protocol
 
@@ -80,7 +80,7 @@ def tuned(
     parameters = tried[0].parameters
     study = Study(tracker, None, parameters, objective.axes, {})
     search(parameters, study, tried[0].start, make, objective.losses, protocol.trials, 0, batches=batches(protocol))
-    best = best_of(study.trials)
+    best = best_trial(study.trials)
     assert best is not None, f"every trial of {tracker} failed"
     return dict(best.values), [item.outcomes for item in tried]
 

@@ -12,7 +12,7 @@ from tests.subjects.envelope.conftest import SMALL
 
 import trackbench as tb
 from trackbench.base.errors import InputError
-from trackbench.subjects.envelope.axes import MapAxis, between, distance, overrides, start_points
+from trackbench.subjects.envelope.axes import MapAxis, between, overrides, point_distance, start_points
 from trackbench.subjects.envelope.config import Axis, EnvelopeConfig
 from trackbench.subjects.envelope.mapping import refined
 
@@ -58,9 +58,9 @@ def test_linked_keys_follow_the_value() -> None:
 def test_distance_is_in_shares_of_the_range_or_in_a_scale() -> None:
     axes = [LINEAR, LOG, WORLDS]
 
-    assert distance(axes, (0.0, 0.01, "ideal"), (1.0, 0.1, "ideal")) == pytest.approx(0.5**0.5)
-    assert distance(axes, (0.0, 0.01, "ideal"), (0.0, 0.01, "human")) == 1.0
-    assert distance([axis(0.5, key="a.b", **{"from": 0, "to": 2})], (0.0,), (2.0,)) == 4.0
+    assert point_distance(axes, (0.0, 0.01, "ideal"), (1.0, 0.1, "ideal")) == pytest.approx(0.5**0.5)
+    assert point_distance(axes, (0.0, 0.01, "ideal"), (0.0, 0.01, "human")) == 1.0
+    assert point_distance([axis(0.5, key="a.b", **{"from": 0, "to": 2})], (0.0,), (2.0,)) == 4.0
 
 
 @given(st.floats(0, 1), st.floats(0, 1))

@@ -10,7 +10,7 @@ from scipy import stats
 
 from trackbench.metrics.bounds import bound, interval_difference
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.subjects.envelope.cells import Spending, changed, decide, together
+from trackbench.subjects.envelope.cells import Spending, changed, decide, joint_state
 
 NUMBERS = (25, 50, 100, 200, 300)
 
@@ -58,10 +58,10 @@ def test_too_few_runs_leave_a_cell_undecided_and_say_why() -> None:
 
 
 def test_a_cell_holds_with_all_its_requirements_and_fails_with_one() -> None:
-    assert together(["holds", "holds"]) == "holds"
-    assert together(["holds", "undecided"]) == "undecided"
-    assert together(["holds", "undecided", "fails"]) == "fails"
-    assert together([]) == "undecided"
+    assert joint_state(["holds", "holds"]) == "holds"
+    assert joint_state(["holds", "undecided"]) == "undecided"
+    assert joint_state(["holds", "undecided", "fails"]) == "fails"
+    assert joint_state([]) == "undecided"
 
 
 @pytest.mark.parametrize("same_runs", [True, False])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.claims import claim_of
 
-from trackbench.subjects.envelope.axes import distance
+from trackbench.subjects.envelope.axes import point_distance
 from trackbench.subjects.envelope.counter import base_of, nearest_failing
 
 #: Eleven values of each, a tenth of the range apart.
@@ -95,7 +95,9 @@ def test_the_nearest_of_all_cells_that_fail_is_always_found(failing: set[tuple[i
         base=[5, 0.5],
     )
     found = nearest_failing(claim, base_of(claim, "ekf"))
-    ways = [distance(claim.axes, (5, 0.5), cell.at) for cell in claim.cells if cell.trackers["ekf"].state == "fails"]
+    ways = [
+        point_distance(claim.axes, (5, 0.5), cell.at) for cell in claim.cells if cell.trackers["ekf"].state == "fails"
+    ]
     assert min((facing.distance for facing in found), default=math.inf) == min(ways, default=math.inf)
     assert all(claim.cells[facing.cell].trackers["ekf"].state == "fails" for facing in found)
     assert len({(facing.axis, facing.side) for facing in found}) == len(found) <= 4

@@ -14,11 +14,11 @@ from trackbench.subjects.envelope.config import Axis
 from trackbench.subjects.envelope.margins import (
     AxisMargin,
     Crossing,
-    along,
     border,
     holding,
     lines_near_base,
     margins,
+    place_of_line,
     undecided,
 )
 
@@ -107,7 +107,7 @@ def test_the_line_goes_through_the_scenario_or_near_it():
     assert [value for _, value in along_q.at] == [1.0]
     assert not along_r.through_base
     assert [value for _, value in along_r.at] == [1.5]
-    assert (holding(along_r), along(along_r)) == ("up to 4 deg (1 to 10)", "q 1.5 m")
+    assert (holding(along_r), place_of_line(along_r)) == ("up to 4 deg (1 to 10)", "q 1.5 m")
 
 
 def test_each_category_has_its_line():

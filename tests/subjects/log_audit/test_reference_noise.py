@@ -11,7 +11,7 @@ import pytest
 from tests.support.recorded_log import WALKERS, Errors, write_log
 
 from trackbench.subjects.log_audit.api import audit
-from trackbench.subjects.log_audit.noise import noise_of
+from trackbench.subjects.log_audit.noise import residual_noises
 from trackbench.truth.recorded.drive import Motion
 from trackbench.truth.recorded.robust import body_sigmas, clipped, white_sigma
 
@@ -79,7 +79,7 @@ def test_the_shape_of_a_noise_is_as_uncertain_as_the_noise_of_each_object_of_the
     item = audit(write_log(tmp_path, objects=WALKERS, moving=False, radar=None, lidar=Errors(), truth_sigma_m=0.1))
     log, fit = item.sensors["lidar"].log, item.sensors["lidar"].fit
     exponent = item.sensors["lidar"].noise[0].exponent
-    sure = noise_of(replace(log, noise=replace(log.noise, uncertainty=0.0)), fit)[0][0].exponent
+    sure = residual_noises(replace(log, noise=replace(log.noise, uncertainty=0.0)), fit)[0][0].exponent
     # Mean logarithm of the range of each object, about that of all.
     along = np.log(log.polar(log.log.time, log.log.object, fit.errors)[0, fit.inlier])
     along -= along.mean()

@@ -24,7 +24,7 @@ from trackbench.subjects.tuning import measures, objectives
 from trackbench.subjects.tuning.api import TunePlan, tune_trackers
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator
-from trackbench.subjects.tuning.objectives import OBJECTIVES, source_of
+from trackbench.subjects.tuning.objectives import OBJECTIVES, source_of_part
 from trackbench.subjects.tuning.parameters import Parameter, parse_range, start_values, usual_ranges
 from trackbench.subjects.tuning.search import search, usual_trials
 from trackbench.subjects.tuning.study import Study, TuningTrial
@@ -89,13 +89,13 @@ def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker
     expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
     expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
     (outcome,) = evaluator(scenario, tracker)([{}])[0]
-    found = dict(measures.nees_by_condition(outcome.sums, outcome.sums))
+    found = dict(measures.log_nees_by_condition(outcome.sums, outcome.sums))
     assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
     for name, off in found.items():
         dof = 2 if "alone" in name else 4
         assert dof * np.exp(off) == pytest.approx(expected[name], rel=1e-12), name
         # What its interval is of.
-        source = source_of(f"under 0 {name}", OBJECTIVES["consistent_rmse"], 1)
+        source = source_of_part(f"under 0 {name}", OBJECTIVES["consistent_rmse"], 1)
         assert (source.scenarios, source.logarithm) == ([0], True)
         assert outcome.sums.value(source.measure) == pytest.approx(expected[name], rel=1e-12)
 

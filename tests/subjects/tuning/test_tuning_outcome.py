@@ -16,7 +16,7 @@ from trackbench.subjects.tuning.figures import _scale
 from trackbench.subjects.tuning.held_out import SAME_MOTION, LackingMeasure
 from trackbench.subjects.tuning.objectives import OBJECTIVES
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.report import headline, remarks, tuning_document
+from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
 from trackbench.subjects.tuning.tune import Tuning
 
 SCENARIO = {
@@ -52,9 +52,9 @@ def test_a_headline_says_what_is_shown_and_on_what(tuning: Tuning, verdict: str,
     likelihood = tuning.held_out.of("log_likelihood")[0]
     one = replace(likelihood, verdict=verdict, difference=likelihood.difference._replace(value=change))
     found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
-    assert headline(found)[0].split(": ", 1)[1].startswith(text)
+    assert tuning_headline(found)[0].split(": ", 1)[1].startswith(text)
     # Of random motion another one was tried.
-    assert "same motion" not in headline(replace(found, apart=("other noise and other random motion",)))[0]
+    assert "same motion" not in tuning_headline(replace(found, apart=("other noise and other random motion",)))[0]
 
 
 def test_a_smaller_error_is_the_gain_that_may_be_noise(tuning: Tuning) -> None:
@@ -63,7 +63,7 @@ def test_a_smaller_error_is_the_gain_that_may_be_noise(tuning: Tuning) -> None:
         one = replace(error, verdict="undecided", difference=error.difference._replace(value=change))
         held_out = replace(tuning.held_out, comparisons=(one,))
         found = replace(tuning, start={}, objective=OBJECTIVES["position_rmse"], held_out=held_out)
-        assert ("may be noise" in headline(found)[0]) is gain
+        assert ("may be noise" in tuning_headline(found)[0]) is gain
 
 
 def test_of_several_scenarios_those_of_the_same_motion_are_named(tuning: Tuning) -> None:
@@ -72,13 +72,13 @@ def test_of_several_scenarios_those_of_the_same_motion_are_named(tuning: Tuning)
     held_out = replace(tuning.held_out, comparisons=(one, one), not_compared=(lacking,))
     apart = (SAME_MOTION, "other scenes and other noise", SAME_MOTION)
     found = replace(tuning, start={}, held_out=held_out, scenarios=("a", "b", "c"), apart=apart)
-    text, tone = headline(found)
+    text, tone = tuning_headline(found)
     assert text.endswith("of 3 scenarios better in 2, not compared in 1; in a and c on other noise of the same motion")
     assert tone == "warn"
     said = list(remarks(found))
     assert f"c: not compared by log-likelihood of a measurement: with the tuned values {lacking.why}" in said
     none = replace(found, held_out=replace(held_out, comparisons=()))
-    assert headline(none) == (f"not compared with the start: with the tuned values {lacking.why}", "bad")
+    assert tuning_headline(none) == (f"not compared with the start: with the tuned values {lacking.why}", "bad")
 
 
 @pytest.mark.parametrize(("train_change", "fits"), [(-0.1, True), (0.1, False)])
@@ -92,7 +92,7 @@ def test_values_fit_what_they_were_tuned_on_only_where_they_are_better_there(
     )
     found = replace(tuning, start={}, objective=OBJECTIVES["consistent_rmse"], held_out=held_out, best=best,
                     start_measures={"position_rmse": 0.5})  # fmt: skip
-    text = headline(found)[0]
+    text = tuning_headline(found)[0]
     assert ("the values fit what they were tuned on" in text) is fits
     assert text.endswith("as on what they were tuned on, the price of consistency") is not fits
 
@@ -120,7 +120,7 @@ def test_a_gain_harm_and_noise_do_not_look_alike(tuning: Tuning) -> None:
         return replace(tuning, held_out=replace(tuning.held_out, comparisons=(one,)))
 
     found = [with_gain("better", 0.3), with_gain("undecided", -0.005), with_gain("worse", -0.04)]
-    table = tables.gains(found)
+    table = tables.gains_table(found)
     assert [row[1].text for row in table.rows] == ["+0.300", "\N{MINUS SIGN}0.005", "\N{MINUS SIGN}0.040"]
     assert [row[2].tone for row in table.rows] == ["good", "warn", "bad"]
     assert table.axis(1) == pytest.approx((-0.05, 0.31))
@@ -136,7 +136,7 @@ def test_an_error_that_falls_is_a_gain(tuning: Tuning) -> None:
     found = replace(
         tuning, objective=OBJECTIVES["position_rmse"], held_out=replace(tuning.held_out, comparisons=(half,))
     )
-    ((_, gain, *_),) = tables.gains([found]).rows
+    ((_, gain, *_),) = tables.gains_table([found]).rows
     assert gain.text == "+50.0"
 
 
@@ -144,16 +144,16 @@ def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> Non
     one = tuning.held_out.of("log_likelihood")[0]
     one = replace(one, start=one.start._replace(value=2.0), tuned=one.tuned._replace(value=2.0292))
     found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
-    assert headline(found)[0].startswith("log-likelihood of a measurement 2.029, start 2.000: ")
+    assert tuning_headline(found)[0].startswith("log-likelihood of a measurement 2.029, start 2.000: ")
 
 
 def test_the_table_of_trials_has_the_tuned_values_that_the_last_step_found(tuning: Tuning) -> None:
     best = replace(tuning.best, values={"acceleration_sigma_mps2": 4.321}, parts={"likelihood": -1e9})
-    table = tables.trials(replace(tuning, best=best))
+    table = tables.trials_table(replace(tuning, best=best))
     assert (table.rows[0][0].text, table.rows[0][0].strong) == ("4.321", True)
     assert len(table.rows) == len(tuning.trials) + 1
     assert "come from the last step" in table.caption
-    table = tables.trials(replace(tuning, best=tuning.trials[0]))
+    table = tables.trials_table(replace(tuning, best=tuning.trials[0]))
     assert len(table.rows) == len(tuning.trials)
     assert "last step" not in table.caption
 

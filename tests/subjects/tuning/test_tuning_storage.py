@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from tests.subjects.tuning.test_tuning_cli import SCENARIO
 
-from trackbench.subjects.tuning.study import differences
+from trackbench.subjects.tuning.study import setting_differences
 
 Cli = Callable[..., Any]
 PLUGIN = """
@@ -62,7 +62,7 @@ def test_a_search_with_another_plug_in_is_refused(cli: Cli, own: Path) -> None:
 def test_a_start_that_gives_something_else_is_told() -> None:
     kept = {"seed": 0, "start": {"own": {"nees": 4.0, "position_rmse": 0.25}}}
     near = {"seed": 0, "start": {"own": {"nees": 4.0 + 1e-12, "position_rmse": 0.25}}}
-    assert differences(kept, kept) == differences(kept, near) == ""
+    assert setting_differences(kept, kept) == setting_differences(kept, near) == ""
     other = {"seed": 0, "start": {"own": {"nees": 4.0, "position_rmse": 0.5}}}
-    assert differences(kept, other).startswith("in own the start now gives position RMSE 0.5, and gave 0.25")
-    assert differences(kept, {**other, "seed": 1}) == "seed was 0 and is 1"
+    assert setting_differences(kept, other).startswith("in own the start now gives position RMSE 0.5, and gave 0.25")
+    assert setting_differences(kept, {**other, "seed": 1}) == "seed was 0 and is 1"

@@ -10,7 +10,7 @@ from tests.subjects.tuning.test_tuning import TEXT
 
 from trackbench.api.scenario import load
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.subjects.tuning.files import written
+from trackbench.subjects.tuning.files import tuned_scenario_text
 
 FOUND = {"a": {"acceleration_sigma_mps2": 1.25}}
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
@@ -32,7 +32,7 @@ LOG: dict[str, Any] = {
 def test_the_values_are_written_into_the_scenario(tmp_path: Path) -> None:
     scenario = load(TEXT)
     found = {"ekf": {"acceleration_sigma_mps2": 1.25}, "ukf": {"initial.skip": 2}, "many_2": {}}
-    text = written(scenario, found, tmp_path)
+    text = tuned_scenario_text(scenario, found, tmp_path)
     again = load(text)
     assert (
         again.config.trackers["ekf"]
@@ -65,7 +65,7 @@ FLOW = "{filter: ekf, motion: cv, acceleration_sigma_mps2: 2}"
 )
 def test_a_scenario_of_any_form_is_written(trackers: str, comment_stays: bool, tmp_path: Path) -> None:
     scenario = with_trackers(trackers)
-    text = written(scenario, FOUND, tmp_path)
+    text = tuned_scenario_text(scenario, FOUND, tmp_path)
     again = load(text).config.trackers
     before = scenario.config.trackers
     assert again == {
@@ -77,8 +77,8 @@ def test_a_scenario_of_any_form_is_written(trackers: str, comment_stays: bool, t
 
 
 def test_what_was_tuned_is_tuned_again(tmp_path: Path) -> None:
-    once = load(written(with_trackers(f"trackers:\n  a: {FLOW}"), FOUND, tmp_path))
-    again = load(written(once, {"a": {"acceleration_sigma_mps2": 1.5}}, tmp_path))
+    once = load(tuned_scenario_text(with_trackers(f"trackers:\n  a: {FLOW}"), FOUND, tmp_path))
+    again = load(tuned_scenario_text(once, {"a": {"acceleration_sigma_mps2": 1.5}}, tmp_path))
     sigmas = {name: entry.motion.acceleration_sigma_mps2 for name, entry in again.config.trackers.items()}  # type: ignore[union-attr]
     assert sigmas == {"a": 1.5, "a_start_2": 1.25, "a_start": 2}
 
@@ -89,8 +89,8 @@ def test_a_recording_is_found_from_where_the_scenario_is_written(overrides: dict
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     (tmp_path / "log" / "log.yaml").write_text(load(LOG).text, encoding="utf-8")
-    text = written(load_scenario(tmp_path / "log" / "log.yaml", [f"{k}={v}" for k, v in overrides.items()]), {},
-                   tmp_path / "elsewhere")  # fmt: skip
+    loaded = load_scenario(tmp_path / "log" / "log.yaml", [f"{k}={v}" for k, v in overrides.items()])
+    text = tuned_scenario_text(loaded, {}, tmp_path / "elsewhere")
     truth = load(text).config.truth
     assert truth.measurements["lidar"].path == "../log/lidar.csv"  # type: ignore[attr-defined]
     assert truth.ego.path == "../log/car/ego.csv"  # type: ignore[attr-defined]
@@ -99,5 +99,5 @@ def test_a_recording_is_found_from_where_the_scenario_is_written(overrides: dict
 def test_a_path_with_a_variable_or_from_the_root_stays(tmp_path: Path) -> None:
     paths = ["$LOGS/lidar.csv", "/logs/ego.csv"]
     log = load(LOG, {"truth.readings.lidar.path": paths[0], "truth.ego.path": paths[1]})
-    truth = load(written(log, {}, tmp_path)).config.truth
+    truth = load(tuned_scenario_text(log, {}, tmp_path)).config.truth
     assert [truth.measurements["lidar"].path, truth.ego.path] == paths  # type: ignore[attr-defined]

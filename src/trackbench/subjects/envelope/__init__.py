@@ -7,6 +7,6 @@ SUBJECT = Subject(
     commands={"envelope": Offer(f"{__name__}.command:envelope_command", "Map where trackers meet their requirement.")},
     api={"envelope": f"{__name__}.api:envelope"},
     terms={"envelopes": f"{__name__}.terms:map_terms"},
-    documents={"claim.json": Offer(f"{__name__}.report:saved_document", "")},
+    documents={"claim.json": Offer(f"{__name__}.report:document_of_claim", "")},
     blocks={"envelope": f"{__name__}.config:EnvelopeConfig"},
 )

@@ -115,7 +115,7 @@ def map_of(loaded: Scenario, plan: EnvelopePlan, executor: Executor, listener: L
     for note in check_plugins(task.loaded, plan.isolation):
         listener.note(note)
     retune = _retuner(executor) if task.config.retune else None
-    store = Store(plan.store, signature_of(task, plan))
+    store = Store(plan.store, map_signature(task, plan))
     return EnvelopeMap(task, executor, plan.isolation, plan.engine, store, retune)
 
 
@@ -186,7 +186,7 @@ def _value(item: CellDecision | None) -> CellValue:
     return CellValue(state=item.state, value=item.interval.value, low=item.low, high=item.high)
 
 
-def signature_of(task: EnvelopeTask, plan: EnvelopePlan) -> str:
+def map_signature(task: EnvelopeTask, plan: EnvelopePlan) -> str:
     """What determines the runs of a map."""
     loaded = task.loaded
     settings = [loaded.text, loaded.overrides, [*loaded.config.trackers], hashes_of(loaded), plan.engine, _versions()]

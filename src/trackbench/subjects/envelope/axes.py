@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -173,12 +173,12 @@ def _sobol(axes: Sequence[MapAxis], config: EnvelopeConfig) -> list[Point]:
     return [tuple(map(from_share, axes, row)) for row in shares]
 
 
-def shares(axes: Sequence[MapAxis], points: Sequence[Point]) -> Array:
+def axis_shares(axes: Sequence[MapAxis], points: Sequence[Point]) -> Array:
     """``(points, axes)`` where each lies between the ends of each axis."""
     return np.array([[axis.share(value) for axis, value in zip(axes, point, strict=True)] for point in points])
 
 
-def distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
+def point_distance(axes: Sequence[MapAxis], a: Point, b: Point) -> float:
     """Euclidean, in shares of each range or in units of ``scale``."""
     return math.hypot(*(axis.distance(x, y) for axis, x, y in zip(axes, a, b, strict=True)))
 
@@ -196,11 +196,6 @@ def between(axes: Sequence[MapAxis], a: Point, b: Point, resolution: float) -> P
     apart = max(abs(axis.share(x) - axis.share(y)) for axis, x, y in zip(axes, a, b, strict=True))
     point = tuple(middle)
     return None if apart <= resolution * (1 + 1e-9) or point in (a, b) else point
-
-
-def named(axes: Sequence[MapAxis], point: Point) -> Mapping[str, Value]:
-    """The values of a point by the names of the axes."""
-    return {axis.name: value for axis, value in zip(axes, point, strict=True)}
 
 
 def from_share(axis: MapAxis, share: float) -> Value:

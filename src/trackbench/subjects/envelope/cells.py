@@ -86,7 +86,7 @@ def decide(interval: Interval, limit: float, direction: Direction, level: float,
     return CellDecision(state, interval, low, high)
 
 
-def together(states: Iterable[State]) -> State:
+def joint_state(states: Iterable[State]) -> State:
     """The state of a cell from those of all its requirements."""
     distinct = set(states)
     return "fails" if "fails" in distinct else "holds" if distinct == {"holds"} else "undecided"

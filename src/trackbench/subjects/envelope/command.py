@@ -148,7 +148,13 @@ def envelope_command(
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.envelope.api import EnvelopePlan, make_envelope
-    from trackbench.subjects.envelope.files import claim_text, folder_of, looks_of, require_out, save_envelope
+    from trackbench.subjects.envelope.files import (
+        claim_text,
+        folder_of,
+        looks_of,
+        require_envelope_folder,
+        save_envelope,
+    )
     from trackbench.subjects.envelope.junit import suite_of_claim
     from trackbench.subjects.envelope.report import envelope_summary, headlines
 
@@ -156,7 +162,7 @@ def envelope_command(
         settings = (*settings, f"envelope.search.runs={search}")
     loaded = load(scenario, settings, trackers=None if trackers is None else names_in(trackers))
     name = loaded.config.name
-    require_out(name, out)
+    require_envelope_folder(name, out)
     if folder_of(name, out).resolve() in loaded.path.resolve().parents:
         raise InputError("is in the folder that would be replaced: give another --out", file=loaded.path)
     if junit is not None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.subjects.envelope.axes import Point, overrides, start_points
-from trackbench.subjects.envelope.cells import together
+from trackbench.subjects.envelope.cells import joint_state
 from trackbench.subjects.envelope.claim import (
     CellValue,
     Claim,
@@ -91,11 +91,11 @@ def _design(claim: Claim) -> Iterator[Discrepancy]:
 def _of_tracker(claim: Claim, tracker: TrackerState, cell: ClaimCell) -> Iterator[str]:
     """Its state follows from those of its requirements, and its runs from the looks."""
     states = [value.state for value in tracker.values]
-    expected = together(states)
+    expected = joint_state(states)
     if tracker.cause and tracker.state == "holds":
         yield f"holds, and yet {tracker.cause}"
     # What is missing may make it worse than its values are.
-    elif tracker.state != expected and not (tracker.cause and together([expected, tracker.state]) == tracker.state):
+    elif tracker.state != expected and not (tracker.cause and joint_state([expected, tracker.state]) == tracker.state):
         yield f"is said to be {tracker.state}, and its values say {expected}"
     if tracker.cause and not tracker.looks:
         return

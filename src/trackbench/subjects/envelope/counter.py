@@ -18,7 +18,7 @@ from trackbench.results import Result
 from trackbench.runner.tables import run_values
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
-from trackbench.subjects.envelope.axes import MapAxis, Point, Value, distance
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, point_distance
 from trackbench.subjects.envelope.causes import condition_of, event_of, finding_on
 from trackbench.subjects.envelope.cells import Requirement, Runs
 from trackbench.subjects.envelope.claim import Claim, ClaimCell
@@ -94,7 +94,7 @@ def nearest_failing(claim: Claim, base: BasePoint, most: int | None = None) -> l
         if ways[place] == 0 or np.any((away <= ways).all(axis=1) & (away[:, place] < ways[place])):
             continue
         axis, cell = claim.axes[place], claim.cells[number]
-        side, length = _side(base.at[place], cell.at[place]), distance(claim.axes, base.at, cell.at)
+        side, length = _side(base.at[place], cell.at[place]), point_distance(claim.axes, base.at, cell.at)
         if (axis.name, side) not in facings or length < facings[axis.name, side].distance:
             facings[axis.name, side] = Facing(base.tracker, axis.name, side, number, length)
     nearest = sorted(facings.values(), key=lambda facing: facing.distance)
@@ -108,7 +108,7 @@ def _side(start: Value, value: Value) -> str:
 
 
 def _nearest(axes: tuple[MapAxis, ...], point: Point, cells: list[ClaimCell]) -> ClaimCell:
-    return min(cells, key=lambda cell: distance(axes, point, cell.at))
+    return min(cells, key=lambda cell: point_distance(axes, point, cell.at))
 
 
 #: Runs beyond the limit in cells that hold that are listed.

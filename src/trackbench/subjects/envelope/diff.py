@@ -13,7 +13,7 @@ from trackbench.report.junit import Case, Suite
 from trackbench.subjects.envelope.axes import Point
 from trackbench.subjects.envelope.cells import changed
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit, Envelope, State, TrackerState, place_of_cell
-from trackbench.subjects.envelope.margins import along, holding, margins
+from trackbench.subjects.envelope.margins import holding, margins, place_of_line
 
 #: ``lost``: from holds to fails, and shown to be worse. ``open``: one of the two maps does not decide it.
 Outcome = Literal["same", "lost", "not shown", "gained", "open"]
@@ -231,8 +231,8 @@ def _left_out(a: Claim, b: Claim) -> Iterator[str]:
 def _moved(a: Claim, b: Claim, trackers: Sequence[str]) -> Iterator[str]:
     """A line for each margin that is another one."""
     for name in trackers:
-        old = {(item.axis.name, along(item)): item for item in margins(a, name)}
+        old = {(item.axis.name, place_of_line(item)): item for item in margins(a, name)}
         for item in margins(b, name):
-            was = old.get((item.axis.name, along(item)))
+            was = old.get((item.axis.name, place_of_line(item)))
             if was is not None and holding(was) != holding(item):
                 yield f"{name} along {item.axis.name}: {holding(was)} before, {holding(item)} after"

@@ -36,7 +36,7 @@ def looks_of(scenario: str, out: Path) -> Path:
     return out / f".{scenario}-envelope.looks"
 
 
-def require_out(scenario: str, out: Path) -> None:
+def require_envelope_folder(scenario: str, out: Path) -> None:
     """Make sure, before any work, that the folder can be written.
 
     Raises:

@@ -16,7 +16,7 @@ from trackbench.document.palette import tracker_figure
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import Claim, ClaimedLimit
 from trackbench.subjects.envelope.map_figures import MOST_PANELS, axis_label, marked_points
-from trackbench.subjects.envelope.margins import AxisMargin, along, margins
+from trackbench.subjects.envelope.margins import AxisMargin, margins, place_of_line
 
 #: Of one panel, points.
 _HEIGHT = 200.0
@@ -65,7 +65,7 @@ def _quantity(limit: ClaimedLimit) -> str:
 def _figure(
     claim: Claim, axis: MapAxis, metric: str, lines: Sequence[AxisMargin], styles: Sequence[TrackerStyle]
 ) -> Figure:
-    places = list(dict.fromkeys(along(margin) for margin in lines))[:MOST_PANELS]
+    places = list(dict.fromkeys(place_of_line(margin) for margin in lines))[:MOST_PANELS]
 
     audited = claim.log is not None and axis.name in claim.log.values
     marks = [
@@ -82,7 +82,7 @@ def _figure(
         for panel, place in zip(panels, places, strict=True):
             for style in styles:
                 for margin in lines:
-                    if margin.tracker == style.name and along(margin) == place:
+                    if margin.tracker == style.name and place_of_line(margin) == place:
                         drawn += _paint_line(panel, margin, claim, metric, style)
             if len(places) > 1:
                 panel_title(panel, place, WIDTH)

@@ -23,7 +23,7 @@ from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import own_folder
 from trackbench.scenario.truth import truths_of
-from trackbench.subjects.envelope.axes import MapAxis, Point, Value, between, shares, start_points
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axis_shares, between, start_points
 from trackbench.subjects.envelope.cells import (
     CellDecision,
     Extent,
@@ -34,8 +34,8 @@ from trackbench.subjects.envelope.cells import (
     State,
     coverage_of,
     decide,
+    joint_state,
     make_runs,
-    together,
     work_of_cell,
 )
 from trackbench.subjects.envelope.store import Store
@@ -66,7 +66,7 @@ def refined(
         if _differ(states[a], states[b]):
             point = between(axes, a, b, resolution)
             if point is not None and point not in states:
-                gaps[point] = max(gaps.get(point, 0.0), float(np.abs(np.diff(shares(axes, [a, b]), axis=0)).max()))
+                gaps[point] = max(gaps.get(point, 0.0), float(np.abs(np.diff(axis_shares(axes, [a, b]), axis=0)).max()))
     return sorted(gaps, key=lambda point: -gaps[point])[:most]
 
 
@@ -98,7 +98,7 @@ def _neighbours(axes: Sequence[MapAxis], points: Mapping[Point, States]) -> Iter
     for point in points:
         groups.setdefault(tuple(point[number] for number in fixed), []).append(point)
     for group in groups.values():
-        at = shares(axes, group)
+        at = axis_shares(axes, group)
         for place, point in enumerate(group):
             for other in range(place + 1, len(group)):
                 inside = ((at - at[place]) * (at - at[other])).sum(axis=1) <= 0
@@ -332,11 +332,11 @@ class EnvelopeMap:
             for item, decision in zip(requirements, tracker.judged, strict=True)
         ]
         tracker.cause = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
-        tracker.state = together(item.state if item else "undecided" for item in tracker.judged)
+        tracker.state = joint_state(item.state if item else "undecided" for item in tracker.judged)
         if coverage is not None:
             level = self._spending.at(tracker.looks - 1)
             tracker.coverage = decide(coverage, min_coverage, "above", level, number)
-            worse = together([tracker.state, tracker.coverage.state])
+            worse = joint_state([tracker.state, tracker.coverage.state])
             if coverage.value < min_coverage and worse != tracker.state:
                 tracker.state, tracker.cause = worse, _missing(tracker.coverage, min_coverage)
 

@@ -238,7 +238,7 @@ def undecided(margin: AxisMargin) -> str:
     return f"undecided at {', '.join(spans)}" if spans else ""
 
 
-def along(margin: AxisMargin) -> str:
+def place_of_line(margin: AxisMargin) -> str:
     """The values of the other axes; empty where there is none."""
     return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in margin.at)
 

@@ -31,7 +31,7 @@ from trackbench.subjects.envelope.audited_log import AuditedLog, log_values, out
 from trackbench.subjects.envelope.axes import MapAxis
 from trackbench.subjects.envelope.claim import STATES, Claim, ClaimCell, Envelope, State, read_envelope
 from trackbench.subjects.envelope.counter_page import counter_sections, nearest_section, worst_section
-from trackbench.subjects.envelope.margins import AxisMargin, along, excess, holding, margins, undecided
+from trackbench.subjects.envelope.margins import AxisMargin, excess, holding, margins, place_of_line, undecided
 from trackbench.subjects.envelope.sensitivity import Sensitivity, Swing, sensitivities
 from trackbench.subjects.envelope.suites import suite_sentences
 
@@ -59,7 +59,7 @@ def margins_table(claim: Claim) -> Table:
 
 def _at(margin: AxisMargin) -> tuple[str, ...]:
     """Where the line goes."""
-    return (f"at {along(margin)}",) if margin.at else ()
+    return (f"at {place_of_line(margin)}",) if margin.at else ()
 
 
 def sensitivity_tables(made: Envelope) -> list[Table]:
@@ -233,7 +233,7 @@ def envelope_summary(made: Envelope) -> Document:
     return Document("envelope", _title(claim), blocks)
 
 
-def saved_document(file: Path) -> Document:
+def document_of_claim(file: Path) -> Document:
     """The page of an envelope, from its ``claim.json``.
 
     Raises:

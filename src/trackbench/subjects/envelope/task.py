@@ -12,7 +12,7 @@ from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of, select_trackers
 from trackbench.scenario.truth import truth_source
-from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, named, overrides
+from trackbench.subjects.envelope.axes import MapAxis, Point, Value, axes_of, overrides
 from trackbench.subjects.envelope.cells import Extent, Requirement, requirements_of
 from trackbench.subjects.envelope.config import EnvelopeConfig, axis_keys
 from trackbench.truth.config.traffic import TracksConfig
@@ -113,7 +113,7 @@ class EnvelopeTask(NamedTuple):
 
     def _at_axis(self, error: InputError, point: Point) -> InputError:
         """The error at the axis that changes its key, with file and line."""
-        at = ", ".join(f"{name} {value}" for name, value in named(self.axes, point).items())
+        at = ", ".join(f"{axis.name} {value}" for axis, value in zip(self.axes, point, strict=True))
         wrong = f"{error.key}."
         for axis in self.axes:
             for key in axis_keys(axis.config):

@@ -31,7 +31,7 @@ from trackbench.subjects.log_audit.unlabelled import GATE_M, Unlabelled
 SCHEMA_VERSION = 1
 
 
-def to_json(audit: LogAudit) -> dict[str, Any]:
+def audit_content(audit: LogAudit) -> dict[str, Any]:
     """All that was found, in SI units and radians; null where there is no number."""
     values: dict[str, Any] = _plain(
         {
@@ -150,7 +150,7 @@ class ReportableAudit(LogAudit):
 
     def json(self) -> dict[str, Any]:
         """All that was found, as in ``audit.json``."""
-        return to_json(self)
+        return audit_content(self)
 
     def report(self) -> Report:
         """The report, as ``trackbench audit`` writes it."""

@@ -20,12 +20,12 @@ from trackbench.scenario.load import scenario_of
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
 from trackbench.scenario.truth import own_source
-from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, sensor_findings, shown
+from trackbench.subjects.log_audit.findings import FAMILY, LogFinding, SensorAudit, quantity_text, sensor_findings
 from trackbench.subjects.log_audit.joint_fit import FEWEST_ROWS, joint_fit
-from trackbench.subjects.log_audit.noise import detections_of, noise_of
+from trackbench.subjects.log_audit.noise import detection_shares, residual_noises
 from trackbench.subjects.log_audit.reference import VelocityCheck, reference_noise, velocity_check
 from trackbench.subjects.log_audit.sensor_log import Clock, SensorLog, clock_of, wrong_units
-from trackbench.subjects.log_audit.unlabelled import unlabelled, with_boxes
+from trackbench.subjects.log_audit.unlabelled import unlabelled_detections, with_boxes
 from trackbench.truth.recorded import Drive, read_drive
 from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.recorded.drive import Motion, require_measurements, scan_cycles
@@ -58,7 +58,7 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
 def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
     """Audit one sensor by its measurements within the time of the truth and the times when it looked."""
     if len(log.log.time) < FEWEST_ROWS:
-        return SensorAudit(log, (), detections_of(log, looked, {}))
+        return SensorAudit(log, (), detection_shares(log, looked, {}))
     units = tuple(wrong_units(log))
     for wrong in units:
         factors = log.factors.copy()
@@ -66,9 +66,9 @@ def audit_sensor(log: SensorLog, looked: Cycles) -> SensorAudit:
         log = replace(log, factors=factors)
     fit = joint_fit(log)
     if fit.inlier.sum() < FEWEST_ROWS:
-        return SensorAudit(log, units, detections_of(log, looked, {}))
-    noise, covariance = noise_of(log, fit)
-    return SensorAudit(log, units, detections_of(log, looked, fit.errors), fit, tuple(noise), covariance)
+        return SensorAudit(log, units, detection_shares(log, looked, {}))
+    noise, covariance = residual_noises(log, fit)
+    return SensorAudit(log, units, detection_shares(log, looked, fit.errors), fit, tuple(noise), covariance)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None])
                 fix="Check the units of time of the files, and whether their clocks begin alike.",
             )
         if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
-            back = shown(order.largest_step_back, "s")
+            back = quantity_text(order.largest_step_back, "s")
             yield LogFinding(
                 kind="clock",
                 sensor=sensor,
@@ -242,7 +242,7 @@ def _audited(loaded: Scenario, recorded: tuple[RecordingTruth, Drive], progress:
         sensor = SensorLog(name, config, inside, drive, truth, reference, np.ones(len(config.components)))
         sensors[name] = audit_sensor(sensor, looked[name])
         if name in drive.detections:
-            sensors[name] = replace(sensors[name], unlabelled=unlabelled(sensor))
+            sensors[name] = replace(sensors[name], unlabelled=unlabelled_detections(sensor))
     progress(len(sensors), len(sensors))
     level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
     findings = [

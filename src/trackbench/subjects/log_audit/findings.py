@@ -104,7 +104,7 @@ def spelt(name: str) -> str:
     return name.replace("_", " ")
 
 
-def shown(value: float, unit: str, *, signed: bool = False) -> str:
+def quantity_text(value: float, unit: str, *, signed: bool = False) -> str:
     """A value in the unit in which it is read: degrees for angles, ms for times."""
     factor, name = _READ.get(unit, (1.0, f" {unit}"))
     return f"{value * factor:{'+' if signed else ''}.3g}{name}"
@@ -122,14 +122,14 @@ def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
 def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, Any]) -> LogFinding:
     """That a sensor has an error of time, mount or a bias."""
     value, unit = estimate.interval.value, estimate.unit
-    size = shown(abs(value), unit)
+    size = quantity_text(abs(value), unit)
     if estimate.name in _WORDS:
         title = f"{sensor}: its {_WORDS[estimate.name][int(value > 0)].format(size)}"
     else:
         component = estimate.name.removeprefix("bias_").replace("_", " ")
         title = f"{sensor}: its {component} reads {size} too {'much' if value > 0 else 'little'}"
     evidence = (
-        f"{spelt(estimate.name)} {shown(value, unit, signed=True)} "
+        f"{spelt(estimate.name)} {quantity_text(value, unit, signed=True)} "
         f"(95 %: {bounds_shown(estimate.interval.bounds(), unit)}); "
         f"it moves a measurement by {estimate.effect:.2g} sigma (RMS)."
     )
@@ -138,7 +138,7 @@ def error_finding(sensor: str, estimate: ErrorEstimate, changes: Mapping[str, An
         title += f", or it is its {others}"
         evidence += f" This log cannot tell it from {others}: the value holds if there is none of that."
     for name, bias in estimate.same_as.items():
-        equal = shown(bias, "rad" if unit == "rad" else "m", signed=True)
+        equal = quantity_text(bias, "rad" if unit == "rad" else "m", signed=True)
         evidence += f" A {spelt(name)} of {equal} would be the same in any log."
     setting = "; ".join(f"{key}: {new}" for key, new in changes.items())
     fix = f"Set {setting}" if changes else "Correct the log: this format has no key for it"
@@ -198,8 +198,8 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
     if wrong.turned and not same:
         title += ", and counts the other way"
     evidence = (
-        f"The spread of measurement minus truth is {shown(wrong.spread[0], unit)} as read, and "
-        f"{shown(wrong.spread[1], unit)} so (median)."
+        f"The spread of measurement minus truth is {quantity_text(wrong.spread[0], unit)} as read, and "
+        f"{quantity_text(wrong.spread[1], unit)} so (median)."
     )
     recorded = log.name in log.truth.measurements
     changes = {f"truth.readings.{name}.units.{wrong.component}": wrong.fits} if recorded and not same else {}
@@ -230,8 +230,8 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: 
         kind="sigma",
         sensor=log.name,
         title=f"{log.name}: the noise of {names} is {np.exp(ratio.value):.2f} times what is stated",
-        evidence=f"Standard deviation {shown(value * factor, unit)} (95 %: "
-        f"{bounds_shown((low * factor, high * factor), unit)}), stated {shown(stated * factor, unit)}.",
+        evidence=f"Standard deviation {quantity_text(value * factor, unit)} (95 %: "
+        f"{bounds_shown((low * factor, high * factor), unit)}), stated {quantity_text(stated * factor, unit)}.",
         fix=f"Set sensors.{log.name}.{key}: {new}.",
         value=value * factor,
         ci95=(low * factor, high * factor),
@@ -280,7 +280,7 @@ def sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
         yield LogFinding(
             kind="clock_drift",
             sensor=sensor,
-            title=f"{sensor}: its time offset changes by {shown(drift.value, 's', signed=True)} during the log",
+            title=f"{sensor}: its time offset changes by {quantity_text(drift.value, 's', signed=True)} during the log",
             evidence=f"95 %: {bounds_shown(drift.bounds(), 's')}, from the first measurement to the last.",
             fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log, and "
             "audit again: until then the noise that is found is not the sensor's alone.",
@@ -340,7 +340,7 @@ def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             name, sensor = noise.name.replace("_", " "), item.log.name
             low, high = shape.bounds()
             near, far = (
-                f"{shown(band.interval.value, noise.unit)} at {band.from_m:.0f} to {band.to_m:.0f} m"
+                f"{quantity_text(band.interval.value, noise.unit)} at {band.from_m:.0f} to {band.to_m:.0f} m"
                 for band in (noise.bands[0], noise.bands[-1])
             )
             yield LogFinding(

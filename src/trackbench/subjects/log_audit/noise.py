@@ -50,7 +50,7 @@ class ResidualNoise:
     """Range at the 90 % quantile of the measurements over that at the 10 %."""
 
 
-def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]:
+def residual_noises(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]:
     """The noise of each component, and the covariance ``(m, m)`` of a measurement."""
     inlier = fit.inlier
     logged = log.residual({})[:, inlier]
@@ -170,7 +170,7 @@ class Detections:
     silent_for_s: float
 
 
-def detections_of(log: SensorLog, looked: Cycles, errors: dict[str, float]) -> Detections:
+def detection_shares(log: SensorLog, looked: Cycles, errors: dict[str, float]) -> Detections:
     """The share of the chances to detect an object that were taken.
 
     A chance is an object of the truth in the field of view, as stated and as far as there was a detection, at a cycle

@@ -32,7 +32,7 @@ def log_audit_document(audit: LogAudit) -> Document:
         *_findings(audit),
         *(Section(f"Sensor {name}", tuple(_sensor(item))) for name, item in audit.sensors.items()),
         *(Section("Unlabelled detections", (table,)) for table in _unlabelled(audit)),
-        Section("Truth and clocks", (tables.clocks(audit), tables.velocities(audit))),
+        Section("Truth and clocks", (tables.clocks_table(audit), tables.velocities_table(audit))),
         Section("The scenario with the findings put in", (Code(corrected(audit.scenario, audit.findings), "yaml"),)),
     ]
     facts = (
@@ -49,8 +49,8 @@ def log_audit_summary(audit: LogAudit) -> Document:
     blocks: list[Block] = [*_verdict(audit)]
     if items:
         blocks.append(Section("Findings", (Items(items, numbered=True),)))
-    detections = (tables.rates(audit), *_unlabelled(audit))
-    blocks += [Section("Noise", (tables.noise(audit),)), Section("Detections", detections)]
+    detections = (tables.rates_table(audit), *_unlabelled(audit))
+    blocks += [Section("Noise", (tables.noise_table(audit),)), Section("Detections", detections)]
     hidden = [Item(text, name) for name, item in audit.sensors.items() for text in _hidden(item)]
     if hidden:
         blocks.append(Section("What this log cannot tell", (Items(tuple(hidden)),)))
@@ -58,7 +58,7 @@ def log_audit_summary(audit: LogAudit) -> Document:
 
 
 def _unlabelled(audit: LogAudit) -> list[Table]:
-    return [tables.unlabelled(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
+    return [tables.unlabelled_table(audit)] if any(item.unlabelled for item in audit.sensors.values()) else []
 
 
 def _verdict(audit: LogAudit) -> Iterator[Block]:
@@ -88,19 +88,19 @@ def _sensor(item: SensorAudit) -> Iterator[Block]:
     rows = len(item.log.log.time)
     if item.fit is None:
         yield Paragraph(f"{counted(rows, 'measurement')}: too few to estimate anything.")
-        yield tables.detections(item)
+        yield tables.detections_table(item)
         return
     outliers = int(item.fit.outlier.sum())
     yield Paragraph(f"{counted(rows, 'measurement')}, {counted(outliers, 'outlier')} beyond four sigma.")
     yield Row(tuple(band_figures(item)))
-    yield tables.errors(item)
+    yield tables.errors_table(item)
     hidden = tuple(_hidden(item))
     if hidden:
         yield Items(tuple(Item(text) for text in hidden))
         yield Paragraph(_ALIKE)
-    yield tables.components(item)
-    yield tables.covariance(item)
-    yield tables.detections(item)
+    yield tables.components_table(item)
+    yield tables.covariance_table(item)
+    yield tables.detections_table(item)
 
 
 def _hidden(item: SensorAudit) -> Iterator[str]:

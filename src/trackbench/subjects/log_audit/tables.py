@@ -10,7 +10,7 @@ from trackbench.document import Cell, Column, Table
 from trackbench.metrics.blocks import BlockInterval
 from trackbench.report.numbers import NOT_AVAILABLE
 from trackbench.subjects.log_audit.audit import LogAudit
-from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, shown, spelt
+from trackbench.subjects.log_audit.findings import SensorAudit, bounds_shown, quantity_text, spelt
 from trackbench.subjects.log_audit.noise import ResidualNoise
 from trackbench.subjects.log_audit.unlabelled import GATE_M
 
@@ -19,7 +19,7 @@ STRONG = 0.95
 _INTERVAL = "95 % interval"
 
 
-def noise(audit: LogAudit) -> Table:
+def noise_table(audit: LogAudit) -> Table:
     """Mean error and standard deviation of all components."""
     rows: list[tuple[str, ResidualNoise | None]] = []
     for name, item in audit.sensors.items():
@@ -30,7 +30,7 @@ def noise(audit: LogAudit) -> Table:
     )
 
 
-def rates(audit: LogAudit) -> Table:
+def rates_table(audit: LogAudit) -> Table:
     """How often each sensor looks and detects."""
     detections = [item.detections for item in audit.sensors.values()]
     rates = [
@@ -47,7 +47,7 @@ def rates(audit: LogAudit) -> Table:
     return Table.of_columns("rates", columns)
 
 
-def unlabelled(audit: LogAudit) -> Table:
+def unlabelled_table(audit: LogAudit) -> Table:
     """The detections of sensors whose detections nobody labelled."""
     rows: list[list[Cell]] = []
     gaps = {clock.name: f"{clock.longest_gap_s:.3g}" for clock in audit.clocks}
@@ -78,7 +78,7 @@ def _number(interval: BlockInterval) -> Cell:
     return Cell(f"{interval.value:.3g}", (f"{max(low, 0.0):.3g} to {high:.3g}",))
 
 
-def components(item: SensorAudit) -> Table:
+def components_table(item: SensorAudit) -> Table:
     """The noise of each component, and how it changes with the range."""
     power = Column("proportional to range to the power", "0: the same at all ranges", details=_INTERVAL)
     exponents = []
@@ -105,7 +105,7 @@ def _component_columns(noises: Sequence[ResidualNoise | None]) -> list[tuple[Col
                 Cell(component.name.replace("_", " ")),
                 _interval(component.mean, unit),
                 _interval(component.sigma, unit),
-                Cell(shown(component.stated, unit)),
+                Cell(quantity_text(component.stated, unit)),
             ]
         )
     columns = (
@@ -117,7 +117,7 @@ def _component_columns(noises: Sequence[ResidualNoise | None]) -> list[tuple[Col
     return [(column, [row[place] for row in rows]) for place, column in enumerate(columns)]
 
 
-def errors(item: SensorAudit) -> Table:
+def errors_table(item: SensorAudit) -> Table:
     """The errors that were estimated together."""
     assert item.fit is not None
     estimates = item.fit.estimates.values()
@@ -138,7 +138,7 @@ def errors(item: SensorAudit) -> Table:
     return Table.of_columns(f"errors-{item.log.name}", columns, caption)
 
 
-def covariance(item: SensorAudit) -> Table:
+def covariance_table(item: SensorAudit) -> Table:
     """The suggested covariance of a measurement."""
     names = [name.replace("_", " ") for name in item.log.components]
     units = item.log.config.units
@@ -150,7 +150,7 @@ def covariance(item: SensorAudit) -> Table:
     return Table("covariance", columns, tuple(rows), "Suggested covariance of a measurement, SI units and radians")
 
 
-def detections(item: SensorAudit) -> Table:
+def detections_table(item: SensorAudit) -> Table:
     """How often the sensor detects, by range."""
     shares = item.detections
     rows = [
@@ -169,7 +169,7 @@ def detections(item: SensorAudit) -> Table:
     return Table.of_columns("detections", columns, caption)
 
 
-def clocks(audit: LogAudit) -> Table:
+def clocks_table(audit: LogAudit) -> Table:
     """The times of the truth and of the sensors."""
     single = Cell(NOT_AVAILABLE, reason="a single time")
     usual = [single if clock.usual_s is None else Cell(f"{clock.usual_s * 1e3:.4g}") for clock in audit.clocks]
@@ -185,7 +185,7 @@ def clocks(audit: LogAudit) -> Table:
     return Table.of_columns("clocks", columns, "Times")
 
 
-def velocities(audit: LogAudit) -> Table:
+def velocities_table(audit: LogAudit) -> Table:
     """The velocity of the truth beside its displacement."""
     checks = audit.velocities
     differences = [Cell(f"{check.difference:.2g}", tone="bad" if check.contradicts else "") for check in checks]
@@ -204,7 +204,7 @@ def velocities(audit: LogAudit) -> Table:
 
 def _interval(interval: BlockInterval, unit: str) -> Cell:
     details = bounds_shown(interval.bounds(), unit) if np.isfinite(interval.sigma) else "no interval"
-    return Cell(shown(interval.value, unit), (details,))
+    return Cell(quantity_text(interval.value, unit), (details,))
 
 
 def _percents(interval: BlockInterval) -> Cell:

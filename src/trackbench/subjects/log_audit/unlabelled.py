@@ -76,7 +76,7 @@ def with_boxes(name: str, config: Sensor, drive: Drive, truth: RecordingTruth) -
     return Log(at[near], owner[near], measurement[:, near], time, log.order, *alarms)
 
 
-def unlabelled(sensor: SensorLog) -> Unlabelled:
+def unlabelled_detections(sensor: SensorLog) -> Unlabelled:
     """The detections of a sensor whose boxes were found, with 95 % intervals over blocks of time."""
     log, config = sensor.log, sensor.config
     near, others, ones = _counts(log.scans, log.time), _counts(log.scans, log.alarm_time), np.ones(len(log.scans))

@@ -24,14 +24,14 @@ from trackbench.scenario.load import select_trackers
 from trackbench.scenario.shipped import shown_name
 from trackbench.scenario.truth import PendingTruths
 from trackbench.subjects.tuning.evaluation import Bench
-from trackbench.subjects.tuning.files import default_out, require_out, save_tuning, to_json
+from trackbench.subjects.tuning.files import default_out, require_tuning_files, save_tuning, tuning_content
 from trackbench.subjects.tuning.held_out import Split, halved, halved_in_time
 from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_objectives
 from trackbench.subjects.tuning.parameters import (
     has_option,
+    option_text,
     parse_range,
     require_tunable,
-    shown,
     start_values,
     usual_ranges,
     why_no_start,
@@ -39,7 +39,7 @@ from trackbench.subjects.tuning.parameters import (
 from trackbench.subjects.tuning.report import tuning_document, tuning_summary
 from trackbench.subjects.tuning.search import usual_trials
 from trackbench.subjects.tuning.study import require_optuna
-from trackbench.subjects.tuning.tune import Tuning, TuningTask, require_objective, tune_tracker, without_truth
+from trackbench.subjects.tuning.tune import Tuning, TuningTask, lacks_truth, require_objective, tune_tracker
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class TunePlan:
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
     """The objective of a name; unless given, T-GOSPA where there is one, and else the likelihood."""
     if name is None:
-        hidden = any(item.config.sensing.identities == "hidden" and not without_truth(item) for item in scenarios)
+        hidden = any(item.config.sensing.identities == "hidden" and not lacks_truth(item) for item in scenarios)
         name = "tgospa" if hidden else "likelihood"
     objectives = {**metric_objectives(scenarios[0]), **OBJECTIVES} if scenarios else OBJECTIVES
     if name not in objectives:
@@ -159,7 +159,7 @@ class TunedTrackers:
 
     def json(self) -> dict[str, Any]:
         """All numbers, as ``trackbench tune --json`` prints them."""
-        return to_json(self._found, self._command)
+        return tuning_content(self._found, self._command)
 
     def report(self) -> Report:
         """The report, as ``trackbench tune`` writes it."""
@@ -176,7 +176,7 @@ class TunedTrackers:
             TrackbenchError: a file cannot be written.
         """
         place = Path(out)
-        require_out(place, self._scenarios)
+        require_tuning_files(place, self._scenarios)
         return [str(file) for file in save_tuning(self._found, self._scenarios, place, self._command)]
 
     def __getitem__(self, tracker: str) -> Tuning:
@@ -274,7 +274,7 @@ def _text(key: str, values: Any) -> str:
         raise InputError(problem, key=key)
     # Numbers of NumPy have tolist().
     plain = (value.tolist() if hasattr(value, "tolist") else value for value in values)
-    return f"{key}={(':' if is_range else ',').join(map(shown, plain))}"
+    return f"{key}={(':' if is_range else ',').join(map(option_text, plain))}"
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:

@@ -96,9 +96,9 @@ def tune_command(
     """
     from trackbench.document.terminal import print_document
     from trackbench.subjects.tuning.api import TunePlan, command_of_tuning, objective_of, tune_trackers
-    from trackbench.subjects.tuning.files import default_out, require_out, save_tuning, to_json
+    from trackbench.subjects.tuning.files import default_out, require_tuning_files, save_tuning, tuning_content
     from trackbench.subjects.tuning.held_out import Split
-    from trackbench.subjects.tuning.report import headline, tuning_summary
+    from trackbench.subjects.tuning.report import tuning_headline, tuning_summary
 
     loaded, notes = load_several(files_of_scenarios(scenarios), settings)
     if trackers is None:
@@ -107,7 +107,7 @@ def tune_command(
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, Split(**split), isolation, engine)
     names = names_in(trackers)
     out = out or default_out(loaded)
-    require_out(out, loaded)
+    require_tuning_files(out, loaded)
     output = RunOutput(as_json, quiet)
     for note in notes:
         output.note(note)
@@ -118,11 +118,11 @@ def tune_command(
         tunings = tune_trackers(loaded, names, plan, chosen, output)
     files = save_tuning(tunings, loaded, out, command)
     if as_json:
-        click.echo(results.to_json(to_json(tunings, command)), nl=False)
+        click.echo(results.to_json(tuning_content(tunings, command)), nl=False)
         return
     if quiet:
         for item in tunings:
-            click.echo(f"{item.tracker}: {headline(item)[0]}")
+            click.echo(f"{item.tracker}: {tuning_headline(item)[0]}")
         return
     print_document(tuning_summary(tunings), Console())
     click.echo(f"\n{', '.join(map(str, files))}")

@@ -31,7 +31,7 @@ def stated_default(use: str, option: str, folder: Path) -> Any:
         option: the argument.
         folder: where the module is looked for, before the working directory.
     """
-    file = source_of(use, folder)
+    file = module_file(use, folder)
     if file is None:
         return None
     try:
@@ -54,7 +54,7 @@ def stated_default(use: str, option: str, folder: Path) -> Any:
         return None
 
 
-def source_of(use: str, folder: Path) -> Path | None:
+def module_file(use: str, folder: Path) -> Path | None:
     """The file of the module of ``"module:Class"`` in a folder or the working directory; None where there is none."""
     module, _, name = use.partition(":")
     files = (place.joinpath(*module.split(".")).with_suffix(".py") for place in (folder, Path.cwd()))

@@ -25,7 +25,7 @@ from trackbench.scenario.load import own_modules
 from trackbench.scenario.overrides import expand_sweeps
 from trackbench.scenario.source import parse_yaml
 from trackbench.subjects.tuning.entry import Values, plain
-from trackbench.subjects.tuning.report import headline, remarks, tuning_document
+from trackbench.subjects.tuning.report import remarks, tuning_document, tuning_headline
 from trackbench.subjects.tuning.response import NEGLIGIBLE
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
@@ -33,7 +33,7 @@ from trackbench.subjects.tuning.tune import Tuning
 SCHEMA_VERSION = 1
 
 
-def to_json(tunings: Sequence[Tuning], command: str) -> dict[str, Any]:
+def tuning_content(tunings: Sequence[Tuning], command: str) -> dict[str, Any]:
     """All that was found of each tracker, and the command that repeats it."""
     return {
         "schema_version": SCHEMA_VERSION,
@@ -55,7 +55,7 @@ def to_json(tunings: Sequence[Tuning], command: str) -> dict[str, Any]:
 def _tracker(item: Tuning) -> dict[str, Any]:
     return {
         "name": item.tracker,
-        "verdict": headline(item)[0],
+        "verdict": tuning_headline(item)[0],
         "remarks": list(remarks(item)),
         "engine": item.engine,
         "ranges": [parameter.as_json() for parameter in item.parameters],
@@ -118,7 +118,7 @@ def default_out(scenarios: Sequence[Scenario]) -> Path:
     return Path("tuned.yaml" if len(scenarios) == 1 else "tuned")
 
 
-def require_out(out: Path, scenarios: Sequence[Scenario]) -> None:
+def require_tuning_files(out: Path, scenarios: Sequence[Scenario]) -> None:
     """Make sure that the files can be written, before the work begins.
 
     Raises:
@@ -130,7 +130,7 @@ def require_out(out: Path, scenarios: Sequence[Scenario]) -> None:
             "give a file whose name ends in .yaml" if single else "several scenarios go into a folder: give its name"
         )
         raise InputError(wanted, key="--out", file=out)
-    for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
+    for scenario, file in zip(scenarios, tuned_scenario_files(out, scenarios), strict=True):
         if file.resolve() == scenario.path.resolve():
             raise InputError("is the scenario that is tuned, which is not overwritten; give another name", key="--out")
         results.require_file(file, "--out")
@@ -144,7 +144,7 @@ def require_out(out: Path, scenarios: Sequence[Scenario]) -> None:
                 )
 
 
-def scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
+def tuned_scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
     """Where each scenario with the found values goes."""
     return [out] if len(scenarios) == 1 else [out / f"{item.config.name}{ENDING}" for item in scenarios]
 
@@ -162,17 +162,17 @@ def save_tuning(tunings: Sequence[Tuning], scenarios: Sequence[Scenario], out: P
     document = tuning_document(tunings, command)
     figures = base.with_name(f"{base.name}_figures")
     content = {
-        base.with_name(f"{base.name}.json"): results.to_json(to_json(tunings, command)).encode(),
+        base.with_name(f"{base.name}.json"): results.to_json(tuning_content(tunings, command)).encode(),
         base.with_name(f"{base.name}.html"): to_html(document).encode(),
         base.with_name(f"{base.name}.md"): to_markdown(document, figures=quote(figures.name)).encode(),
     }
     drawn = {figures / f"{figure.name}.svg": svg_file(figure).encode() for figure in document.figures}
     values = {item.tracker: item.best.values for item in tunings}
-    for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
+    for scenario, file in zip(scenarios, tuned_scenario_files(out, scenarios), strict=True):
         folder = file.parent.resolve()
         # Trackers are looked for beside the scenario that names them.
         content |= {file.parent / own.name: own.read_bytes() for own in own_modules(scenario) if own.parent != folder}
-        content[file] = written(scenario, values, file.parent).encode()
+        content[file] = tuned_scenario_text(scenario, values, file.parent).encode()
     for stale in {*figures.glob("*.svg")} - {*drawn}:
         stale.unlink()
     for file, each in {**drawn, **content}.items():
@@ -185,7 +185,7 @@ START, TUNED = "_start", "_tuned"
 WIDTH = 120
 
 
-def written(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
+def tuned_scenario_text(loaded: Scenario, tuned: Mapping[str, Values], folder: Path) -> str:
     """The text of the scenario, each tuned tracker with its new values under its name, and as it was under NAME_start.
 
     Comments, anchors and the other trackers stay as they are. A scenario that the command line changed is written anew,

@@ -150,7 +150,7 @@ def condition_members(classes: Classes) -> Array:
     return np.stack(under).astype(float)
 
 
-def nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
+def log_nees_by_condition(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
     """By condition of which the start gives enough estimates, the logarithm of the mean NEES over its degrees of
     freedom: of every trial the same conditions."""
     everything = start.values["nees"][1].sum()

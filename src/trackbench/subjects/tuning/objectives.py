@@ -22,7 +22,7 @@ from trackbench.subjects.tuning.measures import (
     WORDS,
     Sums,
     condition_excess,
-    nees_by_condition,
+    log_nees_by_condition,
 )
 
 #: A trial's quantities, which change smoothly with the values that are tuned, by name.
@@ -119,7 +119,7 @@ def nees_deviations(parts: Parts) -> Iterator[NeesDeviation]:
             yield NeesDeviation(int(number), condition, value)
 
 
-def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
+def source_of_part(part: str, objective: Objective, scenarios: int) -> PartSource:
     """The measure behind a part of an objective over so many scenarios."""
     for nees in nees_deviations({part: 0.0}):
         return PartSource(nees.condition or "nees", [nees.scenario], logarithm=True)
@@ -143,7 +143,7 @@ def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
         under = {
             f"{UNDER}{i} {name}": value
             for i, (own, other) in enumerate(zip(sums, start, strict=True))
-            for name, value in nees_by_condition(own, other)
+            for name, value in log_nees_by_condition(own, other)
         }
     return {**_error("position_rmse")(sums, start), **nees, **under}
 

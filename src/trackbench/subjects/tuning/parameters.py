@@ -91,7 +91,7 @@ class Parameter:
         return math.log(value / (1.0 - value)) if self.scale == "odds" else value
 
 
-def shown(value: Any) -> str:
+def option_text(value: Any) -> str:
     """A value as a scenario writes it."""
     return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
 
@@ -285,10 +285,10 @@ def _require_home(loaded: Scenario, tracker: str, key: str, ends: bool, at: str)
 def _between(key: str, low: Any, high: Any, loaded: Scenario, tracker: str, at: str) -> Parameter:
     for end in (low, high):
         if isinstance(end, bool) or not isinstance(end, int | float) or not math.isfinite(end):
-            raise InputError(f"{shown(end)} is no number; {FORM}", key=at)
+            raise InputError(f"{option_text(end)} is no number; {FORM}", key=at)
     if low >= high:
         raise InputError(
-            f"the range is upside down: write {key}={shown(high)}:{shown(low)}"
+            f"the range is upside down: write {key}={option_text(high)}:{option_text(low)}"
             if low > high
             else "the two ends are the same: give two that differ",
             key=at,

@@ -16,7 +16,7 @@ from trackbench.subjects.tuning.figures import front_figure, pair_figures, respo
 from trackbench.subjects.tuning.held_out import SAME_LOG, SAME_MOTION, MeasureComparison
 from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
 from trackbench.subjects.tuning.objectives import NeesDeviation, nees_deviations
-from trackbench.subjects.tuning.parameters import shown
+from trackbench.subjects.tuning.parameters import option_text
 from trackbench.subjects.tuning.response import STRONG, correlations
 from trackbench.subjects.tuning.tune import Tuning
 
@@ -28,7 +28,7 @@ _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad
 _VERDICTS = ("better", "worse", "equivalent", "undecided")
 
 
-def headline(tuning: Tuning) -> tuple[str, Tone]:
+def tuning_headline(tuning: Tuning) -> tuple[str, Tone]:
     """The verdict on the tuned values, in a line, and how good it is."""
     compared = tuning.held_out.of(tuning.objective.measure)
     if tuning.held_out.failed:
@@ -106,8 +106,8 @@ def remarks(tuning: Tuning) -> Iterator[str]:
     for parameter, edge in tuning.edges:
         side = "smallest" if edge == parameter.low else "largest"
         yield (
-            f"{parameter.key}: the optimum is at the edge of the range, {shown(edge)} is the {side} that was tried; "
-            "widen the range"
+            f"{parameter.key}: the optimum is at the edge of the range, {option_text(edge)} is the {side} that was "
+            "tried; widen the range"
         )
     yield from tuning.notes
     failed = [trial for trial in tuning.trials if not trial.losses]
@@ -178,7 +178,7 @@ def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
     blocks: list[Block] = [*_answer(tunings)]
     for item in tunings:
         inner = tuple(_tracker(item, f"{item.tracker}-" if several else ""))
-        blocks += [Section(item.tracker, (Paragraph(headline(item)[0]), *inner))] if several else inner
+        blocks += [Section(item.tracker, (Paragraph(tuning_headline(item)[0]), *inner))] if several else inner
     blocks.append(Section("How it was done", (Paragraph(_METHOD), _split(tunings[0]), Code(command, "sh"))))
     return _document(tunings, blocks)
 
@@ -186,22 +186,22 @@ def tuning_document(tunings: Sequence[Tuning], command: str) -> Document:
 def _answer(tunings: Sequence[Tuning]) -> Iterator[Block]:
     """One headline, and the gain of each tracker on one axis."""
     if len(tunings) == 1:
-        yield Paragraph(headline(tunings[0])[0], strong=True)
+        yield Paragraph(tuning_headline(tunings[0])[0], strong=True)
     else:
         verdicts = {item.tracker: {row.verdict for row in item.held_out.of(item.objective.measure)} for item in tunings}
         better = [name for name, words in verdicts.items() if "better" in words]
         worse = [name for name, words in verdicts.items() if "worse" in words]
         harm = f" Shown to be worse: {joined(worse)}." if worse else ""
         yield Paragraph(f"Shown to be better than the start: {joined(better) or 'none'}.{harm}", strong=True)
-    table = tables.gains(tunings)
+    table = tables.gains_table(tunings)
     if table.rows:
         yield table
 
 
 def tuning_summary(tunings: Sequence[Tuning]) -> Document:
     """What a terminal shows: the values, whether they are better, and how sharply they are known."""
-    heads = [headline(item) for item in tunings]
-    inner = [(tables.values(item), tables.held_out(item), *_remarks(item)) for item in tunings]
+    heads = [tuning_headline(item) for item in tunings]
+    inner = [(tables.values_table(item), tables.held_out_table(item), *_remarks(item)) for item in tunings]
     if len(tunings) == 1:
         return _document(tunings, [Status(*heads[0]), *inner[0]])
     answers = [Item(text, item.tracker, tone=tone) for item, (text, tone) in zip(tunings, heads, strict=True)]
@@ -227,18 +227,18 @@ def _remarks(item: Tuning) -> list[Block]:
 
 def _tracker(item: Tuning, name: str) -> Iterator[Block]:
     yield from _remarks(item)
-    yield tables.values(item, name)
+    yield tables.values_table(item, name)
     yield Section(
         "On measurements that it was not tuned on" if any(item.apart) else "Start and tuned",
-        (tables.held_out(item, name),),
+        (tables.held_out_table(item, name),),
     )
     if item.front:
-        yield Section("The front", (Row((front_figure(item, name),)), tables.front(item, name)))
+        yield Section("The front", (Row((front_figure(item, name),)), tables.front_table(item, name)))
     figures = [figure for response in item.responses if (figure := response_figure(item, response, name)) is not None]
     if figures:
-        around = (tables.response(item, name), Row(tuple(figures)), *_pairs(item, name))
+        around = (tables.response_table(item, name), Row(tuple(figures)), *_pairs(item, name))
         yield Section("The response around the optimum", around)
-    yield Section("Trials", (tables.trials(item, name),), folded=True)
+    yield Section("Trials", (tables.trials_table(item, name),), folded=True)
 
 
 def _pairs(item: Tuning, name: str) -> Iterator[Block]:

@@ -120,7 +120,7 @@ def _evidence(point: ResponsePoint) -> float:
     return point.rise / point.reach if point.reach else math.nan
 
 
-def along(parameter: Parameter, best: Values) -> list[dict[str, Any]]:
+def values_along(parameter: Parameter, best: Values) -> list[dict[str, Any]]:
     """The best values with others of one option: those at which the response is taken."""
     value, values = best[parameter.key], []
     if parameter.scale == "choice":

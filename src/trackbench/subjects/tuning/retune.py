@@ -16,7 +16,7 @@ from trackbench.subjects.tuning.held_out import Split, halved
 from trackbench.subjects.tuning.objectives import OBJECTIVES, Objective, metric_objectives
 from trackbench.subjects.tuning.parameters import Parameter, noise_ranges, start_values
 from trackbench.subjects.tuning.search import Proposals, search
-from trackbench.subjects.tuning.study import Study, TuningTrial, best_of, require_optuna, trial_of
+from trackbench.subjects.tuning.study import Study, TuningTrial, best_trial, require_optuna, trial_of
 from trackbench.trackers.config import FilterConfig
 
 #: The areas around the best values that the second and the third batch of trials look at, as shares of each range.
@@ -87,7 +87,7 @@ def _tuned(
     study = Study(tracker, None, parameters, objective.axes, {})
     first = start_values(bench.scenario, tracker, parameters)
     search(parameters, study, first, make, objective.losses, count, seed=0, batches=batches)
-    best = best_of(study.trials)
+    best = best_trial(study.trials)
     return {} if best is None else best.values
 
 

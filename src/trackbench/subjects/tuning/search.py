@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.study import Study, TuningTrial, best_of
+from trackbench.subjects.tuning.study import Study, TuningTrial, best_trial
 
 #: Random points at which the model is looked at for its smallest value, in two passes.
 LOOKS = 4000
@@ -188,7 +188,7 @@ def _proposed(
     """The values of a batch."""
     random = np.random.default_rng(seed)
     drawn = int(random.integers(2**31))
-    best = best_of(made)
+    best = best_trial(made)
     if batch.how == "spread" or best is None:
         return study.space_filling(batch.size, drawn)
     if batch.how == "promising":

@@ -16,7 +16,7 @@ import numpy as np
 
 from trackbench.base.errors import InputError
 from trackbench.base.scipy_functions import scipy_function
-from trackbench.subjects.tuning.entry import Values, plain, source_of
+from trackbench.subjects.tuning.entry import Values, module_file, plain
 from trackbench.subjects.tuning.evaluation import Bench, Outcome
 from trackbench.subjects.tuning.measures import WORDS, Sums
 from trackbench.subjects.tuning.objectives import Objective
@@ -65,7 +65,7 @@ def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     return measures
 
 
-def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:
+def best_trial(trials: Sequence[TuningTrial]) -> TuningTrial | None:
     """The trial with the smallest loss, the first of several; None where all failed."""
     done = [trial for trial in trials if trial.losses]
     return min(done, key=lambda trial: trial.loss) if done else None
@@ -96,7 +96,7 @@ MOST = 3
 START = "start"
 
 
-def signature_of(
+def study_signature(
     tracker: str, objective: str, parameters: Sequence[Parameter], seed: int, train: Sequence[Bench], start: list[Sums]
 ) -> dict[str, Any]:
     """What determines the trials of a tracker, as JSON.
@@ -121,7 +121,7 @@ def signature_of(
     }
 
 
-def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+def setting_differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """In what two signatures differ, in words; empty where they do not."""
     before, after = (
         dict(_leaves({key: value for key, value in each.items() if key != START}, "")) for each in (kept, now)
@@ -147,7 +147,7 @@ def _settings(bench: Bench, tracker: str) -> dict[str, Any]:
     config, document = bench.scenario.config, bench.scenario.document.value
     entry = config.trackers[tracker]
     use = entry.reference if isinstance(entry, PluginConfig) else ""
-    source = source_of(use, bench.scenario.path.resolve().parent)
+    source = module_file(use, bench.scenario.path.resolve().parent)
     return {
         **{key: value for key, value in document.items() if key not in ("trackers", "expect")},
         "truth": config.truth.model_dump(mode="json", fallback=str),
@@ -231,7 +231,7 @@ class Study:
             if self._study.get_trials(deepcopy=False):
                 raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
             self._study.set_user_attr(SIGNATURE, dict(signature))
-        elif changes := differences(kept, json.loads(json.dumps(signature))):
+        elif changes := setting_differences(kept, json.loads(json.dumps(signature))):
             problem = f"its study {name!r} is of another search: {changes}; give another file"
             raise InputError(problem, key="--storage", file=storage)
         with _quiet():

@@ -12,7 +12,7 @@ from trackbench.report.tables import unit_of
 from trackbench.subjects.tuning.held_out import MeasureComparison
 from trackbench.subjects.tuning.measures import WORDS
 from trackbench.subjects.tuning.objectives import Parts, has_nees, mean_nees
-from trackbench.subjects.tuning.parameters import Parameter, shown
+from trackbench.subjects.tuning.parameters import Parameter, option_text
 from trackbench.subjects.tuning.response import NEGLIGIBLE, Response, ResponsePoint
 from trackbench.subjects.tuning.study import TuningTrial
 from trackbench.subjects.tuning.tune import Tuning
@@ -30,12 +30,12 @@ _GAINS: dict[str, tuple[str, Tone]] = {
 NONE = "-"
 
 
-def values(item: Tuning, name: str = "") -> Table:
+def values_table(item: Tuning, name: str = "") -> Table:
     """What was tuned."""
     responses = {response.parameter.key: response for response in item.responses}
     keys = [parameter.key for parameter in item.parameters]
     best = [
-        Cell(shown(item.best.values[parameter.key]), strong=True, tone="warn" if at_edge else "")
+        Cell(option_text(item.best.values[parameter.key]), strong=True, tone="warn" if at_edge else "")
         for parameter in item.parameters
         for at_edge in [parameter.edge(item.best.values[parameter.key]) is not None]
     ]
@@ -46,7 +46,7 @@ def values(item: Tuning, name: str = "") -> Table:
     )
     columns = [
         (Column("option", left=True), [Cell(key) for key in keys]),
-        (Column("start"), [Cell(NONE if item.start is None else shown(item.start[key])) for key in keys]),
+        (Column("start"), [Cell(NONE if item.start is None else option_text(item.start[key])) for key in keys]),
         (Column("tuned"), best),
         (Column("tried"), [Cell(_tried(parameter)) for parameter in item.parameters]),
         (optimum, [Cell(_optimum(responses[key], item) if key in responses else NONE) for key in keys]),
@@ -54,7 +54,7 @@ def values(item: Tuning, name: str = "") -> Table:
     return Table.of_columns(f"{name}values", columns)
 
 
-def gains(tunings: Sequence[Tuning]) -> Table:
+def gains_table(tunings: Sequence[Tuning]) -> Table:
     """How much better the tuned values are than the start, on one axis for all trackers; harm is below 0."""
     rows = [(item, row) for item in tunings for row in item.held_out.of(item.objective.measure)]
     relative = tunings[0].objective.measure != "log_likelihood"
@@ -90,7 +90,7 @@ def _gain(item: Tuning, row: MeasureComparison, relative: bool) -> Cell:
     return Cell(signed(value, places), _interval(ends if low != high else None, places), bar=(value, *ends))
 
 
-def held_out(item: Tuning, name: str = "") -> Table:
+def held_out_table(item: Tuning, name: str = "") -> Table:
     """Start against tuned, by scenario."""
     main = item.objective.measure
     others = [measure for measure in WORDS if measure != main and item.held_out.of(measure)]
@@ -118,7 +118,7 @@ def held_out(item: Tuning, name: str = "") -> Table:
     return Table.of_columns(f"{name}held-out", columns)
 
 
-def response(item: Tuning, name: str = "") -> Table:
+def response_table(item: Tuning, name: str = "") -> Table:
     """Which option matters, and how sharply; without choices, of which none is half of another."""
     numbers = [response for response in item.responses if response.parameter.scale != "choice"]
     relative = item.objective.measure != "log_likelihood"
@@ -132,7 +132,7 @@ def response(item: Tuning, name: str = "") -> Table:
     low_column = Column(f"{low}: {unit}", "What changes where this option alone has this value.", details="mean NEES")
     columns = [
         (Column("option", left=True), [Cell(response.parameter.key) for response in numbers]),
-        (Column("tuned"), [Cell(shown(item.best.values[response.parameter.key])) for response in numbers]),
+        (Column("tuned"), [Cell(option_text(item.best.values[response.parameter.key])) for response in numbers]),
         (low_column, [below for below, _ in changes]),
         (Column(f"{high}: {unit}", details="mean NEES"), [above for _, above in changes]),
     ]
@@ -145,7 +145,7 @@ def response(item: Tuning, name: str = "") -> Table:
     return Table.of_columns(f"{name}response", columns, "The option that matters most comes first")
 
 
-def front(item: Tuning, name: str = "") -> Table:
+def front_table(item: Tuning, name: str = "") -> Table:
     """The trials that none beats in both."""
     errors = [
         Cell(f"{trial.measures.get('position_rmse', math.nan):.4g}", strong=trial.values == item.best.values)
@@ -159,7 +159,7 @@ def front(item: Tuning, name: str = "") -> Table:
     return Table.of_columns(f"{name}front", columns, "On what it was tuned on; the written one stands out")
 
 
-def trials(item: Tuning, name: str = "") -> Table:
+def trials_table(item: Tuning, name: str = "") -> Table:
     """The trials, best first."""
     measures = dict.fromkeys([*WORDS, item.objective.measure])
     last = all(trial.values != item.best.values for trial in item.trials)
@@ -183,7 +183,7 @@ def _options(item: Tuning, trials: Sequence[TuningTrial], strong: bool) -> list[
         (
             Column(parameter.key),
             [
-                Cell(shown(trial.values[parameter.key]), strong=strong and trial.values == item.best.values)
+                Cell(option_text(trial.values[parameter.key]), strong=strong and trial.values == item.best.values)
                 for trial in trials
             ],
         )
@@ -193,8 +193,8 @@ def _options(item: Tuning, trials: Sequence[TuningTrial], strong: bool) -> list[
 
 def _tried(parameter: Parameter) -> str:
     if parameter.scale == "choice":
-        return ", ".join(shown(choice) for choice in parameter.choices)
-    return f"{shown(parameter.low)} to {shown(parameter.high)}"
+        return ", ".join(option_text(choice) for choice in parameter.choices)
+    return f"{option_text(parameter.low)} to {option_text(parameter.high)}"
 
 
 def _optimum(response: Response, item: Tuning) -> str:
@@ -202,15 +202,15 @@ def _optimum(response: Response, item: Tuning) -> str:
     if has_nees(item.best.parts):
         return NONE
     if not response.parameter.continuous:
-        return ", ".join(shown(value) for value in response.as_good)
+        return ", ".join(option_text(value) for value in response.as_good)
     return _range_text(response.optimum95) if response.has_reach else NONE
 
 
 def _range_text(ends: tuple[float | None, float | None]) -> str:
     low, high = ends
     if low is None:
-        return "all that was tried" if high is None else f"up to {shown(high)}"
-    return f"from {shown(low)}" if high is None else f"{shown(low)} to {shown(high)}"
+        return "all that was tried" if high is None else f"up to {option_text(high)}"
+    return f"from {option_text(low)}" if high is None else f"{option_text(low)} to {option_text(high)}"
 
 
 def _nearest(response: Response, item: Tuning) -> tuple[ResponsePoint | None, ResponsePoint | None]:
@@ -232,7 +232,7 @@ def _change(point: ResponsePoint | None, best: Parts, parameter: Parameter) -> C
     """How far the main quantity of the objective is from that of the best values."""
     if point is None or not point.parts:
         return Cell(NONE)
-    details = () if parameter.scale == "log" else (f"at {shown(point.value)}",)
+    details = () if parameter.scale == "log" else (f"at {option_text(point.value)}",)
     if has_nees(best):
         details = (*details, f"mean NEES {mean_nees(point.parts):.2g}")
     if "likelihood" in best:

@@ -23,9 +23,9 @@ from trackbench.subjects.tuning.entry import Values
 from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome
 from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out, number_of_parts
 from trackbench.subjects.tuning.measures import Sums
-from trackbench.subjects.tuning.objectives import Objective, source_of
+from trackbench.subjects.tuning.objectives import Objective, source_of_part
 from trackbench.subjects.tuning.parameters import Parameter
-from trackbench.subjects.tuning.response import FACTORS, Response, ResponsePoint, along
+from trackbench.subjects.tuning.response import FACTORS, Response, ResponsePoint, values_along
 from trackbench.subjects.tuning.search import search
 from trackbench.subjects.tuning.study import (
     Study,
@@ -33,7 +33,7 @@ from trackbench.subjects.tuning.study import (
     chosen_of,
     front_of,
     measures_of,
-    signature_of,
+    study_signature,
     trial_of,
 )
 
@@ -64,7 +64,7 @@ def polished(
         progress: called with how many parts of a pass are done and how many there are.
     """
     for last in range(PASSES):
-        lines = [along(item, best.values) for item in evaluator.parameters]
+        lines = [values_along(item, best.values) for item in evaluator.parameters]
         points: list[Values] = [best.values, *(point for line in lines for point in line)]
         outcomes = evaluator(points, progress)
         trials = [trial_of(objective, *pair, start) for pair in zip(points, outcomes, strict=True)]
@@ -129,7 +129,7 @@ def _influence(
     """``(scenes or runs,)`` what each adds to the loss, by one of the scenarios."""
     total: Array | float = 0.0
     for part in trial.parts:
-        source, sums = source_of(part, objective, len(outcomes)), outcomes[number].sums
+        source, sums = source_of_part(part, objective, len(outcomes)), outcomes[number].sums
         if number not in source.scenarios or sums is None:
             continue
         interval = sums.interval(source.measure, scene)
@@ -218,7 +218,7 @@ def tune_tracker(
     used = evaluator.engine_used
     if used is not None:
         log_left_to_numpy("tuning", task.tracker, used)
-    signature = signature_of(task.tracker, objective.name, task.parameters, task.seed, train, start)
+    signature = study_signature(task.tracker, objective.name, task.parameters, task.seed, train, start)
     study = Study(task.tracker, task.storage, task.parameters, objective.axes, signature)
 
     # After them comes a pass over each option, with about so many trials.
@@ -268,7 +268,7 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
     """
     for loaded in scenarios:
         hidden, name = loaded.config.sensing.identities == "hidden", loaded.config.name
-        if without_truth(loaded):
+        if lacks_truth(loaded):
             problem = f"{name} has no truth; choose likelihood" if objective.needs_truth else ""
         elif hidden:
             problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose tgospa"
@@ -279,7 +279,7 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
             raise InputError(problem, key="--objective")
 
 
-def without_truth(loaded: Scenario) -> bool:
+def lacks_truth(loaded: Scenario) -> bool:
     """Whether a scenario is a log of measurements alone."""
     return bool(getattr(loaded.config.truth, "without_truth", False))
 
