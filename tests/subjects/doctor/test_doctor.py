@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
+from tests.support.doctor import under_test, with_causes
 from tests.support.places import ROOT
 
 from trackbench.base.errors import InputError
@@ -27,11 +28,10 @@ from trackbench.subjects.doctor.findings import (
     known_faults,
     rank,
 )
-from trackbench.subjects.doctor.probes import GENERAL, Probes, varied
+from trackbench.subjects.doctor.probes import GENERAL, varied
 from trackbench.subjects.doctor.report import Examination
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS, subject
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import ekf
 
 REPOSITORY = ROOT
@@ -134,7 +134,8 @@ ELSEWHERE = (
 
 @pytest.fixture(scope="module")
 def doctor() -> Doctor:
-    return Doctor(SENSORS)
+    # That drive takes as long as all others.
+    return Doctor(SENSORS, skip=("long_run",))
 
 
 def _first(fault: str, kind: str):
@@ -208,7 +209,7 @@ def test_consequences_come_after_their_root_cause() -> None:
 
 def test_an_uncertain_finding_is_no_root_cause() -> None:
     found = rank([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
-    assert [(one.fault, one.consequence_of) for one in found] == [
+    assert with_causes(found) == [
         ("r_too_large", None),
         ("covariance_not_psd", "r_too_large"),
     ]
@@ -224,7 +225,7 @@ def test_gains_imply_the_noise_of_a_linear_filter() -> None:
         def step(self, state, scan):
             return self.tracker.step(state, scan._replace(noise_covariance=scan.noise_covariance * 0.4))
 
-    tracker = TrackerUnderTest(Halved, SENSORS, [], Probes(), 0, {})
+    tracker = under_test(Halved)
     found = gain(tracker).findings
     assert {(one.fault, one.sensor) for one in found} == {("r_too_small", "lidar"), ("r_too_small", "radar")}
     for one in found:
@@ -267,9 +268,9 @@ def test_a_provided_jacobian_is_compared_with_its_model() -> None:
             matrix[0, 2] = 2 * dt * x[2] + self.slip
             return matrix
 
-    tracker = TrackerUnderTest(lambda: Provided(0.0), {"lidar": SENSORS["lidar"]}, [], Probes(), 0, {})
+    tracker = under_test(lambda: Provided(0.0), sensors={"lidar": SENSORS["lidar"]})
     assert models(tracker).findings == []
-    tracker = TrackerUnderTest(lambda: Provided(0.1), {"lidar": SENSORS["lidar"]}, [], Probes(), 0, {})
+    tracker = under_test(lambda: Provided(0.1), sensors={"lidar": SENSORS["lidar"]})
     (finding,) = models(tracker).findings
     assert finding.fault == "jacobian_wrong"
     assert "transition[0] / d x[2] = 0.7, where 0.6 is right" in finding.evidence

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from benchmarks.doctor.builtin import ekf_cv, ukf_ctrv
 from numpy.testing import assert_allclose
-from tests.subjects.doctor.test_doctor_copies import scans_of
+from tests.support.doctor import scans_of, under_test
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.subjects.doctor.checks.start import first_estimates
 from trackbench.subjects.doctor.output_checks import OutputChecks
-from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -146,7 +146,7 @@ def test_a_step_that_fails_in_one_column_is_taken_one_by_one() -> None:
 
 
 def started(make: Callable[[], Any], name: str) -> tuple[list[Any], TrackerUnderTest]:
-    tracker = TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
+    tracker = under_test(make)
     return first_estimates(tracker, GENERAL, name, np.random.default_rng(1)), tracker
 
 
@@ -163,7 +163,7 @@ def test_tracks_start_together_as_one_by_one(name: str) -> None:
 
 def test_one_that_fails_to_start_leaves_the_others() -> None:
     far = GENERAL[0]._replace(name="far", target=(10.0, 60.0, 1.0, 1.0))
-    tracker = TrackerUnderTest(Refusing, SENSORS, [], Probes(), 0, {})
+    tracker = under_test(Refusing)
     found = first_estimates(tracker, (*GENERAL, far), "lidar")
     assert [one is None for one in found] == [False] * len(GENERAL) + [True]
     ((where, failure),) = tracker.failures

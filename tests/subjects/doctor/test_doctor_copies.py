@@ -10,24 +10,16 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from benchmarks.doctor.plain_ekf import PlainEkf
+from tests.support.doctor import scans_of, under_test
 
-from trackbench.base.types import Scan
 from trackbench.driving.alone import Alone, CannotCopy
 from trackbench.driving.drive import empty_scan
 from trackbench.driving.isolation import Isolation
 from trackbench.driving.remote import fresh
 from trackbench.subjects.doctor.checks.steps import failure_findings
-from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
+from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.session import TrackerSession
-from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.config import PluginConfig
-
-
-def scans_of(probe: Probe, names: tuple[str, ...] = ("lidar", "radar"), until: float = 0.0) -> list[Scan]:
-    """Without noise, from -1 s on, every 0.05 s."""
-    times = np.arange(-20, round(until / 0.05) + 1) * 0.05
-    return [probe.scan(name, SENSORS[name], float(time)) for time in times for name in names]
 
 
 class Locked(PlainEkf):
@@ -118,7 +110,7 @@ def test_in_its_own_process_too(tmp_path: Path, write_module: Callable[[Path, st
 
 
 def test_an_unrepeatable_tracker_without_a_copy_has_one_finding() -> None:
-    tracker = TrackerUnderTest(Counting, SENSORS, [], Probes(), 0, {})
+    tracker = under_test(Counting)
     assert tracker.trial(GENERAL[0], "radar", ("radar",)) is None
     (finding,) = failure_findings(tracker)
     assert finding.fault == "not_deterministic"

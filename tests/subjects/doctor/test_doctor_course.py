@@ -13,6 +13,7 @@ from benchmarks.doctor.filter_faults import UnguardedRange
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.doctor.step_faults import MeanWrappedFirst
+from tests.support.doctor import mutant_under_test, under_test, with_causes
 
 from trackbench.base.types import Scan
 from trackbench.subjects.doctor.checks.steps import jumping_angle
@@ -24,19 +25,14 @@ from trackbench.subjects.doctor.probes import COURSE_TURN, GENERAL, Probes
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.site import Carrier, SensorSite
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 COURSES = [mutant for mutant in MUTANTS if mutant.fault == "course_not_wrapped"]
 SOUND = ["PlainUkf first_measurement", "PlainUkf two_measurements", "ekf ctrv usual, first_measurement"]
 SOUND += ["ukf ctrv usual, first_measurement", "ckf ctrv usual, two_measurements", "imm", "ensemble"]
 
 
-def _under_test(make: Callable[[], Any]) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
-
-
 def _scans(probe: Any = COURSE_TURN, seconds: float = 5.0) -> list[Scan]:
-    return _under_test(PlainEkf).approach(probe, tuple(SENSORS), seconds)
+    return under_test(PlainEkf).approach(probe, tuple(SENSORS), seconds)
 
 
 def test_the_turning_target_is_on_a_circle() -> None:
@@ -83,7 +79,7 @@ def test_no_course_jumps_in_any_sound_tracker(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("mutant", COURSES, ids=lambda mutant: mutant.name)
 def test_the_check_of_the_course_names_it(mutant: Any) -> None:
-    found = wrapping(_under_test(mutant.make)).findings
+    found = wrapping(mutant_under_test(mutant.name)).findings
     assert [one.fault for one in found] == ["course_not_wrapped"]
 
 
@@ -141,13 +137,13 @@ class RangeZero(UnguardedRange, PlainEkf):
 
 
 def test_a_range_of_zero_is_said() -> None:
-    (finding,) = [one for one in validity(_under_test(RangeZero)).findings if one.fault == "nonfinite"]
+    (finding,) = [one for one in validity(under_test(RangeZero)).findings if one.fault == "nonfinite"]
     assert finding.shown_by == "at_sensor"
     assert "where the range is 0" in finding.evidence
 
 
 def test_what_is_not_finite_elsewhere_is_told_first() -> None:
-    tracker, bad = _under_test(PlainEkf), np.full((4, 1), np.nan)
+    tracker, bad = under_test(PlainEkf), np.full((4, 1), np.nan)
     scan = GENERAL[0].scan("radar", SENSORS["radar"], 0.0)
     for where, expected in (("at_sensor", "at_sensor"), ("crossing", "crossing"), ("on_the_sensor", "crossing")):
         tracker.output_checks.add_batch(bad, np.eye(4)[..., None], [scan], where, lambda _: [scan])
@@ -163,7 +159,7 @@ def test_a_failure_at_a_range_of_zero_alone_is_no_fault(where: str, fragile: str
 
 
 def test_a_tracker_that_fails_at_a_range_of_zero_alone_passes_the_check() -> None:
-    (check,) = [one for one in validity(_under_test(RangeZero)).checks if one.name == "finite"]
+    (check,) = [one for one in validity(under_test(RangeZero)).checks if one.name == "finite"]
     assert check.passed
     assert "at_sensor" in check.result
 
@@ -172,4 +168,4 @@ def test_a_tracker_that_fails_at_a_range_of_zero_alone_passes_the_check() -> Non
 @pytest.mark.parametrize("effect", ["covariance_not_psd", "predicted_covariance_not_psd"])
 def test_points_too_far_apart_have_no_covariance(cause: str, effect: str) -> None:
     found = rank([Finding(effect, 0.97, ""), Finding(cause, 0.9, "")])
-    assert [(one.fault, one.consequence_of) for one in found] == [(cause, None), (effect, cause)]
+    assert with_causes(found) == [(cause, None), (effect, cause)]

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from benchmarks.doctor.correct import CORRECT
-from benchmarks.doctor.faults import MUTANTS
 from benchmarks.doctor.plain_ekf import PlainEkf
+from tests.support.doctor import Make, Part, mutant, mutant_under_test, under_test
 
 from trackbench.subjects.doctor.checks.covariance_update import stated_covariance
 from trackbench.subjects.doctor.checks.gain import gain
@@ -17,20 +14,7 @@ from trackbench.subjects.doctor.checks.one_gain import one_gain
 from trackbench.subjects.doctor.checks.process_noise import noise_powers
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import PartResult
-from trackbench.subjects.doctor.probes import Probes
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-
-Part = Callable[[TrackerUnderTest], PartResult]
-
-
-def examined(make: Callable[[], Any]) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
-
-
-def mutant(name: str) -> Callable[[], Any]:
-    return next(one for one in MUTANTS if one.name == name).make
 
 
 @pytest.mark.parametrize(
@@ -43,7 +27,7 @@ def mutant(name: str) -> Callable[[], Any]:
     ],
 )
 def test_a_covariance_that_is_not_the_own_one_is_named(name: str) -> None:
-    (finding,) = stated_covariance(examined(mutant(name))).findings
+    (finding,) = stated_covariance(mutant_under_test(name)).findings
     assert finding.fault == name.split("/")[0]
     if finding.fault == "covariance_order":
         assert "in the order px, vx, py, vy" in finding.evidence
@@ -59,7 +43,7 @@ def test_a_covariance_that_is_not_the_own_one_is_named(name: str) -> None:
     ],
 )
 def test_mean_and_covariance_with_different_gains_are_no_wrong_jacobian(name: str, words: str) -> None:
-    tracker = examined(mutant(name))
+    tracker = mutant_under_test(name)
     found = one_gain(tracker).findings
     assert [(one.fault, one.sensor) for one in found] == [(name.split("/")[0], sensor) for sensor in SENSORS]
     assert all(words in one.evidence for one in found)
@@ -76,7 +60,7 @@ class ThreeTimes(PlainEkf):
 
 
 def test_a_measurement_that_is_applied_three_times_is_told_so() -> None:
-    lidar, radar = one_gain(examined(ThreeTimes)).findings
+    lidar, radar = one_gain(under_test(ThreeTimes)).findings
     assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
     assert lidar.factor == radar.factor == 3.0
     assert "3 updates with the same measurement" in lidar.evidence
@@ -114,25 +98,25 @@ class DiagonalInnovation(PlainEkf):
 
 
 def test_a_gain_with_its_own_covariance_is_no_wrong_jacobian() -> None:
-    tracker = examined(LargerGain)
+    tracker = under_test(LargerGain)
     lidar, radar = one_gain(tracker).findings
     assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
     assert lidar.factor == pytest.approx(1.6, rel=1e-6)
     assert "the covariance after it is that of this gain" in lidar.evidence
     assert gain(tracker).findings == []
-    for finding in one_gain(examined(DiagonalInnovation)).findings:
+    for finding in one_gain(under_test(DiagonalInnovation)).findings:
         assert finding.fault == "gain_inconsistent"
         assert "of the diagonal of the innovation covariance alone" in finding.evidence
 
 
 @pytest.mark.parametrize("make", [Inflated, OwnGain], ids=lambda make: make.__name__)
-def test_a_consistent_update_has_no_finding(make: Callable[[], Any]) -> None:
-    assert one_gain(examined(make)).findings == []
+def test_a_consistent_update_has_no_finding(make: Make) -> None:
+    assert one_gain(under_test(make)).findings == []
 
 
 @pytest.mark.parametrize("name", ["azimuth_over_range", "rate_term_missing", "lidar_not_turned"])
 def test_a_wrong_jacobian_is_one(name: str) -> None:
-    tracker = examined(mutant(f"jacobian_wrong/plain_ekf/{name}"))
+    tracker = mutant_under_test(f"jacobian_wrong/plain_ekf/{name}")
     assert stated_covariance(tracker).findings == one_gain(tracker).findings == []
     assert next(one.fault for one in gain(tracker).findings) == "jacobian_wrong"
 
@@ -155,13 +139,13 @@ class OneAxis(Continuous):
 
 def test_the_powers_of_the_time_step() -> None:
     """dt^4, dt^3, dt^2 of an acceleration that is constant over a step; dt^3, dt^2, dt of a continuous one."""
-    (check,) = noise_powers(examined(PlainEkf)).checks
+    (check,) = noise_powers(under_test(PlainEkf)).checks
     assert check.passed
     assert "grow with dt^4, dt^3, dt^2" in check.result
-    (check,) = noise_powers(examined(Continuous)).checks
+    (check,) = noise_powers(under_test(Continuous)).checks
     assert check.passed
     assert "grow with dt^3, dt^2, dt^1" in check.result
-    (finding,) = noise_powers(examined(OneAxis)).findings
+    (finding,) = noise_powers(under_test(OneAxis)).findings
     assert finding.fault == "q_wrong_power_of_dt"
     assert "of py grows with dt^4" in finding.evidence
     assert "where dt^3 goes" in finding.evidence
@@ -176,7 +160,7 @@ def test_the_powers_of_the_time_step() -> None:
     ],
 )
 def test_a_wrong_power_of_the_time_step_is_named(variant: str, words: str) -> None:
-    (finding,) = noise_powers(examined(mutant(f"q_wrong_power_of_dt/plain_ekf/{variant}"))).findings
+    (finding,) = noise_powers(mutant_under_test(f"q_wrong_power_of_dt/plain_ekf/{variant}")).findings
     assert finding.fault == "q_wrong_power_of_dt"
     assert words in finding.evidence
 
@@ -187,11 +171,11 @@ def test_other_process_noise_is_not_judged() -> None:
             return np.diag([0.1, 0.1, 1.0, 1.0]) * dt
 
     for make in (Diagonal, CORRECT["PlainUkf first_measurement"], CORRECT["alpha_beta"]):
-        assert noise_powers(examined(make)).findings == []
+        assert noise_powers(under_test(make)).findings == []
 
 
 def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_prediction() -> None:
-    tracker = examined(mutant("covariance_asymmetric/plain_ekf/one_entry"))
+    tracker = under_test(mutant("covariance_asymmetric/plain_ekf/one_entry").make)
     asymmetric = [one for one in validity(tracker).findings if one.fault.endswith("covariance_asymmetric")]
     assert [one.fault for one in asymmetric] == ["covariance_asymmetric"]
     assert "where the estimate is returned" in asymmetric[0].evidence
@@ -208,7 +192,7 @@ def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_
     ],
 )
 def test_a_sound_tracker_has_none(part: Part, name: str) -> None:
-    assert part(examined(CORRECT[name])).findings == []
+    assert part(under_test(CORRECT[name])).findings == []
 
 
 class Template:

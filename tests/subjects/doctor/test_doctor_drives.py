@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from benchmarks.doctor.correct import CORRECT, UNBELIEVABLE
+from tests.support.doctor import drives_of, under_test
 
 from trackbench.subjects.doctor.checks.drives import drives
-from trackbench.subjects.doctor.drives import simulate_drives
-from trackbench.subjects.doctor.examine import Doctor, reference
+from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import PartResult
-from trackbench.subjects.doctor.probes import Probes
-from trackbench.subjects.doctor.rollout import Rollout, rollout
+from trackbench.subjects.doctor.rollout import Rollout
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 DRIVE = "tangential_pass"
 #: Standard deviations of the estimates, m and m/s.
 SIGMA = np.array([0.1, 0.1, 0.5, 0.5])
 
 
-@cache
 def drive() -> tuple[Any, Rollout]:
-    found = next(one for one in simulate_drives(SENSORS, 0) if one.name == DRIVE)
-    return found, rollout(reference, found.scans)
+    (only,) = drives_of(DRIVE)
+    return only
 
 
 def judged(error: Any, stated: float = 1.0) -> PartResult:
@@ -42,7 +38,7 @@ def judged(error: Any, stated: float = 1.0) -> PartResult:
             number = 0 if state is None else state
             return number + 1, (mean[:, number], covariance[:, :, number])
 
-    return drives(TrackerUnderTest(Replay, SENSORS, [(one, of_reference)], Probes(), 0, {}))
+    return drives(under_test(Replay, [(one, of_reference)]))
 
 
 def drawn() -> Any:
@@ -95,8 +91,7 @@ def test_before_a_track_has_settled_it_is_not_judged() -> None:
 @pytest.mark.parametrize("name", sorted(UNBELIEVABLE))
 def test_a_tracker_with_an_unbelievable_covariance_is_not_healthy(name: str) -> None:
     doctor = Doctor(SENSORS, seed=5)
-    tracker = TrackerUnderTest(UNBELIEVABLE[name], SENSORS, doctor._drives, Probes(), 5, {})
-    first = drives(tracker).findings[0]
+    first = drives(under_test(UNBELIEVABLE[name], doctor._drives)).findings[0]
     assert first.fault in ("too_far_off", "covariance_unbelievable")
 
 
@@ -104,6 +99,6 @@ def test_a_tracker_with_an_unbelievable_covariance_is_not_healthy(name: str) -> 
 @pytest.mark.parametrize("name", ["alpha_beta", "kf cv calm, first_measurement", "PlainEkf first_measurement"])
 def test_sound_trackers_pass_every_drive(name: str) -> None:
     doctor = Doctor(SENSORS, seed=5)
-    found = drives(TrackerUnderTest(CORRECT[name], SENSORS, doctor._drives, Probes(), 5, {}))
+    found = drives(under_test(CORRECT[name], doctor._drives))
     assert found.findings == []
     assert all(check.passed for check in found.checks)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from benchmarks.doctor.faults import MUTANTS
+from tests.support.doctor import Part, mutant, mutant_under_test
 
 from trackbench.base.types import Estimate
 from trackbench.document.drawing import svg_in_page
@@ -31,11 +30,9 @@ from trackbench.subjects.doctor.exhibits import (
     Ring,
     StatedBelief,
 )
-from trackbench.subjects.doctor.findings import PartResult
-from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.right_answers import points_shown, predicted
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 BEFORE = StatedBelief("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
 TRACKER = StatedBelief("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
@@ -166,11 +163,10 @@ def test_the_entries_of_a_covariance_that_are_named_are_marked() -> None:
     assert set(indefinite_shown(FaultyStep("prediction", radar_scan, before, after)).marked) == {(1, 3), (3, 1)}
 
 
-def exhibit_of(part: Callable[[TrackerUnderTest], PartResult], name: str) -> Any:
+def exhibit_of(part: Part, name: str) -> Any:
     """That of the first finding of an injected fault."""
-    injected = next(one for one in MUTANTS if one.name == name)
-    found = part(TrackerUnderTest(injected.make, SENSORS, [], Probes(), 0, {})).findings[0]
-    assert found.fault == injected.fault
+    found = part(mutant_under_test(name)).findings[0]
+    assert found.fault == mutant(name).fault
     return found.exhibit
 
 

@@ -13,6 +13,7 @@ from benchmarks.doctor import sensor_faults as sensing
 from benchmarks.doctor.cholesky_ukf import CholeskyUkf
 from benchmarks.doctor.pairs import PAIRS
 from benchmarks.doctor.plain_ekf import PlainEkf
+from tests.support.doctor import scans_of, under_test, with_causes
 
 from trackbench.base.types import Scan
 from trackbench.driving.drive import empty_scan
@@ -26,16 +27,9 @@ from trackbench.subjects.doctor.checks.steps import (
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import Finding, rank
-from trackbench.subjects.doctor.probes import AXES, GENERAL, Probe, Probes
+from trackbench.subjects.doctor.probes import AXES, GENERAL
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-
-
-def scans_of(probe: Probe, names: tuple[str, ...] = ("lidar", "radar"), until: float = 0.0) -> list[Scan]:
-    """Without noise, from -1 s on, every 0.05 s."""
-    times = np.arange(-20, round(until / 0.05) + 1) * 0.05
-    return [probe.scan(name, SENSORS[name], float(time)) for time in times for name in names]
 
 
 def failure_of(make: Callable[[], Any], scans: list[Scan]) -> StepFailed:
@@ -131,7 +125,7 @@ class RadarRaises(PlainEkf):
     ],
 )
 def test_an_exception_is_a_finding(make: type, sensor: str | None, words: str) -> None:
-    tracker = TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
+    tracker = under_test(make)
     require_runnable(tracker)
     for probe in GENERAL[:2]:
         for name in SENSORS:
@@ -148,7 +142,7 @@ def test_nothing_can_be_asked_of_one_that_raises_at_once() -> None:
             raise KeyError("rho")
 
     with pytest.raises(CannotRun, match=r"KeyError: 'rho' \(.*at -3 s of ahead_left, at a measurement of lidar: lidar"):
-        require_runnable(TrackerUnderTest(Broken, SENSORS, [], Probes(), 0, {}))
+        require_runnable(under_test(Broken))
 
 
 class OneSided(filtering.OneSidedNoise, PlainEkf):
@@ -236,7 +230,7 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
 )
 def test_a_consequence_is_one_of_the_same_sensor(cause: Finding, effect: Finding) -> None:
     found = rank([effect, cause])
-    assert [(one.fault, one.consequence_of) for one in found] == [(cause.fault, None), (effect.fault, cause.fault)]
+    assert with_causes(found) == [(cause.fault, None), (effect.fault, cause.fault)]
 
 
 @pytest.mark.slow

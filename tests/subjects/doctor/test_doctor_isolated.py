@@ -79,7 +79,7 @@ class OnePeriod(NearestGlobal):
 
 
 def test_a_wrong_time_step_is_named() -> None:
-    _, findings = filter_examined({"radar": SENSORS["radar"]}, looped(OnePeriod))
+    _, findings = filter_examined(LIDAR, looped(OnePeriod))
     assert findings[0].fault == "wrong_dt"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -296,6 +297,7 @@ class SpreadNotReturned(Textbook):
         return mu @ x, np.einsum("j,jab->ab", mu, P)
 
 
+@cache
 def under_test(make: Callable[[], Any]) -> TrackerUnderTest:
     return TrackerUnderTest(make, Doctor(SENSORS).sensors, [], Probes(), 0, {})
 

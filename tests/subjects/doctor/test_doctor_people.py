@@ -7,13 +7,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.doctor.faults import MUTANTS
 from benchmarks.doctor.other_ekfs import AdaptiveEkf
 from benchmarks.doctor.people_faults import TurningEkf
 from benchmarks.doctor.plain import symmetric
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.faults.corpus import Program, bases, faults, sound
+from tests.support.doctor import (
+    Make,
+    Part,
+    drives_of,
+    mutant,
+    mutant_under_test,
+    program_named,
+    tracker_of,
+    under_test,
+    with_causes,
+)
 
 from trackbench.subjects.doctor.checks.covariance_update import stated_covariance
 from trackbench.subjects.doctor.checks.drives import drives, harmless
@@ -29,18 +39,11 @@ from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.start import first_position
 from trackbench.subjects.doctor.checks.transition import transition
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.drives import simulate_drives
-from trackbench.subjects.doctor.examine import reference
 from trackbench.subjects.doctor.expected_gain import implied
-from trackbench.subjects.doctor.findings import Finding, PartResult, rank
+from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.inside.pinned import OF_MODEL, explained
-from trackbench.subjects.doctor.probes import Probes
-from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
-from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
-Part = Callable[[TrackerUnderTest], PartResult]
 FAULTY: list[tuple[Part, str]] = [
     (one_gain, "covariance_update_wrong/plain_ekf/in_place"),
     (gate_width, "gate_too_small/plain_ekf/five_percent"),
@@ -63,21 +66,16 @@ FAULTY: list[tuple[Part, str]] = [
 ]
 
 
-def examined(make: Callable[[], Any], driven: Any = ()) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, driven, Probes(), 0, {})
-
-
 @pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
 def test_a_fault_is_named(part: Part, name: str) -> None:
-    injected = next(one for one in MUTANTS if one.name == name)
-    found = part(examined(injected.make)).findings
+    injected, found = mutant(name), part(mutant_under_test(name)).findings
     assert {one.fault for one in found} == {injected.fault}
     assert injected.sensor is None or {one.sensor for one in found} == {injected.sensor}
 
 
 @pytest.mark.parametrize("make", [PlainEkf, PlainUkf, TurningEkf, AdaptiveEkf])
 def test_a_sound_tracker_has_none(make: Callable[[], Any]) -> None:
-    tracker = examined(make)
+    tracker = under_test(make)
     for part in (gate_width, transition, noise_place, stated_covariance):
         result = part(tracker)
         assert result.findings == []
@@ -85,7 +83,7 @@ def test_a_sound_tracker_has_none(make: Callable[[], Any]) -> None:
 
 
 def test_a_noise_that_adapts_is_no_jacobian() -> None:
-    (check,) = transition(examined(AdaptiveEkf)).checks
+    (check,) = transition(under_test(AdaptiveEkf)).checks
     assert (check.passed, check.result) == (None, "the covariance depends on the innovations")
 
 
@@ -98,7 +96,7 @@ class Fading(PlainEkf):
 
 
 def test_a_memory_that_fades_is_no_jacobian() -> None:
-    assert all(check.passed for check in transition(examined(Fading)).checks)
+    assert all(check.passed for check in transition(under_test(Fading)).checks)
 
 
 def test_an_update_in_place_is_the_cause_of_an_indefinite_covariance() -> None:
@@ -129,7 +127,7 @@ class Converted(PlainEkf):
 
 
 def test_a_noise_that_is_correlated_is_no_jacobian() -> None:
-    tracker = examined(Converted)
+    tracker = under_test(Converted)
     models = [one for trial in tracker.trials["radar"] if trial.nearly_linear and (one := implied(trial))]
     assert max(one.mixed for one in models) > 0.5
     assert max(float(one.direction.max()) for one in models) < 0.05
@@ -137,31 +135,21 @@ def test_a_noise_that_is_correlated_is_no_jacobian() -> None:
 
 
 def test_a_wrong_jacobian_gives_the_gain_with_the_stated_noise() -> None:
-    injected = next(one for one in MUTANTS if one.name == "jacobian_wrong/plain_ekf/rate_term_missing")
-    models = [one for trial in examined(injected.make).trials["radar"] if (one := implied(trial))]
+    tracker = mutant_under_test("jacobian_wrong/plain_ekf/rate_term_missing")
+    models = [one for trial in tracker.trials["radar"] if (one := implied(trial))]
     np.testing.assert_allclose([one.own_noise for one in models], 1.0, atol=0.02)
 
 
 @pytest.fixture(scope="module")
 def driven() -> Any:
-    some = [one for one in simulate_drives(SENSORS, 0) if one.name in ("tangential_pass", "own_model", "stationary")]
-    return [(drive, rollout(reference, drive.scans)) for drive in some]
+    return drives_of("tangential_pass", "own_model", "stationary")
 
 
 @pytest.fixture
-def made(tmp_path: Any, monkeypatch: Any) -> Callable[[Program], Callable[[], Any]]:
+def made(tmp_path: Any, monkeypatch: Any) -> Callable[[Program], Make]:
     """Gives the tracker of a program."""
 
-    def make(program: Program) -> Any:
-        program.write(tmp_path)
-        monkeypatch.syspath_prepend(tmp_path)
-        return __import__(program.module).Tracker
-
-    return make
-
-
-def named(programs: list[Program], module: str) -> Program:
-    return next(one for one in programs if one.module == module)
+    return lambda program: tracker_of(program, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(
@@ -174,26 +162,26 @@ def named(programs: list[Program], module: str) -> Program:
 def test_a_gain_of_another_kind_without_harm_is_a_remark(
     name: str, module: str, sensor: str, fault: str, driven: Any, made: Any
 ) -> None:
-    make = made(named(sound(name), module))
-    result = gain(examined(make, driven))
+    make = made(program_named(sound(name), module))
+    result = gain(under_test(make, driven))
     assert result.findings == []
     assert [check.passed for check in result.checks] == [True, True]
     assert "not a Kalman gain" in next(check.result for check in result.checks if check.name == f"gain.{sensor}")
     # Without drives nothing shows that it does no harm.
-    assert [one.fault for one in gain(examined(make)).findings] == [fault]
+    assert [one.fault for one in gain(under_test(make)).findings] == [fault]
 
 
 def test_a_gain_that_is_wrong_after_other_sensors_alone_is_no_jacobian(driven: Any, made: Any) -> None:
-    make = made(named(sound("practice3"), "correlated_tracks"))
-    assert gain(examined(make, driven)).findings == []
+    make = made(program_named(sound("practice3"), "correlated_tracks"))
+    assert gain(under_test(make, driven)).findings == []
 
 
 def test_a_range_rate_along_the_measured_ray_has_the_noise_of_the_ray(made: Any) -> None:
-    assert gain(examined(made(named(bases("practice4"), "dict_kf")))).findings == []
+    assert gain(under_test(made(program_named(bases("practice4"), "dict_kf")))).findings == []
 
 
 def test_declared_random_numbers_are_in_the_covariance(made: Any) -> None:
-    (check,) = transition(examined(made(named(sound("practice3"), "transform_ensemble")))).checks
+    (check,) = transition(under_test(made(program_named(sound("practice3"), "transform_ensemble")))).checks
     assert (check.passed, check.result) == (
         None,
         OTHER_ANSWERS,
@@ -216,7 +204,7 @@ def test_declared_random_numbers_are_in_the_covariance(made: Any) -> None:
     ],
 )
 def test_a_fault_of_a_program_is_named(part: Part, name: str, module: str, fault: str, made: Any) -> None:
-    found = part(examined(made(named(faults(name), module)))).findings
+    found = part(under_test(made(program_named(faults(name), module)))).findings
     assert {one.fault for one in found} == {fault}
 
 
@@ -231,12 +219,12 @@ def test_a_fault_of_a_program_is_named(part: Part, name: str, module: str, fault
     ],
 )
 def test_a_base_has_none_of_them(part: Part, base: str, made: Any) -> None:
-    assert part(examined(made(named(bases("aside"), base)))).findings == []
+    assert part(under_test(made(program_named(bases("aside"), base)))).findings == []
 
 
 def test_a_covariance_returned_in_another_order_is_named_by_the_nees_of_a_part(driven: Any, made: Any) -> None:
-    make = made(named(faults("aside"), "root_multiplied_in_wrong_order"))
-    assert {one.fault for one in stated_covariance(examined(make, driven)).findings} == {"wrong_covariance_returned"}
+    make = made(program_named(faults("aside"), "root_multiplied_in_wrong_order"))
+    assert {one.fault for one in stated_covariance(under_test(make, driven)).findings} == {"wrong_covariance_returned"}
 
 
 def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -> None:
@@ -246,25 +234,25 @@ def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -
             Finding("sigma_points_not_redrawn", 0.9, "", sensor="lidar"),
         ]
     )
-    assert [(one.fault, one.consequence_of) for one in found] == [
+    assert with_causes(found) == [
         ("sigma_points_not_redrawn", None),
         ("gain_inconsistent", "sigma_points_not_redrawn"),
     ]
 
 
 def test_samples_that_nobody_declared_are_seen_in_the_covariance(made: Any) -> None:
-    tracker = examined(made(named(sound("aside"), "ensemble")))
+    tracker = under_test(made(program_named(sound("aside"), "ensemble")))
     assert has_samples(tracker)
     assert one_gain(tracker).findings == []
-    assert not has_samples(examined(PlainEkf))
+    assert not has_samples(under_test(PlainEkf))
 
 
 def test_a_noise_somewhat_larger_than_stated_is_a_remark(driven: Any, made: Any) -> None:
-    make = made(named(bases("aside"), "arduino_style"))
-    result = gain(examined(make, driven))
+    make = made(program_named(bases("aside"), "arduino_style"))
+    result = gain(under_test(make, driven))
     assert result.findings == []
     assert "no harm" in next(check.result for check in result.checks if check.name == "gain.radar")
-    assert [one.fault for one in gain(examined(make)).findings] == ["r_too_large"]
+    assert [one.fault for one in gain(under_test(make)).findings] == ["r_too_large"]
 
 
 class DividedByX(PlainEkf):
@@ -276,7 +264,7 @@ class DividedByX(PlainEkf):
 
 
 def test_a_range_rate_that_is_wrong_in_no_known_way_is_told() -> None:
-    (found,) = [one for one in expectation(examined(DividedByX)).findings if one.sensor == "radar"]
+    (found,) = [one for one in expectation(under_test(DividedByX)).findings if one.sensor == "radar"]
     assert found.fault == "speed_for_range_rate"
     assert "the range rate alone is predicted wrongly" in found.evidence
 
@@ -293,7 +281,7 @@ class NoiseAlongX(PlainEkf):
 
 
 def test_a_velocity_without_noise_along_an_axis_is_named() -> None:
-    (found,) = process_noise(examined(NoiseAlongX)).findings
+    (found,) = process_noise(under_test(NoiseAlongX)).findings
     assert found.fault == "process_noise_omitted"
     assert found.evidence.endswith("velocity along (0, 1) does not grow")
 
@@ -305,21 +293,18 @@ def test_what_is_found_of_a_model_alone_is_a_consequence_of_a_wrong_mixture() ->
 
 
 def test_positions_without_noise_say_nothing_of_sigma_points(made: Any) -> None:
-    (check,) = no_time(examined(made(named(faults("practice4"), "covariances_left_at_zero")))).checks
+    (check,) = no_time(under_test(made(program_named(faults("practice4"), "covariances_left_at_zero")))).checks
     assert check.passed is None
 
 
 def test_a_gate_that_ends_a_track_in_a_turn_in_a_gap_is_fragile(made: Any) -> None:
-    there = [one for one in simulate_drives(SENSORS, 0) if one.name in ("gap_in_a_turn", "own_model")]
-    result = drives(
-        examined(made(named(bases("practice4"), "tiny_ekf")), [(one, rollout(reference, one.scans)) for one in there])
-    )
+    make = made(program_named(bases("practice4"), "tiny_ekf"))
+    result = drives(under_test(make, drives_of("gap_in_a_turn", "own_model")))
     assert {check.name: check.passed for check in result.checks} == {"gap_in_a_turn": None, "own_model": True}
     assert {one.fragile for one in result.findings} == {"a turn in a gap"}
 
 
 def test_harm_is_an_error_or_a_covariance_that_is_off(driven: Any) -> None:
-    assert harmless(examined(PlainEkf, driven)) is not None
+    assert harmless(under_test(PlainEkf, driven)) is not None
     for name in ("gate_too_small/plain_ekf/five_percent", "wrong_covariance_returned/plain_ekf/root"):
-        injected = next(one for one in MUTANTS if one.name == name)
-        assert harmless(examined(injected.make, driven)) is None
+        assert harmless(under_test(mutant(name).make, driven)) is None

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 from benchmarks.doctor.correct import CORRECT, OTHERS
-from benchmarks.doctor.faults import MUTANTS
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.doctor.sampling_filters import EnsembleFilter, ParticleFilter
+from tests.support.doctor import correct_under_test, mutant_under_test, under_test
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.checks.gain import gain
@@ -21,20 +21,12 @@ from trackbench.subjects.doctor.checks.validity import repeatability
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
 from trackbench.subjects.doctor.findings import rank
-from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, learned_offsets, linearises
+from trackbench.subjects.doctor.tracker_under_test import learned_offsets, linearises
 from trackbench.subjects.doctor.trial import Trial
-
-
-def _under_test(make, sensors=SENSORS) -> TrackerUnderTest:
-    return TrackerUnderTest(make, sensors, [], Probes(), 0, {})
-
-
-def _mutant(name: str):
-    return next(mutant for mutant in MUTANTS if mutant.name == name).make
 
 
 @pytest.mark.parametrize(
@@ -50,19 +42,19 @@ def _mutant(name: str):
 )
 def test_a_prediction_over_no_time_shows_the_sums_of_the_weights(name: str, factor: float) -> None:
     """The sum of the mean's weights, and the ratio of n + lambda of the points to that of the weights."""
-    (finding,) = no_time(_under_test(_mutant(name))).findings
+    (finding,) = no_time(mutant_under_test(name)).findings
     assert finding.fault == name.split("/")[0]
     assert finding.factor == pytest.approx(factor, rel=0.02)
 
 
 @pytest.mark.parametrize("subject", ["plain_ukf", "filterpy_ukf"])
 def test_rows_of_the_factor_change_the_shape_of_the_covariance(subject: str) -> None:
-    (finding,) = no_time(_under_test(_mutant(f"sigma_points_misdrawn/{subject}/rows_for_columns"))).findings
+    (finding,) = no_time(mutant_under_test(f"sigma_points_misdrawn/{subject}/rows_for_columns")).findings
     assert finding.fault == "sigma_points_misdrawn"
 
 
 def test_noise_left_out_of_the_first_update_is_found() -> None:
-    (finding,) = no_time(_under_test(_mutant("measurement_noise_omitted/plain_ukf/update"))).findings
+    (finding,) = no_time(mutant_under_test("measurement_noise_omitted/plain_ukf/update")).findings
     assert finding.fault == "measurement_noise_omitted"
 
 
@@ -70,7 +62,7 @@ def test_noise_left_out_of_the_first_update_is_found() -> None:
     "name", ["PlainEkf first_measurement", "PlainUkf first_measurement", "ensemble", "range bias", "imm"]
 )
 def test_nothing_happens_over_no_time_to_a_sound_tracker(name: str) -> None:
-    result = no_time(_under_test(CORRECT[name]))
+    result = no_time(correct_under_test(name))
     assert result.findings == []
     assert result.checks[0].passed
 
@@ -78,7 +70,7 @@ def test_nothing_happens_over_no_time_to_a_sound_tracker(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CORRECT if name not in ("raw", "alpha_beta")])
 def test_nothing_happens_over_no_time_to_any_sound_tracker(name: str) -> None:
-    assert no_time(_under_test(CORRECT[name])).findings == []
+    assert no_time(correct_under_test(name)).findings == []
 
 
 @pytest.mark.slow
@@ -91,25 +83,25 @@ def test_nothing_happens_over_no_time_to_any_sound_tracker(name: str) -> None:
     ],
 )
 def test_a_wrong_gain_of_sigma_points_is_no_wrong_jacobian(name: str, fault: str) -> None:
-    found = rank(gain(_under_test(_mutant(name))).findings)
+    found = rank(gain(mutant_under_test(name)).findings)
     assert found[0].fault == fault
     assert "jacobian_wrong" not in {one.fault for one in found}
 
 
 @pytest.mark.parametrize("name", ["angle_mean_not_circular/plain_ukf/mean", "azimuth_not_wrapped/plain_ukf/residual"])
 def test_a_plain_mean_of_azimuths_is_told_from_a_plain_innovation(name: str) -> None:
-    found = rank(wrapping(_under_test(_mutant(name))).findings)
+    found = rank(wrapping(mutant_under_test(name)).findings)
     assert found[0].fault == name.split("/")[0]
 
 
 def test_process_noise_that_is_left_out_is_not_just_small() -> None:
-    (finding,) = process_noise(_under_test(_mutant("process_noise_omitted/plain_ukf/prediction"))).findings
+    (finding,) = process_noise(mutant_under_test("process_noise_omitted/plain_ukf/prediction")).findings
     assert finding.fault == "process_noise_omitted"
 
 
 @pytest.mark.parametrize(("make", "expected"), [(PlainEkf, True), (PlainUkf, False), (OTHERS["imm"], True)])
 def test_an_ekf_predicts_the_measurement_of_its_mean(make, expected: bool) -> None:
-    assert _under_test(make).once(linearises) is expected
+    assert under_test(make).once(linearises) is expected
 
 
 def _trial(mean, covariance, kind: str = "radar") -> Trial:
@@ -135,34 +127,34 @@ def test_the_moments_of_the_range_across_the_line_of_sight() -> None:
 
 @pytest.mark.parametrize(("name", "learned"), [("range bias", ["range"]), ("information filter", [])])
 def test_a_constant_error_that_a_tracker_estimates_is_known(name: str, learned: list[str]) -> None:
-    assert learned_offsets(_under_test(CORRECT[name]), "radar") == learned
+    assert learned_offsets(correct_under_test(name), "radar") == learned
 
 
 def test_a_filter_that_says_that_it_draws_may_draw() -> None:
     few = type("Few", (EnsembleFilter,), {"count": 200})
     silent = type("Silent", (few,), {"random": False})
-    assert repeatability(_under_test(few)).findings == []
-    (finding,) = repeatability(_under_test(silent)).findings
+    assert repeatability(under_test(few)).findings == []
+    (finding,) = repeatability(under_test(silent)).findings
     assert finding.fault == "not_deterministic"
 
 
 def test_sampling_noise_is_seen_of_a_seeded_filter() -> None:
     """The mean of N samples has the standard error N^-1/2; a Kalman filter has none."""
     few = type("Few", (ParticleFilter,), {"count": 500})
-    noise = _under_test(partial(few, seed=1), {"lidar": SENSORS["lidar"]}).once(sampling_noise)
+    noise = under_test(partial(few, seed=1), sensors={"lidar": SENSORS["lidar"]}).once(sampling_noise)
     assert 0.3 / np.sqrt(500) < noise < 10 / np.sqrt(500)
-    assert _under_test(PlainEkf).once(sampling_noise) == 0.0
+    assert under_test(PlainEkf).once(sampling_noise) == 0.0
 
 
 def test_a_velocity_in_kilometres_per_hour_is_said_as_such() -> None:
-    (finding,) = prediction(_under_test(_mutant("velocity_unit/plain_ekf/kmh"))).findings
+    (finding,) = prediction(mutant_under_test("velocity_unit/plain_ekf/kmh")).findings
     assert finding.fault == "velocity_unit"
     assert finding.factor == pytest.approx(3.6, rel=1e-3)
     assert "km/h for m/s" in finding.evidence
 
 
 def test_a_time_step_in_milliseconds_is_said_as_such() -> None:
-    (finding,) = prediction(_under_test(_mutant("wrong_dt/plain_ekf/milliseconds"))).findings
+    (finding,) = prediction(mutant_under_test("wrong_dt/plain_ekf/milliseconds")).findings
     assert finding.fault == "wrong_dt"
     assert "milliseconds and seconds are confused" in finding.evidence
 
@@ -175,6 +167,6 @@ def test_a_time_step_in_milliseconds_is_said_as_such() -> None:
     ],
 )
 def test_degrees_in_the_noise_and_in_a_row_are_said_as_such(name: str, fault: str) -> None:
-    first = gain(_under_test(_mutant(name))).findings[0]
+    first = gain(mutant_under_test(name)).findings[0]
     assert first.fault == fault
     assert "180/pi" in first.evidence

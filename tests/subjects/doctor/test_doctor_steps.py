@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, partial
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
-from benchmarks.doctor.faults import CORRECT, MUTANTS
+from benchmarks.doctor.faults import CORRECT
+from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_under_test, under_test, with_causes
 
 from trackbench.subjects.doctor.checks.continuity import continuity
 from trackbench.subjects.doctor.checks.covariance_update import covariance_update
@@ -21,13 +20,10 @@ from trackbench.subjects.doctor.checks.process_noise import process_noise
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.velocity import velocity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.findings import Finding, PartResult, rank
-from trackbench.subjects.doctor.probes import Probes
+from trackbench.subjects.doctor.findings import Finding, rank
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.builtin import ekf
 
-Part = Callable[[TrackerUnderTest], PartResult]
 PARTS: dict[Part, list[str]] = {
     continuity: ["update_not_kept/covariance", "update_not_kept/mean"],
     covariance_update: ["covariance_not_reduced/update", "covariance_not_reduced/radar", "process_noise_twice/update"],
@@ -43,24 +39,14 @@ PARTS: dict[Part, list[str]] = {
 FAULTY = [(part, name) for part, names in PARTS.items() for name in names]
 
 
-def examined(make: Callable[[], Any]) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
-
-
-def mutant(name: str, subject: str = "plain_ekf"):
-    fault, variant = name.split("/")
-    return next(one for one in MUTANTS if one.name == f"{fault}/{subject}/{variant}")
-
-
-@cache
-def sound(name: str) -> TrackerUnderTest:
-    return examined(CORRECT[name])
+def of_ekf(name: str) -> str:
+    """The name of an injected fault of the plain EKF."""
+    return name.replace("/", "/plain_ekf/")
 
 
 @pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
 def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
-    injected = mutant(name)
-    found = part(examined(injected.make)).findings
+    injected, found = mutant(of_ekf(name)), part(mutant_under_test(of_ekf(name))).findings
     assert {one.fault for one in found} == {injected.fault}
     if injected.fault in ("covariance_not_reduced", "scale_error"):
         assert {one.sensor for one in found} <= {injected.sensor} if injected.sensor else set(SENSORS)
@@ -68,7 +54,7 @@ def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
 def test_a_sound_tracker_has_none(part: Part) -> None:
-    found = part(sound("PlainEkf first_measurement"))
+    found = part(correct_under_test("PlainEkf first_measurement"))
     assert found.findings == []
     assert all(check.passed for check in found.checks)
 
@@ -77,7 +63,7 @@ IMM = {
     "imm": [{"model": "cv", "acceleration_sigma_mps2": 0.5}, {"model": "ca", "jerk_sigma_mps3": 19.0}],
     "stay_s": [13.0, 10.0],
 }
-OTHERS: dict[str, Callable[[], Any]] = {
+OTHERS: dict[str, Make] = {
     **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_measurement")},
     **{name: CORRECT[name] for name in ("ekf ctra usual, two_measurements", "iekf ctrv usual, first_measurement")},
     **{name: CORRECT[name] for name in ("ukf ctrv classic, two_measurements", "ckf ctrv calm, first_measurement")},
@@ -89,7 +75,7 @@ OTHERS: dict[str, Callable[[], Any]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_motion_models_and_filters_have_none(name: str) -> None:
-    tracker = examined(OTHERS[name])
+    tracker = under_test(OTHERS[name])
     found = [one for part in (*PARTS, wrapping) for one in part(tracker).findings]
     assert found == []
 
@@ -97,34 +83,34 @@ def test_other_motion_models_and_filters_have_none(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ["spread", "mean"])
 def test_a_course_that_is_not_wrapped_is_named(variant: str) -> None:
-    injected = mutant(f"course_not_wrapped/{variant}", "plain_ukf")
-    assert {one.fault for one in wrapping(examined(injected.make)).findings} == {"course_not_wrapped"}
+    found = wrapping(mutant_under_test(f"course_not_wrapped/plain_ukf/{variant}")).findings
+    assert {one.fault for one in found} == {"course_not_wrapped"}
 
 
 @pytest.mark.parametrize("variant", ["rate_velocity_swapped", "azimuth_in_degrees"])
 def test_a_wrong_jacobian_is_no_angle_that_is_not_wrapped(variant: str) -> None:
     """With the velocities' entries swapped the track of the target with the course pi diverges."""
-    assert wrapping(examined(mutant(f"jacobian_wrong/{variant}").make)).findings == []
+    assert wrapping(mutant_under_test(f"jacobian_wrong/plain_ekf/{variant}")).findings == []
 
 
 def test_process_noise_that_is_added_twice_in_a_turning_model_is_named() -> None:
-    (radar, lidar) = covariance_update(examined(mutant("process_noise_twice/update", "plain_ukf").make)).findings
+    (radar, lidar) = covariance_update(mutant_under_test("process_noise_twice/plain_ukf/update")).findings
     assert {radar.fault, lidar.fault} == {"process_noise_twice"}
     assert radar.factor == pytest.approx(2.0, abs=0.01)
     assert lidar.factor == pytest.approx(2.0, abs=0.01)
 
 
 def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
-    (finding,) = expectation(examined(mutant("scale_error/range_1.02").make)).findings
+    (finding,) = expectation(mutant_under_test(of_ekf("scale_error/range_1.02"))).findings
     assert finding.factor == pytest.approx(1.02, abs=1e-3)
     assert "range times 1.02" in finding.evidence
 
 
 def test_a_delay_is_told_in_milliseconds() -> None:
     """Of 50 ms: asked by the clock that is off, the target is 50 ms further."""
-    (finding,) = instants(examined(mutant("time_offset/radar_0.05").make)).findings
+    (finding,) = instants(mutant_under_test(of_ekf("time_offset/radar_0.05"))).findings
     assert "+50 ms" in finding.evidence
-    (finding,) = expectation(examined(mutant("time_offset/predicted_later").make)).findings
+    (finding,) = expectation(mutant_under_test(of_ekf("time_offset/predicted_later"))).findings
     assert "50 ms after" in finding.evidence
 
 
@@ -139,7 +125,7 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
             kept, answer = inner.step(None if state is None else state[1], scan)
             return (inner, kept), (answer[0], np.diag([0.04, 0.04, 1.0, 1.0]))
 
-    tracker = examined(Fixed)
+    tracker = under_test(Fixed)
     assert covariance_update(tracker).findings == []
     assert integers(tracker).findings == []
 
@@ -147,12 +133,12 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
 def test_a_named_fault_explains_what_the_drives_show() -> None:
     seen = [Finding("too_far_off", 0.85, ""), Finding("covariance_unbelievable", 0.85, "")]
     named = rank([*seen, Finding("velocity_not_kept", 0.95, "")])
-    assert [(one.fault, one.consequence_of) for one in named] == [
+    assert with_causes(named) == [
         ("velocity_not_kept", None),
         ("too_far_off", "velocity_not_kept"),
         ("covariance_unbelievable", "velocity_not_kept"),
     ]
-    assert [(one.fault, one.consequence_of) for one in rank(seen)] == [
+    assert with_causes(rank(seen)) == [
         ("too_far_off", None),
         ("covariance_unbelievable", "too_far_off"),
     ]

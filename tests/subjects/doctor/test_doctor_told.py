@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.doctor.plain_ekf import PlainEkf
+from tests.support.doctor import drives_of, under_test
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor import examine
-from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.checks.steps import _least, failure_findings, steps
 from trackbench.subjects.doctor.drives import simulate_drives
 from trackbench.subjects.doctor.evidence import DEFAULT_DRIVE, evidence_run, shown_drives
@@ -19,16 +19,14 @@ from trackbench.subjects.doctor.examine import (
     Doctor,
     StepCount,
     evidence_steps,
-    reference,
     steps_of,
 )
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, check_named, faults_of
-from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.report import Examination, text
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.session import Examined, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
 
 class SilentAtMisses(PlainEkf):
@@ -50,10 +48,6 @@ class Growing:
     def step(self, state: Any, scan: Any) -> Any:
         number = 0 if state is None else state + 1
         return number, (np.zeros(4), 100.0**number * np.eye(4))
-
-
-def under_test(make: Any, **stated: Any) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {}, Assumptions(**stated))
 
 
 def test_every_step_counts_and_copies_count_too() -> None:
@@ -78,11 +72,11 @@ def test_the_number_of_steps_is_corrected_and_never_below_what_is_done(monkeypat
 
 
 def test_the_steps_of_drives_and_of_their_evidence() -> None:
-    drive = next(one for one in simulate_drives(SENSORS, 0) if one.name == DEFAULT_DRIVE)
+    ((drive, of_reference),) = drives_of(DEFAULT_DRIVE)
     assert steps_of([drive], batched=True) == len(drive.scans)
     done: list[None] = []
     counted = Examined(PlainEkf, on_step=lambda: done.append(None))
-    evidence_run(counted, drive, rollout(reference, drive.scans), [])
+    evidence_run(counted, drive, of_reference, [])
     assert evidence_steps([drive]) == pytest.approx(len(done), rel=0.02)
     done.clear()
     rollout(counted, drive.scans)

@@ -13,6 +13,7 @@ from benchmarks.doctor.traffic.nearest_global import NearestGlobal
 from benchmarks.doctor.traffic.sound import SOUND
 from benchmarks.doctor.traffic.subject import Make, looped
 from click.testing import CliRunner
+from tests.support.doctor import examine_filters_once
 
 from trackbench.base.errors import InputError
 from trackbench.cli.commands import cli
@@ -36,6 +37,12 @@ def test_a_sound_tracker_has_no_fault(sensor: str, name: str) -> None:
     assert first_fault(sensor, SOUND[name]) == ""
 
 
+@pytest.fixture
+def filters_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of these have the filter of `NearestGlobal`."""
+    examine_filters_once(monkeypatch)
+
+
 class ByColumn(NearestGlobal):
     """Gives each track the detection in its own column."""
 
@@ -49,6 +56,7 @@ class ByColumnInGate(ByColumn):
         return {k: k for k in super().associated(distances, scan) if inside[k, k]}
 
 
+@pytest.mark.usefixtures("filters_once")
 @pytest.mark.parametrize("kind", [ByColumn, ByColumnInGate])
 def test_a_column_taken_for_an_object_depends_on_the_order(kind: type[NearestGlobal]) -> None:
     findings = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(kind)).findings
@@ -65,6 +73,7 @@ def test_a_tracker_without_a_track_is_said_to_have_none() -> None:
     assert (finding.fault, finding.evidence) == ("confirms_too_late", "There is no track at all of it in 3 s.")
 
 
+@pytest.mark.usefixtures("filters_once")
 def test_an_identity_taken_modulo_is_reused() -> None:
     class Modulo(NearestGlobal):
         def next_id(self):
@@ -75,6 +84,7 @@ def test_an_identity_taken_modulo_is_reused() -> None:
     assert first_fault("lidar", looped(Modulo)) == "ids_reused"
 
 
+@pytest.mark.usefixtures("filters_once")
 def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
     class LidarAlone(NearestGlobal):
         def step(self, state, scan):
@@ -85,6 +95,7 @@ def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
     assert [check.name for check in found.checks if check.passed is None] == ["confirmation.radar"]
 
 
+@pytest.mark.usefixtures("filters_once")
 def test_a_fault_of_one_sensor_names_it() -> None:
     class RadarAnywhere(NearestGlobal):
         def inside(self, d2, scan):

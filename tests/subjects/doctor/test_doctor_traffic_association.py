@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import pytest
 from benchmarks.doctor.traffic.nearest_faults import (
     AssignedIsSeen,
@@ -39,6 +42,12 @@ def names(result: PartResult) -> list[str]:
     return [finding.fault for finding in result.findings]
 
 
+@cache
+def sound_outcomes(check: Callable[[Make, Site], PartResult], sensor: str) -> set[bool | None]:
+    """Whether the checks of a tracker without a fault pass."""
+    return {one.passed for one in check(looped(NearestGlobal), SITES[sensor]).checks}
+
+
 @pytest.mark.parametrize("site", SITES.values(), ids=SITES)
 @pytest.mark.parametrize(
     ("check", "tracker", "fault"),
@@ -55,8 +64,7 @@ def names(result: PartResult) -> list[str]:
 )
 def test_a_fault_fails_its_check(check, tracker: type[NearestGlobal], fault: str, site: Site) -> None:
     assert names(check(looped(tracker), site)) == [fault]
-    sound = check(looped(NearestGlobal), site)
-    assert {one.passed for one in sound.checks} == {True}
+    assert sound_outcomes(check, site.name) == {True}
 
 
 class OwnColumn(NearestGlobal):

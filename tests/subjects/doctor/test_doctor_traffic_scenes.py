@@ -12,6 +12,7 @@ from benchmarks.doctor.traffic.nearest_faults import DetectionsInOrder, MatchedF
 from benchmarks.doctor.traffic.nearest_global import NearestGlobal
 from benchmarks.doctor.traffic.sound import SOUND
 from benchmarks.doctor.traffic.subject import Make, looped
+from tests.support.doctor import examine_filters_once
 
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.checks.steps import CannotRun
@@ -218,7 +219,9 @@ def test_the_car_that_cuts_in_moves_as_its_velocity_says() -> None:
     assert len(traffic_scans(SITES["radar"])) == 80
 
 
-def test_a_failure_in_a_scene_is_a_finding_with_its_line() -> None:
+def test_a_failure_in_a_scene_is_a_finding_with_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    examine_filters_once(monkeypatch)
+
     class NoneLeft(NearestGlobal):
         """Fails where two tracks are there and no detection."""
 

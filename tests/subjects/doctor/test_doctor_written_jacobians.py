@@ -12,6 +12,7 @@ import pytest
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
 from benchmarks.faults.corpus import Program, bases, faults, sound
+from tests.support.doctor import Make, program_named, tracker_of, under_test, with_causes
 
 import trackbench as tb
 from trackbench.driving.drive import empty_scan
@@ -19,32 +20,17 @@ from trackbench.subjects.doctor.certainty import certainty
 from trackbench.subjects.doctor.checks.written_jacobians import written_jacobians
 from trackbench.subjects.doctor.findings import PROVEN, CheckResult, Finding, rank
 from trackbench.subjects.doctor.inside.own_filter import own_filter, put
-from trackbench.subjects.doctor.probes import Probes
 from trackbench.subjects.doctor.report import Examination
-from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-
-Make = Callable[[Program], Any]
-
-
-def examined(make: Any) -> TrackerUnderTest:
-    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
 
 
 @pytest.fixture
-def made(tmp_path: Path, monkeypatch: Any) -> Make:
+def made(tmp_path: Path, monkeypatch: Any) -> Callable[[Program], Make]:
     """Gives the tracker of a program."""
-
-    def make(program: Program) -> Any:
-        program.write(tmp_path)
-        monkeypatch.syspath_prepend(tmp_path)
-        return __import__(program.module).Tracker
-
-    return make
+    return lambda program: tracker_of(program, tmp_path, monkeypatch)
 
 
 def test_the_derivative_of_a_prediction_is_that_of_its_motion() -> None:
-    tracker = examined(PlainEkf)
+    tracker = under_test(PlainEkf)
     session = tracker.session_of_most(tracker.probes.general[0])
     assert session is not None
     own = own_filter(session)
@@ -59,7 +45,7 @@ def test_the_derivative_of_a_prediction_is_that_of_its_motion() -> None:
 
 @pytest.mark.parametrize("make", [PlainEkf, PlainUkf])
 def test_mean_and_covariance_are_found(make: Any) -> None:
-    tracker = examined(make)
+    tracker = under_test(make)
     session = tracker.session_of_most(tracker.probes.general[0])
     assert session is not None
     own = own_filter(session)
@@ -81,47 +67,47 @@ def test_a_value_is_put_where_it_is_held() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "fault"),
+    ("name", "module"),
     [
-        ("aside2", "sign_of_one_derivative_by_the_turn_rate", "jacobian_wrong"),
-        ("aside2", "sine_and_cosine_exchanged", "jacobian_wrong"),
-        ("practice5", "speed_missing_in_the_jacobian", "jacobian_wrong"),
-        ("seen", "jacobian_sign_of_turn_rate", "jacobian_wrong"),
+        ("aside2", "sign_of_one_derivative_by_the_turn_rate"),
+        ("aside2", "sine_and_cosine_exchanged"),
+        ("practice5", "speed_missing_in_the_jacobian"),
+        ("seen", "jacobian_sign_of_turn_rate"),
     ],
 )
-def test_the_line_of_a_wrong_entry_is_named(name: str, module: str, fault: str, made: Make) -> None:
-    program = next(one for one in faults(name) if one.module == module)
-    (finding,) = written_jacobians(examined(made(program))).findings
-    assert (finding.fault, finding.confidence) == (fault, PROVEN)
+def test_the_line_of_a_wrong_entry_is_named(name: str, module: str, made: Callable[[Program], Make]) -> None:
+    program = program_named(faults(name), module)
+    (finding,) = written_jacobians(under_test(made(program))).findings
+    assert (finding.fault, finding.confidence) == ("jacobian_wrong", PROVEN)
     (line,) = re.findall(rf"{module}\.py:(\d+)", finding.evidence)
     assert int(line) in program.lines
 
 
-def test_a_transposed_transition_is_named(made: Make) -> None:
-    program = next(one for one in faults("aside2") if one.module == "transposed_on_the_left")
-    (finding,) = written_jacobians(examined(made(program))).findings
+def test_a_transposed_transition_is_named(made: Callable[[Program], Make]) -> None:
+    program = program_named(faults("aside2"), "transposed_on_the_left")
+    (finding,) = written_jacobians(under_test(made(program))).findings
     assert finding.fault == "predicted_covariance_wrong"
     assert "F^T P F" in finding.evidence
 
 
 @pytest.mark.parametrize("name", ["aside", "practice4", "practice5", "aside2"])
-def test_no_base_has_a_wrong_jacobian(name: str, made: Make) -> None:
+def test_no_base_has_a_wrong_jacobian(name: str, made: Callable[[Program], Make]) -> None:
     for program in bases(name):
         if program.identities == "known":
-            assert written_jacobians(examined(made(program))).findings == []
+            assert written_jacobians(under_test(made(program))).findings == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["practice3", "practice5", "aside4"])
-def test_no_sound_program_has_a_wrong_jacobian(name: str, made: Make) -> None:
+def test_no_sound_program_has_a_wrong_jacobian(name: str, made: Callable[[Program], Make]) -> None:
     for program in sound(name):
         if program.identities == "known":
-            assert written_jacobians(examined(made(program))).findings == []
+            assert written_jacobians(under_test(made(program))).findings == []
 
 
 def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
     found = rank([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
-    assert [(one.fault, one.consequence_of) for one in found] == [
+    assert with_causes(found) == [
         ("jacobian_wrong", None),
         ("course_not_wrapped", "jacobian_wrong"),
     ]
@@ -131,7 +117,7 @@ def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
 
 @pytest.mark.slow
 def test_a_tracker_in_a_process_of_its_own_is_looked_into(tmp_path: Path, monkeypatch: Any) -> None:
-    program = next(one for one in faults("seen") if one.module == "jacobian_sign_of_turn_rate")
+    program = program_named(faults("seen"), "jacobian_sign_of_turn_rate")
     program.write(tmp_path)
     monkeypatch.chdir(tmp_path)
     steps: list[float] = []

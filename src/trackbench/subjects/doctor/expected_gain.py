@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Mask
-from trackbench.base.units import wrap_angle
-from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.trial import Trial
-
-#: Roots and weights of the three-point Gauss-Hermite rule for a standard normal variable.
-ROOTS, WEIGHTS = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)
 
 
 def linearised_gain(trial: Trial, used: Mask | None = None, covariance: Array | None = None) -> Array:
@@ -26,20 +20,9 @@ def linearised_gain(trial: Trial, used: Mask | None = None, covariance: Array | 
 
 
 def gaussian_gain(trial: Trial, used: Mask | None = None) -> Array:
-    """``(4, m)`` with the moments of the Gaussian prediction, by the Gauss-Hermite rule of 81 points: what the sums
-    over sigma points approximate (Arasaratnam, Haykin and Elliott 2007)."""
-    p = linalg.symmetrise(trial.prediction.covariance)
-    values, vectors = np.linalg.eigh(p)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    points = root @ np.array(list(product(ROOTS, repeat=4))).T
-    weights = np.prod(list(product(WEIGHTS, repeat=4)), axis=1)
-    model, scan = SENSOR_MODELS[trial.scan.kind], trial.scan
-    seen = [model.measure(trial.prediction.mean + x, scan.sensor_pose, scan.sensor_velocity) for x in points.T]
-    apart = np.array(seen).T - trial.predicted_measurement[:, None]
-    for i in model.angular:
-        apart[i] = wrap_angle(apart[i])
-    apart = apart - (apart @ weights)[:, None]
-    return _gain(points * weights @ apart.T, apart * weights @ apart.T + scan.noise_covariance, used)
+    """``(4, m)`` with the moments of the Gaussian prediction."""
+    cross, covariance = trial.gaussian_moments
+    return _gain(cross, covariance + trial.scan.noise_covariance, used)
 
 
 def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[float, Array]:

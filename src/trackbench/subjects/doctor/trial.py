@@ -5,11 +5,13 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.base.units import difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, finite
 
@@ -24,6 +26,8 @@ CURVED = 0.3
 ZERO = 0.75
 #: A gain below this, relative to the largest, counts as zero.
 NO_GAIN = 1e-6
+#: Roots and weights of the three-point Gauss-Hermite rule for a standard normal variable.
+ROOTS, WEIGHTS = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +123,21 @@ class Trial:
             for side in (1, -1)
         )
         return np.asarray((np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * np.diag(steps)))
+
+    @cached_property
+    def gaussian_moments(self) -> tuple[Array, Array]:
+        """``(4, m)`` covariance of the Gaussian prediction with its measurement, and ``(m, m)`` that of the measurement
+        without noise, by the Gauss-Hermite rule of 81 points: what the sums over sigma points approximate (Arasaratnam,
+        Haykin and Elliott 2007)."""
+        values, vectors = np.linalg.eigh(linalg.symmetrise(self.prediction.covariance))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        points = root @ np.array(list(product(ROOTS, repeat=4))).T
+        weights = np.prod(list(product(WEIGHTS, repeat=4)), axis=1)
+        model, scan = SENSOR_MODELS[self.scan.kind], self.scan
+        seen = [model.measure(self.prediction.mean + x, scan.sensor_pose, scan.sensor_velocity) for x in points.T]
+        apart = difference(np.array(seen).T, self.predicted_measurement[:, None], model.angular)
+        apart = apart - (apart @ weights)[:, None]
+        return points * weights @ apart.T, apart * weights @ apart.T
 
     def posterior(self, measurement: Array) -> Estimate | None:
         """The estimate after a measurement; None where the tracker fails or its estimate is not finite.

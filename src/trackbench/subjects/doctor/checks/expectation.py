@@ -250,10 +250,7 @@ def _while_moving(sensor: str, trials: Sequence[Trial], right: Mask, moving: Mas
 
 
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
-    shares = [
-        (float(np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials])), model)
-        for model in wrong_models(kind)
-    ]
+    shares = [(_share_without_innovation(trials, model, zero), model) for model in wrong_models(kind)]
     share, model = shares[0]
     for better, simplest in shares[1:]:
         if better > share + 1e-9:
@@ -273,6 +270,16 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
     )
     exhibit = measurement_shown(clearest, used, 0.5)
     return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name, exhibit=exhibit)
+
+
+def _share_without_innovation(trials: Sequence[Trial], model: WrongModel, zero: float) -> float:
+    """The share of the trials in which what a model predicts has no innovation; 0 where it is below ``MOST``."""
+    left = len(trials)
+    for trial in trials:
+        left -= _innovation(trial, _measured(trial, model)) >= zero
+        if left / len(trials) < MOST:
+            return 0.0
+    return left / len(trials)
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:

@@ -221,6 +221,7 @@ def _jacobian(
 ) -> list[Finding]:
     model = SENSOR_MODELS[rows[0].trial.scan.kind]
     found = []
+    off = [not _is_right(row) for row in rows]
     for i, component in enumerate(model.components):
         of = [row for row in rows if row.used[i]]
         if len(of) < 3:
@@ -233,7 +234,7 @@ def _jacobian(
         turned = direction > DIRECTION * tolerance + ERRORS * errors.direction[i]
         band = SIZE * tolerance * np.exp(ERRORS * errors.size[i])
         scaled = (size > band) | (size < 1 / band)
-        wrong = np.array([not _is_right(row) for row in of])
+        wrong = np.array([is_off for row, is_off in zip(rows, off, strict=True) if row.used[i]])
         turned, scaled = turned & wrong, scaled & wrong
         if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:
             continue
