@@ -33,7 +33,7 @@ from faults.corpus import KINDS, Fault, Program, bases, faults, sound
 from markdown import table
 from trackbench.metrics.breakdown import share_interval
 from trackbench.subjects.doctor.certainty import Word, certainty
-from trackbench.subjects.doctor.report import verdict
+from trackbench.subjects.doctor.report import examination_verdict
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
@@ -50,7 +50,7 @@ class Seen:
     kind: str
     outcome: str
     word: str | None  # how certain the first finding is said to be
-    verdict: str
+    examination_verdict: str
     said: list[str]
     seconds: float
 
@@ -93,7 +93,7 @@ def examine(program: Program) -> Seen:
         lines = map(int, re.findall(rf"{program.module}\.py:(\d+)", first.evidence))
         outcome = RIGHT if first.fault in program.accept or not program.lines.isdisjoint(lines) else WRONG
     word, seconds = None if first is None else certainty(found, first).word, time.process_time() - begin
-    return Seen(program.module, mark(program), program.kind, outcome, word, verdict(found), said, seconds)
+    return Seen(program.module, mark(program), program.kind, outcome, word, examination_verdict(found), said, seconds)
 
 
 def shared(hits: int, count: int) -> str:

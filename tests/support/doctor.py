@@ -20,7 +20,7 @@ from trackbench.models.sensors import Sensor
 from trackbench.subjects.doctor import traffic
 from trackbench.subjects.doctor.assumptions import Assumptions
 from trackbench.subjects.doctor.drives import TestDrive, simulate_drives
-from trackbench.subjects.doctor.examine import reference
+from trackbench.subjects.doctor.examine import reference_tracker
 from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.probes import GENERAL, Probe, Probes
@@ -66,7 +66,9 @@ def correct_under_test(name: str) -> TrackerUnderTest:
 @cache
 def drives_of(*names: str) -> list[tuple[TestDrive, Rollout]]:
     """Test drives by name, each with the estimates of the reference."""
-    return [(drive, rollout(reference, drive.scans)) for drive in simulate_drives(SENSORS, 0) if drive.name in names]
+    return [
+        (drive, rollout(reference_tracker, drive.scans)) for drive in simulate_drives(SENSORS, 0) if drive.name in names
+    ]
 
 
 @cache

@@ -15,7 +15,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.models import models
+from trackbench.subjects.doctor.checks.models import provided_jacobians
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import (
@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.findings import (
     Finding,
     faults_of,
     known_faults,
-    rank,
+    rank_findings,
 )
 from trackbench.subjects.doctor.probes import GENERAL, varied
 from trackbench.subjects.doctor.report import Examination
@@ -195,7 +195,7 @@ def test_kinds_and_consequences_are_known(package: str) -> None:
 
 
 def test_consequences_come_after_their_root_cause() -> None:
-    found = rank(
+    found = rank_findings(
         [
             Finding("r_too_large", 0.98, "", sensor="radar"),
             Finding("jacobian_wrong", 0.9, "", sensor="radar"),
@@ -208,7 +208,7 @@ def test_consequences_come_after_their_root_cause() -> None:
 
 
 def test_an_uncertain_finding_is_no_root_cause() -> None:
-    found = rank([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
+    found = rank_findings([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
     assert with_causes(found) == [
         ("r_too_large", None),
         ("covariance_not_psd", "r_too_large"),
@@ -269,9 +269,9 @@ def test_a_provided_jacobian_is_compared_with_its_model() -> None:
             return matrix
 
     tracker = under_test(lambda: Provided(0.0), sensors={"lidar": SENSORS["lidar"]})
-    assert models(tracker).findings == []
+    assert provided_jacobians(tracker).findings == []
     tracker = under_test(lambda: Provided(0.1), sensors={"lidar": SENSORS["lidar"]})
-    (finding,) = models(tracker).findings
+    (finding,) = provided_jacobians(tracker).findings
     assert finding.fault == "jacobian_wrong"
     assert "transition[0] / d x[2] = 0.7, where 0.6 is right" in finding.evidence
 

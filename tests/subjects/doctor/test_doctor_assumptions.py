@@ -30,7 +30,7 @@ from trackbench.subjects.doctor.findings import (
     questions,
 )
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probe, Probes
-from trackbench.subjects.doctor.report import Examination, text, verdict
+from trackbench.subjects.doctor.report import Examination, examination_text, examination_verdict
 from trackbench.subjects.doctor.session import Examined, MissGiven, TrackerSession
 from trackbench.subjects.doctor.site import Carrier, SensorSite, simplified, site_of
 from trackbench.subjects.doctor.subject import SENSORS, subject
@@ -99,7 +99,9 @@ def test_a_tracker_that_ignores_ego_motion_is_healthy_with_sensors_that_stand_st
     assert found.healthy
     assert {name: why in reason for name, reason in not_made(found).items()} == dict.fromkeys(NAMES, True)
     made = len(found.checks) - len(NAMES)
-    assert verdict(found) == f"{which}: healthy in {made} of {len(found.checks)} checks; {len(NAMES)} not made"
+    assert (
+        examination_verdict(found) == f"{which}: healthy in {made} of {len(found.checks)} checks; {len(NAMES)} not made"
+    )
 
 
 @pytest.mark.slow
@@ -229,7 +231,7 @@ def test_skipped_checks_are_listed_and_not_made() -> None:
     found = Doctor(SENSORS, skip=skip).examine("mine", changed(EKF, lambda scan: scan))
     assert {check.name for check in found.checks if check.skipped} == set(skip)
     assert not_made(found) == dict.fromkeys(skip, "skipped (--skip)")
-    assert verdict(found) == "mine: healthy but for 2 checks skipped"
+    assert examination_verdict(found) == "mine: healthy but for 2 checks skipped"
     assert set(found.json()["checks"][0]) == {"name", "question", "passed", "skipped", "result", "faults"}
 
 
@@ -248,7 +250,7 @@ def test_the_finding_of_a_skipped_check_is_dropped_and_others_stay(skip: str, le
         [Finding("q_too_large", 0.9, ""), Finding("q_constant_per_step", 0.9, "")],
     )
     applied = assumed.applied(
-        found, assumed.left_out(check_named("process_noise"), ["radar"]), check_named("process_noise")
+        found, assumed.left_out(check_named("growth_by_noise"), ["radar"]), check_named("growth_by_noise")
     )
     assert [one.fault for one in applied.findings] == left
     assert [one.name for one in applied.checks if one.passed is False] == [
@@ -290,14 +292,14 @@ def check(name: str, passed: bool | None, *, skipped: bool = False, why: str = "
     ],
 )
 def test_the_verdict_counts_what_was_not_made(results: list[CheckResult], words: str) -> None:
-    assert verdict(Examination("mine", [], results)) == words
+    assert examination_verdict(Examination("mine", [], results)) == words
 
 
 def test_the_text_gives_the_reasons() -> None:
     found = Examination(
         "mine", [], [check("a", True), check("b", None), check("c", None), check("d", None, why="other")]
     )
-    assert text(found).endswith("Checks: 1 of 1 passed\n3 checks not made:\n  b, c: why\n  d: other")
+    assert examination_text(found).endswith("Checks: 1 of 1 passed\n3 checks not made:\n  b, c: why\n  d: other")
 
 
 def test_the_observer_of_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:

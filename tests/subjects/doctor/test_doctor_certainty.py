@@ -10,7 +10,7 @@ import pytest
 
 from trackbench.subjects.doctor.certainty import Certainty, certainty
 from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult, check_named
-from trackbench.subjects.doctor.report import STANDING, Examination, text, verdict
+from trackbench.subjects.doctor.report import STANDING, Examination, examination_text, examination_verdict
 
 EXACT = Finding("ego_motion_ignored", 0.95, "it moves", sensor="radar")
 GAIN = Finding("r_too_small", 0.9, "the gains are large", sensor="radar")
@@ -70,7 +70,7 @@ def test_the_words_are_counted() -> None:
 
 
 def test_an_unclear_name_is_no_verdict() -> None:
-    said = text(Examination("mine", [GAIN], [failed("a", GAIN.fault), failed("b"), failed("c")]))
+    said = examination_text(Examination("mine", [GAIN], [failed("a", GAIN.fault), failed("b"), failed("c")]))
     assert said.startswith("mine: something is wrong, and its name is unclear\n")
     assert "besides   not explained by it: b, c" in said
 
@@ -85,10 +85,10 @@ def test_a_failed_check_has_the_faults_of_its_question_and_sensor() -> None:
         (),
     ]
     growth = [Finding("q_too_small", 0.9, ""), Finding("q_constant_per_step", 0.9, "")]
-    found = check_named("process_noise").with_faults([failed("process_noise"), failed("noise_per_step")], growth)
+    found = check_named("growth_by_noise").with_faults([failed("process_noise"), failed("noise_per_step")], growth)
     assert [check.faults for check in found] == [("q_too_small",), ("q_constant_per_step",)]
     wrapped = Finding("azimuth_not_wrapped", 0.9, "", sensor="radar")
-    found = check_named("innovations").with_faults(
+    found = check_named("drive_innovations").with_faults(
         [failed("innovations.radar"), failed("innovations.lidar")], [], [GAIN, wrapped]
     )
     assert [check.faults for check in found] == [("azimuth_not_wrapped",), ()]
@@ -100,10 +100,12 @@ def test_what_is_fragile_is_no_fault_and_stands_after_the_findings() -> None:
     at_zero = Finding("nonfinite", 0.98, "not finite where the range is 0", shown_by="at_sensor")
     alone = Examination("mine", [], [MOTION], (at_zero,))
     assert alone.healthy
-    assert verdict(alone) == "mine: healthy; fragile at range 0"
+    assert examination_verdict(alone) == "mine: healthy; fragile at range 0"
     assert alone.json()["fragile"][0]["fault"] == "nonfinite"
     assert alone.json()["findings"] == []
-    both = text(replace(alone, findings=[GAIN], checks=[failed("a", GAIN.fault), replace(MOTION, passed=None)]))
+    both = examination_text(
+        replace(alone, findings=[GAIN], checks=[failed("a", GAIN.fault), replace(MOTION, passed=None)])
+    )
     assert both.startswith("mine: 1 fault found; fragile at range 0\n")
     places = [both.index(words) for words in ("r_too_small", "Fragile at:\n  range 0 (nonfinite)", "not made:")]
     assert places == sorted(places)

@@ -20,7 +20,7 @@ from trackbench.subjects.doctor.checks.steps import jumping_angle
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.findings import Finding, rank
+from trackbench.subjects.doctor.findings import Finding, rank_findings
 from trackbench.subjects.doctor.probes import COURSE_TURN, GENERAL, Probes
 from trackbench.subjects.doctor.session import StepFailed
 from trackbench.subjects.doctor.site import Carrier, SensorSite
@@ -167,5 +167,5 @@ def test_a_tracker_that_fails_at_a_range_of_zero_alone_passes_the_check() -> Non
 @pytest.mark.parametrize("cause", ["q_too_large", "course_not_wrapped"])
 @pytest.mark.parametrize("effect", ["covariance_not_psd", "predicted_covariance_not_psd"])
 def test_points_too_far_apart_have_no_covariance(cause: str, effect: str) -> None:
-    found = rank([Finding(effect, 0.97, ""), Finding(cause, 0.9, "")])
+    found = rank_findings([Finding(effect, 0.97, ""), Finding(cause, 0.9, "")])
     assert with_causes(found) == [(cause, None), (effect, cause)]

@@ -14,7 +14,7 @@ from trackbench.document.drawing import svg_in_page
 from trackbench.subjects.doctor.checks.covariance_update import covariance_update
 from trackbench.subjects.doctor.checks.expectation import expectation
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.prediction import prediction
+from trackbench.subjects.doctor.checks.prediction import motion_prediction
 from trackbench.subjects.doctor.covariance_origin import FaultyStep, asymmetry_shown, indefinite_shown
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure, outline
 from trackbench.subjects.doctor.exhibits import (
@@ -182,7 +182,7 @@ def test_a_wrong_entry_of_the_jacobian_is_marked_beside_the_right_one() -> None:
 
 
 def test_a_prediction_that_is_not_made_is_drawn_at_the_state_before() -> None:
-    shown = exhibit_of(prediction, "missed_scan_not_predicted/plain_ekf/skipped")
+    shown = exhibit_of(motion_prediction, "missed_scan_not_predicted/plain_ekf/skipped")
     assert isinstance(shown, Predictions)
     assert shown.before is not None
     assert shown.tracker.mean == pytest.approx(shown.before.mean)

@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.checks.steps import (
 )
 from trackbench.subjects.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import Finding, rank
+from trackbench.subjects.doctor.findings import Finding, rank_findings
 from trackbench.subjects.doctor.probes import AXES, GENERAL
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
@@ -207,7 +207,7 @@ def test_the_step_that_makes_a_covariance_indefinite() -> None:
     ],
 )
 def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, second: Finding) -> None:
-    for found in (rank([first, second]), rank([second, first])):
+    for found in (rank_findings([first, second]), rank_findings([second, first])):
         assert [one.consequence_of for one in found] == [None, None]
 
 
@@ -229,7 +229,7 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
     ],
 )
 def test_a_consequence_is_one_of_the_same_sensor(cause: Finding, effect: Finding) -> None:
-    found = rank([effect, cause])
+    found = rank_findings([effect, cause])
     assert with_causes(found) == [(cause.fault, None), (effect.fault, cause.fault)]
 
 

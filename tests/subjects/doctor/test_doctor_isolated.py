@@ -15,7 +15,7 @@ from trackbench.subjects.doctor.findings import Finding
 from trackbench.subjects.doctor.isolated import Isolated, filter_examined
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.subject import SENSORS
-from trackbench.subjects.doctor.traffic import joined
+from trackbench.subjects.doctor.traffic import joined_findings
 
 PROBE, LIDAR = GENERAL[0], {"lidar": SENSORS["lidar"]}
 
@@ -127,5 +127,5 @@ def finding(fault: str, cause: str | None = None) -> Finding:
 def test_what_a_wrong_filter_does_to_its_tracks_is_its_consequence(
     of_filter: list[str], of_tracks: list[str], expected: list[str]
 ) -> None:
-    found = joined(list(map(finding, of_filter)), list(map(finding, of_tracks)))
+    found = joined_findings(list(map(finding, of_filter)), list(map(finding, of_tracks)))
     assert [one.fault + (f"<{one.consequence_of}" if one.consequence_of else "") for one in found] == expected

@@ -12,7 +12,7 @@ from tests.support.scenes import NOISE, tracker
 
 from trackbench.base.types import Scan
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.subjects.doctor.checks.instants import late
+from trackbench.subjects.doctor.checks.instants import late_measurements
 from trackbench.subjects.doctor.findings import PartResult
 from trackbench.subjects.doctor.probes import GENERAL, PASSING, Probes
 from trackbench.subjects.doctor.site import simplified
@@ -57,7 +57,7 @@ class Refusing(Clamped):
 
 def examined(make: Callable[[], Any], **latency: float) -> PartResult:
     sensors = {name: simplified(sensor) for name, sensor in SENSORS.items()}
-    return late(TrackerUnderTest(make, sensors, [], FEW, 0, latency))
+    return late_measurements(TrackerUnderTest(make, sensors, [], FEW, 0, latency))
 
 
 @pytest.mark.parametrize("method", ["replay", "retrodiction", "drop"])

@@ -16,8 +16,8 @@ from trackbench.cli.commands import cli
 from trackbench.subjects.doctor import checks, traffic_checks
 from trackbench.subjects.doctor.drives import drive_configs
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.findings import Finding, rank
-from trackbench.subjects.doctor.report import examination_document, text
+from trackbench.subjects.doctor.findings import Finding, rank_findings
+from trackbench.subjects.doctor.report import examination_document, examination_text
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
@@ -80,7 +80,7 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
     assert (found.checks[0].name, found.checks[0].passed) == ("hand", False)
     assert [one.fault for one in found.findings] == ["right_handed"]
     assert found.json()["findings"][0]["advice"] == "At the wrist. Turn it round."
-    assert "1. the hand is the wrong one" in text(found)
+    assert "1. the hand is the wrong one" in examination_text(found)
     assert "1. the hand is the wrong one" in str(examination_document(found))
     left_out = Doctor(SENSORS, skip=(*DRIVES, "hand")).examine("mine", PlainEkf)
     assert left_out.healthy
@@ -89,7 +89,7 @@ def test_a_check_is_listed_made_reported_and_skipped() -> None:
 
 @pytest.mark.usefixtures("added")
 def test_its_fault_has_consequences() -> None:
-    found = rank([Finding("gain_inconsistent", 0.95, ""), Finding("right_handed", 0.99, "")])
+    found = rank_findings([Finding("gain_inconsistent", 0.95, ""), Finding("right_handed", 0.99, "")])
     assert [(one.fault, one.consequence_of) for one in found] == [
         ("right_handed", None),
         ("gain_inconsistent", "right_handed"),
@@ -101,7 +101,7 @@ def test_a_check_of_several_objects_is_made_and_reported() -> None:
     found = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("mine", SOUND["nearest global"])
     assert (found.checks[0].name, found.checks[0].question) == ("hands", "Are they left-handed?")
     assert [one.fault for one in found.findings] == ["hands_wrong"]
-    assert "1. the hands are wrong" in text(found)
+    assert "1. the hands are wrong" in examination_text(found)
 
 
 def test_without_the_file_it_is_unknown() -> None:

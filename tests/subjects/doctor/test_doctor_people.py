@@ -33,25 +33,25 @@ from trackbench.subjects.doctor.checks.gate import gate_width
 from trackbench.subjects.doctor.checks.modes import modes
 from trackbench.subjects.doctor.checks.noise_place import noise_place
 from trackbench.subjects.doctor.checks.one_gain import one_gain
-from trackbench.subjects.doctor.checks.prediction import prediction, spreading
-from trackbench.subjects.doctor.checks.process_noise import noise_powers, process_noise
+from trackbench.subjects.doctor.checks.prediction import motion_prediction, spreading
+from trackbench.subjects.doctor.checks.process_noise import growth_by_noise, noise_powers
 from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.start import first_position
 from trackbench.subjects.doctor.checks.transition import transition
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import implied
-from trackbench.subjects.doctor.findings import Finding, rank
-from trackbench.subjects.doctor.inside.pinned import OF_MODEL, explained
+from trackbench.subjects.doctor.findings import Finding, rank_findings
+from trackbench.subjects.doctor.inside.pinned import OF_MODEL, with_mixing_as_cause
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
 
 FAULTY: list[tuple[Part, str]] = [
     (one_gain, "covariance_update_wrong/plain_ekf/in_place"),
     (gate_width, "gate_too_small/plain_ekf/five_percent"),
     (gate_width, "gate_too_small/plain_kf/without_noise"),
-    (prediction, "wrong_dt/plain_ekf/whole_seconds"),
-    (prediction, "wrong_dt/plain_ekf/tenths"),
-    (prediction, "wrong_dt/plain_ekf/at_most_0.2"),
-    (prediction, "wrong_dt/plain_ekf/missed_not_stored"),
+    (motion_prediction, "wrong_dt/plain_ekf/whole_seconds"),
+    (motion_prediction, "wrong_dt/plain_ekf/tenths"),
+    (motion_prediction, "wrong_dt/plain_ekf/at_most_0.2"),
+    (motion_prediction, "wrong_dt/plain_ekf/missed_not_stored"),
     (expectation, "ego_motion_wrong/plain_ekf/added"),
     (expectation, "ego_motion_wrong/plain_ekf/boresight"),
     (expectation, "ego_motion_wrong/plain_ekf/turned_other_way"),
@@ -101,7 +101,7 @@ def test_a_memory_that_fades_is_no_jacobian() -> None:
 
 def test_an_update_in_place_is_the_cause_of_an_indefinite_covariance() -> None:
     found = [Finding("covariance_not_psd", 0.95, ""), Finding("covariance_update_wrong", 0.95, "", sensor="lidar")]
-    first, second = rank(found)
+    first, second = rank_findings(found)
     assert (first.fault, first.consequence_of) == ("covariance_update_wrong", None)
     assert (second.fault, second.consequence_of) == ("covariance_not_psd", "covariance_update_wrong")
 
@@ -228,7 +228,7 @@ def test_a_covariance_returned_in_another_order_is_named_by_the_nees_of_a_part(d
 
 
 def test_points_without_process_noise_explain_a_wrong_gain_of_another_sensor() -> None:
-    found = rank(
+    found = rank_findings(
         [
             Finding("gain_inconsistent", 0.95, "", sensor="radar"),
             Finding("sigma_points_not_redrawn", 0.9, "", sensor="lidar"),
@@ -281,15 +281,15 @@ class NoiseAlongX(PlainEkf):
 
 
 def test_a_velocity_without_noise_along_an_axis_is_named() -> None:
-    (found,) = process_noise(under_test(NoiseAlongX)).findings
+    (found,) = growth_by_noise(under_test(NoiseAlongX)).findings
     assert found.fault == "process_noise_omitted"
     assert found.evidence.endswith("velocity along (0, 1) does not grow")
 
 
 def test_what_is_found_of_a_model_alone_is_a_consequence_of_a_wrong_mixture() -> None:
     mixing, of_model = Finding("imm_mixing_wrong", 0.9, ""), Finding("q_too_small", 0.95, f"{OF_MODEL} 1 alone: small")
-    assert explained([of_model]) == [of_model]
-    assert [one.consequence_of for one in explained([of_model, mixing])] == [None, "imm_mixing_wrong"]
+    assert with_mixing_as_cause([of_model]) == [of_model]
+    assert [one.consequence_of for one in with_mixing_as_cause([of_model, mixing])] == [None, "imm_mixing_wrong"]
 
 
 def test_positions_without_noise_say_nothing_of_sigma_points(made: Any) -> None:

@@ -16,7 +16,7 @@ from tests.support.places import DOCS
 
 from trackbench.document import Paragraph, Section
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.subjects.doctor.report import Examination, examination_document, text
+from trackbench.subjects.doctor.report import Examination, examination_document, examination_text
 
 pytestmark = pytest.mark.slow
 
@@ -127,7 +127,7 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
             CheckResult("c", long, None, "could not"),
         ],
     )
-    said, every = text(examination), text(examination, every_check=True)
+    said, every = examination_text(examination), examination_text(examination, every_check=True)
     assert max(len(line) for line in (said + every).splitlines()) <= 80
     assert "mine: 1 fault found" in said
     assert "jacobian_wrong: likely, explains 1 failed check, sensor radar, factor 4" in said

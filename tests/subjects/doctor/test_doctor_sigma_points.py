@@ -14,13 +14,13 @@ from tests.support.doctor import correct_under_test, mutant_under_test, under_te
 
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.checks.gain import gain
-from trackbench.subjects.doctor.checks.prediction import prediction
-from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.prediction import motion_prediction
+from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
 from trackbench.subjects.doctor.checks.sigma_points import no_time
 from trackbench.subjects.doctor.checks.validity import repeatability
 from trackbench.subjects.doctor.checks.wrapping import wrapping
 from trackbench.subjects.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
-from trackbench.subjects.doctor.findings import rank
+from trackbench.subjects.doctor.findings import rank_findings
 from trackbench.subjects.doctor.probes import GENERAL
 from trackbench.subjects.doctor.samples import sampling_noise
 from trackbench.subjects.doctor.session import TrackerSession
@@ -83,19 +83,19 @@ def test_nothing_happens_over_no_time_to_any_sound_tracker(name: str) -> None:
     ],
 )
 def test_a_wrong_gain_of_sigma_points_is_no_wrong_jacobian(name: str, fault: str) -> None:
-    found = rank(gain(mutant_under_test(name)).findings)
+    found = rank_findings(gain(mutant_under_test(name)).findings)
     assert found[0].fault == fault
     assert "jacobian_wrong" not in {one.fault for one in found}
 
 
 @pytest.mark.parametrize("name", ["angle_mean_not_circular/plain_ukf/mean", "azimuth_not_wrapped/plain_ukf/residual"])
 def test_a_plain_mean_of_azimuths_is_told_from_a_plain_innovation(name: str) -> None:
-    found = rank(wrapping(mutant_under_test(name)).findings)
+    found = rank_findings(wrapping(mutant_under_test(name)).findings)
     assert found[0].fault == name.split("/")[0]
 
 
 def test_process_noise_that_is_left_out_is_not_just_small() -> None:
-    (finding,) = process_noise(mutant_under_test("process_noise_omitted/plain_ukf/prediction")).findings
+    (finding,) = growth_by_noise(mutant_under_test("process_noise_omitted/plain_ukf/prediction")).findings
     assert finding.fault == "process_noise_omitted"
 
 
@@ -147,14 +147,14 @@ def test_sampling_noise_is_seen_of_a_seeded_filter() -> None:
 
 
 def test_a_velocity_in_kilometres_per_hour_is_said_as_such() -> None:
-    (finding,) = prediction(mutant_under_test("velocity_unit/plain_ekf/kmh")).findings
+    (finding,) = motion_prediction(mutant_under_test("velocity_unit/plain_ekf/kmh")).findings
     assert finding.fault == "velocity_unit"
     assert finding.factor == pytest.approx(3.6, rel=1e-3)
     assert "km/h for m/s" in finding.evidence
 
 
 def test_a_time_step_in_milliseconds_is_said_as_such() -> None:
-    (finding,) = prediction(mutant_under_test("wrong_dt/plain_ekf/milliseconds")).findings
+    (finding,) = motion_prediction(mutant_under_test("wrong_dt/plain_ekf/milliseconds")).findings
     assert finding.fault == "wrong_dt"
     assert "milliseconds and seconds are confused" in finding.evidence
 

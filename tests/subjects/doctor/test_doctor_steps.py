@@ -12,15 +12,15 @@ from tests.support.doctor import Make, Part, correct_under_test, mutant, mutant_
 from trackbench.subjects.doctor.checks.continuity import continuity
 from trackbench.subjects.doctor.checks.covariance_update import covariance_update
 from trackbench.subjects.doctor.checks.expectation import expectation
-from trackbench.subjects.doctor.checks.gate import gate
-from trackbench.subjects.doctor.checks.instants import instants
+from trackbench.subjects.doctor.checks.gate import gate_reopens
+from trackbench.subjects.doctor.checks.instants import measurements_of_one_instant
 from trackbench.subjects.doctor.checks.output import integers
-from trackbench.subjects.doctor.checks.prediction import prediction
-from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.prediction import motion_prediction
+from trackbench.subjects.doctor.checks.process_noise import growth_by_noise
 from trackbench.subjects.doctor.checks.validity import validity
 from trackbench.subjects.doctor.checks.velocity import velocity
 from trackbench.subjects.doctor.checks.wrapping import wrapping
-from trackbench.subjects.doctor.findings import Finding, rank
+from trackbench.subjects.doctor.findings import Finding, rank_findings
 from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.trackers.builtin import ekf
 
@@ -28,11 +28,11 @@ PARTS: dict[Part, list[str]] = {
     continuity: ["update_not_kept/covariance", "update_not_kept/mean"],
     covariance_update: ["covariance_not_reduced/update", "covariance_not_reduced/radar", "process_noise_twice/update"],
     expectation: ["scale_error/range_1.02", "scale_error/lidar_0.97", "time_offset/predicted_later"],
-    gate: ["gate_never_reopens/fixed", "gate_never_reopens/frozen"],
-    instants: ["second_measurement_dropped/any", "time_offset/radar_0.05", "time_offset/lidar_0.05"],
+    gate_reopens: ["gate_never_reopens/fixed", "gate_never_reopens/frozen"],
+    measurements_of_one_instant: ["second_measurement_dropped/any", "time_offset/radar_0.05", "time_offset/lidar_0.05"],
     integers: ["integer_state_matrix/state", "integer_state_matrix/covariance", "integer_state_matrix/start"],
-    prediction: ["missed_scan_not_predicted/skipped", "missed_scan_not_predicted/time_stored"],
-    process_noise: ["q_constant_per_step/0.1", "q_constant_per_step/0.05"],
+    motion_prediction: ["missed_scan_not_predicted/skipped", "missed_scan_not_predicted/time_stored"],
+    growth_by_noise: ["q_constant_per_step/0.1", "q_constant_per_step/0.05"],
     validity: ["predicted_covariance_not_psd/correlation_beyond_one"],
     velocity: ["velocity_not_kept/prediction", "velocity_not_kept/update"],
 }
@@ -108,7 +108,7 @@ def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
 
 def test_a_delay_is_told_in_milliseconds() -> None:
     """Of 50 ms: asked by the clock that is off, the target is 50 ms further."""
-    (finding,) = instants(mutant_under_test(of_ekf("time_offset/radar_0.05"))).findings
+    (finding,) = measurements_of_one_instant(mutant_under_test(of_ekf("time_offset/radar_0.05"))).findings
     assert "+50 ms" in finding.evidence
     (finding,) = expectation(mutant_under_test(of_ekf("time_offset/predicted_later"))).findings
     assert "50 ms after" in finding.evidence
@@ -132,13 +132,13 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
 
 def test_a_named_fault_explains_what_the_drives_show() -> None:
     seen = [Finding("too_far_off", 0.85, ""), Finding("covariance_unbelievable", 0.85, "")]
-    named = rank([*seen, Finding("velocity_not_kept", 0.95, "")])
+    named = rank_findings([*seen, Finding("velocity_not_kept", 0.95, "")])
     assert with_causes(named) == [
         ("velocity_not_kept", None),
         ("too_far_off", "velocity_not_kept"),
         ("covariance_unbelievable", "velocity_not_kept"),
     ]
-    assert with_causes(rank(seen)) == [
+    assert with_causes(rank_findings(seen)) == [
         ("too_far_off", None),
         ("covariance_unbelievable", "too_far_off"),
     ]

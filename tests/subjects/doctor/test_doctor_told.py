@@ -18,12 +18,12 @@ from trackbench.subjects.doctor.examine import (
     NO_PREDICTION,
     Doctor,
     StepCount,
+    drive_steps,
     evidence_steps,
-    steps_of,
 )
 from trackbench.subjects.doctor.findings import CHECKS, CheckResult, Finding, check_named, faults_of
 from trackbench.subjects.doctor.probes import GENERAL
-from trackbench.subjects.doctor.report import Examination, text
+from trackbench.subjects.doctor.report import Examination, examination_text
 from trackbench.subjects.doctor.rollout import rollout
 from trackbench.subjects.doctor.session import Examined, TrackerSession
 from trackbench.subjects.doctor.subject import SENSORS
@@ -73,22 +73,22 @@ def test_the_number_of_steps_is_corrected_and_never_below_what_is_done(monkeypat
 
 def test_the_steps_of_drives_and_of_their_evidence() -> None:
     ((drive, of_reference),) = drives_of(DEFAULT_DRIVE)
-    assert steps_of([drive], batched=True) == len(drive.scans)
+    assert drive_steps([drive], batched=True) == len(drive.scans)
     done: list[None] = []
     counted = Examined(PlainEkf, on_step=lambda: done.append(None))
     evidence_run(counted, drive, of_reference, [])
     assert evidence_steps([drive]) == pytest.approx(len(done), rel=0.02)
     done.clear()
     rollout(counted, drive.scans)
-    assert steps_of([drive], batched=False) == len(done)
+    assert drive_steps([drive], batched=False) == len(done)
 
 
 def test_a_check_without_a_prediction_points_to_no_misses() -> None:
     tracker = under_test(SilentAtMisses)
     assert tracker.silent_at_misses
     for name, names in (
-        ("prediction", ["prediction"]),
-        ("process_noise", ["process_noise", "noise_per_step"]),
+        ("motion_prediction", ["prediction"]),
+        ("growth_by_noise", ["process_noise", "noise_per_step"]),
     ):
         made = Doctor(SENSORS)._made(check_named(name), tracker)
         assert [(check.name, check.passed, check.result) for check in made.checks] == [
@@ -106,7 +106,7 @@ def test_a_failed_step_is_a_failed_check() -> None:
     made = steps(tracker)
     assert [finding.fault for finding in made.findings] == ["exception_raised"]
     assert made.checks[0].result.startswith("1 step failed, first: KeyError: 'rho' (")
-    assert "Checks: 0 of 1 passed, failed:" in text(Examination("mine", made.findings, made.checks))
+    assert "Checks: 0 of 1 passed, failed:" in examination_text(Examination("mine", made.findings, made.checks))
     assert steps(under_test(PlainEkf)).checks[0].passed is True
 
 
@@ -139,6 +139,6 @@ def test_the_evidence_is_of_the_drive_that_is_named_or_that_failed() -> None:
 def test_consequences_are_wrapped_and_not_cut() -> None:
     evidence = " ".join(f"word{number}" for number in range(60))
     findings = [Finding("wrong_dt", 0.9, "it is"), Finding("too_far_off", 0.8, evidence, consequence_of="wrong_dt")]
-    said = text(Examination("mine", findings, []))
+    said = examination_text(Examination("mine", findings, []))
     assert all(len(line) <= 80 for line in said.splitlines())
     assert evidence in " ".join(said.split())

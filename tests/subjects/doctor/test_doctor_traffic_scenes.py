@@ -22,8 +22,8 @@ from trackbench.subjects.doctor.subject import SENSORS
 from trackbench.subjects.doctor.traffic import Site, TrafficDoctor, with_old_scans
 from trackbench.subjects.doctor.traffic_checks.association import ended_alone
 from trackbench.subjects.doctor.traffic_checks.drive import cars, traffic_drive, traffic_scans
-from trackbench.subjects.doctor.traffic_checks.late import late
-from trackbench.subjects.doctor.traffic_checks.tracks import beside, order
+from trackbench.subjects.doctor.traffic_checks.late import late_scans
+from trackbench.subjects.doctor.traffic_checks.tracks import alarms_beside_objects, order
 from trackbench.subjects.doctor.traffic_checks.weights import weights
 
 SITES = {name: Site(name, simplified(sensor)) for name, sensor in SENSORS.items()}
@@ -151,7 +151,7 @@ class Dropping(NearestGlobal):
     ],
 )
 def test_late_scans_that_are_taken_as_new_are_found(tracker: type[NearestGlobal], failed: list[str]) -> None:
-    result = late(looped(tracker), LATE)
+    result = late_scans(looped(tracker), LATE)
     assert [check.name for check in result.checks if not check.passed] == failed
     assert len(result.checks) == 2
     assert {finding.fault for finding in result.findings} == ({"late_processed_as_new"} if failed else set())
@@ -166,19 +166,19 @@ class Refusing(NearestGlobal):
 
 @pytest.mark.parametrize("site", SITES.values(), ids=SITES)
 def test_of_a_sensor_that_is_not_late_an_old_scan_is_tried_too(site: Site) -> None:
-    assert outcome(late(looped(NearestGlobal), site)) == {"late": True}
-    assert outcome(late(looped(Dropping), site)) == {"late": True}
-    (finding,) = late(looped(Clamped), site).findings
+    assert outcome(late_scans(looped(NearestGlobal), site)) == {"late": True}
+    assert outcome(late_scans(looped(Dropping), site)) == {"late": True}
+    (finding,) = late_scans(looped(Clamped), site).findings
     assert finding.fault == "late_processed_as_new"
     assert finding.evidence.endswith("No sensor here is late: it does harm where a scan comes after a newer one.")
 
 
 def test_who_raises_at_old_scans_has_a_fault_only_where_they_come() -> None:
-    (check,) = late(looped(Refusing), SITES["lidar"]).checks
+    (check,) = late_scans(looped(Refusing), SITES["lidar"]).checks
     assert check.passed is None
     assert check.result.startswith("it fails at a scan that is not newer than the one before: ValueError: a scan of")
     with pytest.raises(TrackFault, match="a scan of the past"):
-        late(looped(Refusing), LATE)
+        late_scans(looped(Refusing), LATE)
 
 
 def test_that_old_scans_count_as_new_comes_after_all_other_faults() -> None:
@@ -190,7 +190,7 @@ def test_that_old_scans_count_as_new_comes_after_all_other_faults() -> None:
 
 
 def test_scans_at_their_arrival_are_tried_only_of_sensors_that_are_late() -> None:
-    assert outcome(late(looped(AtArrival), SITES["lidar"])) == {"late": False}
+    assert outcome(late_scans(looped(AtArrival), SITES["lidar"])) == {"late": False}
     late_lidar = {"lidar": SENSORS["lidar"].model_copy(update={"latency_s": 0.2})}
     found = TrafficDoctor(late_lidar).examine("tracker", looped(AtArrival))
     assert found.findings[0].fault == "late_processed_as_new"
@@ -289,9 +289,9 @@ class TwinsKept(EachForItself):
 
 @pytest.mark.parametrize("site", SITES.values(), ids=SITES)
 def test_a_false_alarm_beside_an_object_makes_a_second_track_where_tracks_share_detections(site: Site) -> None:
-    assert outcome(beside(looped(NearestGlobal), site)) == {"double_tracks.beside": True}
-    assert outcome(beside(looped(EachForItself), site)) == {"double_tracks.beside": True}
-    assert [finding.fault for finding in beside(looped(TwinsKept), site).findings] == ["double_tracks"]
+    assert outcome(alarms_beside_objects(looped(NearestGlobal), site)) == {"double_tracks.beside": True}
+    assert outcome(alarms_beside_objects(looped(EachForItself), site)) == {"double_tracks.beside": True}
+    assert [finding.fault for finding in alarms_beside_objects(looped(TwinsKept), site).findings] == ["double_tracks"]
 
 
 class SkipsTheNext(NearestGlobal):

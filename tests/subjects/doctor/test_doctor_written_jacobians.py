@@ -18,7 +18,7 @@ import trackbench as tb
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.certainty import certainty
 from trackbench.subjects.doctor.checks.written_jacobians import written_jacobians
-from trackbench.subjects.doctor.findings import PROVEN, CheckResult, Finding, rank
+from trackbench.subjects.doctor.findings import PROVEN, CheckResult, Finding, rank_findings
 from trackbench.subjects.doctor.inside.own_filter import own_filter, put
 from trackbench.subjects.doctor.report import Examination
 
@@ -106,7 +106,7 @@ def test_no_sound_program_has_a_wrong_jacobian(name: str, made: Callable[[Progra
 
 
 def test_a_line_that_is_seen_to_be_wrong_explains_what_else_is_found() -> None:
-    found = rank([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
+    found = rank_findings([Finding("course_not_wrapped", 0.97, ""), Finding("jacobian_wrong", PROVEN, "")])
     assert with_causes(found) == [
         ("jacobian_wrong", None),
         ("course_not_wrapped", "jacobian_wrong"),

@@ -10,7 +10,7 @@ SUBJECT = Subject(
     terms={name: f"{__name__}.certainty:{name}_terms" for name in ("faults", "checks", "examination")},
     documents={
         "examination.json": Offer(
-            f"{__name__}.report:saved_document", "of an examination the figures are in its report.html alone"
+            f"{__name__}.report:saved_examination", "of an examination the figures are in its report.html alone"
         )
     },
 )

@@ -20,7 +20,7 @@ from trackbench.driving.faults import TrackFault
 from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.driving.processes import TrackerProcess
 from trackbench.results import EXAMINATION
-from trackbench.subjects.doctor.assumptions import require_known
+from trackbench.subjects.doctor.assumptions import require_known_checks
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
 from trackbench.subjects.doctor.findings import CHECKS, LOG_CHECKS
@@ -153,7 +153,7 @@ def doctor(
         if log is not None and examined.multi_object:
             raise InputError("only for a tracker of one object; this one follows several", key="log")
         if not examined.multi_object:
-            require_known(skip, examined.sensors, package=CHECKS if log is None else LOG_CHECKS)
+            require_known_checks(skip, examined.sensors, package=CHECKS if log is None else LOG_CHECKS)
         elif no_misses or skip:
             key = "no_misses" if no_misses else "skip"
             raise InputError("only for a tracker of one object; this one follows several", key=key)

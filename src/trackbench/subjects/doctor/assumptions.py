@@ -71,7 +71,9 @@ class Assumptions:
 NONE = Assumptions()
 
 
-def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip", package: str = CHECKS) -> None:
+def require_known_checks(
+    names: Iterable[str], sensors: Iterable[str], key: str = "skip", package: str = CHECKS
+) -> None:
     """Refuse a name that is no check's.
 
     Args:

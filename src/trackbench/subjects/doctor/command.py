@@ -96,7 +96,7 @@ def doctor_command(
     from trackbench.driving.faults import TrackFault
     from trackbench.subjects.doctor.api import doctor
     from trackbench.subjects.doctor.checks.steps import CannotRun
-    from trackbench.subjects.doctor.report import text
+    from trackbench.subjects.doctor.report import examination_text
 
     require_tracker(tracker)
     name = tracker.rpartition("#")[2]
@@ -133,7 +133,7 @@ def doctor_command(
     if as_json:
         click.echo(results.to_json(examination.json()), nl=False)
     else:
-        click.echo(text(examination, every_check=all_checks))
+        click.echo(examination_text(examination, every_check=all_checks))
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
         click.echo(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)

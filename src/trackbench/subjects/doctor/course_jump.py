@@ -12,7 +12,7 @@ import numpy as np
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
-from trackbench.subjects.doctor.probes import Probe, rotation, turned_scene, with_noise
+from trackbench.subjects.doctor.probes import Probe, rotation, turned_scene, with_measurement_noise
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
@@ -63,7 +63,7 @@ def jumps_of_course(tracker: TrackerUnderTest) -> Iterator[tuple[Probe, CourseJu
     random = np.random.default_rng(tracker.seed)
     for probe, noisy in ((tracker.probes.course_turn, False), (tracker.probes.course_axis, True)):
         scans = tracker.approach(probe, tracker.sensor_sets()[-1], TURNING)
-        scans = [with_noise(scan, random) for scan in scans] if noisy else scans
+        scans = [with_measurement_noise(scan, random) for scan in scans] if noisy else scans
         here = followed(tracker.make, scans)
         jump = course_jump(tracker.make, scans, here)
         if here.failure is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import COMMON_STATE, Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, state_matrices
-from trackbench.subjects.doctor.output_checks import asymmetry, least_eigenvalue, scaled
+from trackbench.subjects.doctor.output_checks import asymmetry, least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.trackers.answers import Tracker
 
@@ -56,9 +56,10 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
 
     def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
         """Whether the prediction adds more to the asymmetry than the update does."""
-        first, then = (asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
+        first, then = (asymmetry(scaled_covariances(p, like=predicted)) for p in (before, predicted))
         return bool(
-            then > ROUNDING and (after is None or then - first >= asymmetry(scaled(after, like=predicted)) - then)
+            then > ROUNDING
+            and (after is None or then - first >= asymmetry(scaled_covariances(after, like=predicted)) - then)
         )
 
     origin = _origin(make, scans, asymmetry, adds_more)
@@ -74,7 +75,11 @@ def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float |
     stated = [_covariance(session.step, scan)[0] for scan in scans]
     ahead = [_covariance(session.peek, empty_scan(last._replace(time=last.time + time)))[0] for time in AHEAD]
     i, j = entry
-    wrong = [p for p in (*stated, *ahead) if p is not None and abs(scaled(p)[i, j] - scaled(p)[j, i]) > ROUNDING]
+    wrong = [
+        p
+        for p in (*stated, *ahead)
+        if p is not None and abs(scaled_covariances(p)[i, j] - scaled_covariances(p)[j, i]) > ROUNDING
+    ]
     if len(wrong) < len(AHEAD) or any(p is None for p in ahead):
         return None
     ratios = [float(p[i, j] / p[j, i]) for p in wrong]
@@ -86,12 +91,12 @@ def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
 
     def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
         """An update is right only of a positive definite covariance."""
-        return bool(least_eigenvalue(scaled(predicted)) < -ROUNDING)
+        return bool(least_eigenvalue(scaled_covariances(predicted)) < -ROUNDING)
 
     return _origin(make, scans, lambda relative: -least_eigenvalue(relative), is_wrong)
 
 
-def named(fault: str, of: FaultyStep | None) -> str:
+def fault_of_step(fault: str, of: FaultyStep | None) -> str:
     """The fault of an update, or the same of a prediction where it arises there."""
     return f"predicted_{fault}" if of is not None and of.step == "prediction" else fault
 
@@ -109,11 +114,11 @@ def mirrored_entries(of: FaultyStep) -> str:
 def indefinite_entries(of: FaultyStep) -> str:
     """The negative variance or the correlation beyond one, if there is one, and the smallest eigenvalues."""
     variances = np.diag(of.after)
-    relative = scaled(of.after)
+    relative = scaled_covariances(of.after)
     i, j = _correlated(of)
     text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(relative):.3g}"
     if of.before is not None:
-        text += f" ({least_eigenvalue(scaled(of.before)):.3g} before it)"
+        text += f" ({least_eigenvalue(scaled_covariances(of.before)):.3g} before it)"
     if variances.min() < 0.0:
         worst = int(np.argmin(variances))
         return f"{text}; the variance of {COMMON_STATE[worst]} is {variances[worst]:.3g}"
@@ -131,7 +136,7 @@ def asymmetry_shown(of: FaultyStep) -> Matrices:
 
 def indefinite_shown(of: FaultyStep) -> Matrices:
     """The covariance before and after the step, with the negative variance or the correlation beyond one."""
-    variances, relative = np.diag(of.after), np.abs(scaled(of.after))
+    variances, relative = np.diag(of.after), np.abs(scaled_covariances(of.after))
     i, j = _correlated(of)
     marked: tuple[tuple[int, int], ...] = ((i, j), (j, i)) if relative[i, j] > 1.0 else ()
     if variances.min() < 0.0:
@@ -146,13 +151,13 @@ def _before_and_after(of: FaultyStep) -> tuple[Panel, ...]:
 
 
 def _mirrored(of: FaultyStep) -> tuple[int, int]:
-    relative = scaled(of.after)
+    relative = scaled_covariances(of.after)
     i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
     return int(i), int(j)
 
 
 def _correlated(of: FaultyStep) -> tuple[int, int]:
-    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(scaled(of.after)), 1))), (4, 4))
+    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(scaled_covariances(of.after)), 1))), (4, 4))
     return int(i), int(j)
 
 
@@ -161,7 +166,7 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
         after, failed = _covariance(session.step, scan)
-        if not failed and (after is None or size(scaled(after)) <= ROUNDING):
+        if not failed and (after is None or size(scaled_covariances(after)) <= ROUNDING):
             before = after
             continue
         if before is None:

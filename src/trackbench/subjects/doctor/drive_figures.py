@@ -40,7 +40,7 @@ _LONG = 20.0
 _NOTHING = 1e-3
 
 
-def figures(run: EvidenceRun) -> Iterator[Figure]:
+def evidence_figures(run: EvidenceRun) -> Iterator[Figure]:
     """The innovations of the sensors that findings name, the map, and unless a finding shows them error and NEES."""
     named = {finding.sensor for finding in run.findings}
     relevant = [innovations for innovations in run.innovations if innovations.sensor in named] or run.innovations

@@ -15,7 +15,7 @@ from trackbench.base.types import Progress, no_progress
 from trackbench.driving.faults import TrackFault
 from trackbench.engine.choice import Engine, chosen
 from trackbench.models.sensors import Sensor
-from trackbench.subjects.doctor.assumptions import Assumptions, require_known
+from trackbench.subjects.doctor.assumptions import Assumptions, require_known_checks
 from trackbench.subjects.doctor.checks.covariance_update import stated_covariance_fault
 from trackbench.subjects.doctor.checks.drives import harmless
 from trackbench.subjects.doctor.checks.steps import CannotRun, require_runnable
@@ -29,9 +29,9 @@ from trackbench.subjects.doctor.findings import (
     PartResult,
     check_named,
     checks_of,
-    rank,
+    rank_findings,
 )
-from trackbench.subjects.doctor.inside.pinned import explained, models_alone, of_each_model
+from trackbench.subjects.doctor.inside.pinned import models_alone, of_each_model, with_mixing_as_cause
 from trackbench.subjects.doctor.output_checks import quiet
 from trackbench.subjects.doctor.probes import Probes, varied
 from trackbench.subjects.doctor.report import Examination
@@ -74,7 +74,7 @@ class StepCount:
         self._progress(self._done, self._expected)
 
 
-def steps_of(drives: Sequence[TestDrive], *, batched: bool) -> int:
+def drive_steps(drives: Sequence[TestDrive], *, batched: bool) -> int:
     """Steps of a tracker in drives: one for each scan, and for each run unless it takes all runs at once."""
     return sum(1 if batched else scan.valid.size for drive in drives for scan in drive.scans)
 
@@ -84,7 +84,7 @@ def evidence_steps(drives: Sequence[TestDrive]) -> int:
     return sum(3 + 2 * len(scan.measurement) for drive in drives for scan in drive.scans)
 
 
-def reference(engine: Engine = "numpy") -> Tracker:
+def reference_tracker(engine: Engine = "numpy") -> Tracker:
     """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
     # No scan of a drive is late, so it need not keep those that it has taken in.
     return replace(ekf(motion="cv", acceleration_sigma_mps2=3.0, late="drop"), engine=engine)
@@ -116,7 +116,7 @@ class Doctor:
         no_misses: bool = False,
         skip: Sequence[str] = (),
     ) -> None:
-        require_known(skip, sensors)
+        require_known_checks(skip, sensors)
         still = ""
         if static_sensors:
             still = "--static-sensors"
@@ -140,7 +140,7 @@ class Doctor:
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         """The test drives, each with the estimates of the reference."""
         drives = simulate_drives(self.sensors, self._seed, self._setting)
-        make = partial(reference, chosen("auto", steps_of(drives, batched=False)))
+        make = partial(reference_tracker, chosen("auto", drive_steps(drives, batched=False)))
         skip = self._assumptions.skip
         return [(drive, rollout(make, drive.scans)) for drive in drives if drive.name not in skip]
 
@@ -157,7 +157,7 @@ class Doctor:
         Raises:
             CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
         """
-        in_drives = steps_of([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
+        in_drives = drive_steps([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
         count = StepCount(progress, round((1.0 + OTHERS) * in_drives))
         tracker = TrackerUnderTest(
             make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
@@ -187,7 +187,7 @@ class Doctor:
             raise CannotRun("it gave no estimate at any scan")
         made = [check for result in results for check in result.checks]
         fragile = {finding.fault: finding for finding in findings if finding.fragile}
-        faults = explained(rank(finding for finding in findings if not finding.fragile))
+        faults = with_mixing_as_cause(rank_findings(finding for finding in findings if not finding.fragile))
         return Examination(name, faults, made, tuple(fragile.values()))
 
     def _asked(self, check: DoctorCheck[[TrackerUnderTest]], tracker: TrackerUnderTest) -> PartResult:

@@ -279,7 +279,7 @@ CERTAIN = 0.9
 PROVEN, CAUSED = 1.0, {"numerical", "gain", "noise", "growth", "step", "points", "angle", "offset"}
 
 
-def rank(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
+def rank_findings(findings: Iterable[Finding], package: str = CHECKS) -> list[Finding]:
     """One finding for each fault and sensor: root causes first, then consequences, each by falling confidence.
 
     Args:

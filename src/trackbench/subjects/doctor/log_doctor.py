@@ -10,7 +10,7 @@ from trackbench.api.scenario import loaded_scenario, sense
 from trackbench.base.errors import InputError
 from trackbench.base.execution import one_blas_thread
 from trackbench.base.types import Scan
-from trackbench.subjects.doctor.assumptions import Assumptions, require_known
+from trackbench.subjects.doctor.assumptions import Assumptions, require_known_checks
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.findings import (
     LOG_CHECKS,
@@ -20,7 +20,7 @@ from trackbench.subjects.doctor.findings import (
     PartResult,
     checks_of,
     questions,
-    rank,
+    rank_findings,
 )
 from trackbench.subjects.doctor.followed_log import RecordedLog
 from trackbench.subjects.doctor.log_checks.consistency import CAUSES
@@ -75,7 +75,7 @@ class LogDoctor:
                 used.append(scans)
         self._objects = used
         self._assumptions = Assumptions(no_misses=no_misses, skip=tuple(skip))
-        require_known(skip, {scan.sensor for scans in used for scan in scans}, package=LOG_CHECKS)
+        require_known_checks(skip, {scan.sensor for scans in used for scan in scans}, package=LOG_CHECKS)
 
     @one_blas_thread()
     @quiet()
@@ -102,7 +102,7 @@ class LogDoctor:
             for result in check.with_faults(part.checks, part.findings, findings)
         ]
         checks += [CheckResult(question, of.asks, None, NOT_ASKED) for question, of in questions().items()]
-        return Examination(name, _explained(rank(findings)), checks)
+        return Examination(name, _explained(rank_findings(findings)), checks)
 
     def _made(self, check: DoctorCheck[[RecordedLog]], log: RecordedLog) -> PartResult:
         result = check.make(log)

@@ -88,7 +88,7 @@ class OutputChecks:
         known = np.flatnonzero(finite)
         if len(known) == 0 or where in SINGULAR:
             return
-        relative = scaled(np.moveaxis(covariance[:, :, known], -1, 0))
+        relative = scaled_covariances(np.moveaxis(covariance[:, :, known], -1, 0))
         apart, least = asymmetry(relative), least_eigenvalue(relative)
         self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
         most, lowest = int(known[np.argmax(apart)]), int(known[np.argmin(least)])
@@ -99,7 +99,7 @@ class OutputChecks:
             self.indefinite = _case(-smallest, scans[lowest], where, partial(given, lowest))
 
 
-def scaled(p: Array, like: Array | None = None) -> Array:
+def scaled_covariances(p: Array, like: Array | None = None) -> Array:
     """Covariances ``(..., 4, 4)`` in standard deviations: their own, or those of others."""
     variances = np.abs(np.diagonal(p if like is None else like, axis1=-2, axis2=-1))
     scale = np.sqrt(np.maximum(variances, np.finfo(float).tiny))

@@ -104,7 +104,7 @@ def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
     return px, py, vx, vy
 
 
-def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
+def with_measurement_noise(scan: Scan, random: np.random.Generator) -> Scan:
     """The scan with measurement noise of its stated variances."""
     noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
     return scan._replace(measurement=scan.measurement + noise)

@@ -13,7 +13,7 @@ from trackbench.driving.faults import TrackFault
 from trackbench.scenario import Scenario
 from trackbench.subjects.doctor.checks.steps import CannotRun
 from trackbench.subjects.doctor.examine import Doctor
-from trackbench.subjects.doctor.report import Examination, verdict
+from trackbench.subjects.doctor.report import Examination, examination_verdict
 from trackbench.subjects.doctor.subject import subject_in
 from trackbench.subjects.doctor.traffic import TrafficDoctor
 
@@ -35,8 +35,8 @@ def remark(loaded: Scenario, tracker: str) -> str | None:
         return None
     causes = examination.causes
     if not causes:
-        return verdict(examination)
-    return f"{verdict(examination)}: {causes[0].fault}, {causes[0].evidence.partition(';')[0]}"
+        return examination_verdict(examination)
+    return f"{examination_verdict(examination)}: {causes[0].fault}, {causes[0].evidence.partition(';')[0]}"
 
 
 def _examined(loaded: Scenario, tracker: str) -> Examination:

@@ -21,7 +21,7 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.results import EXAMINATION
 from trackbench.subjects.doctor.certainty import LEAST, Word, certainty
-from trackbench.subjects.doctor.drive_figures import figures
+from trackbench.subjects.doctor.drive_figures import evidence_figures
 from trackbench.subjects.doctor.evidence import EvidenceRun
 from trackbench.subjects.doctor.exhibit_figures import exhibit_figure
 from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults, questions
@@ -132,7 +132,7 @@ class Examination:
         return list(files)
 
     def __str__(self) -> str:
-        return text(self)
+        return examination_text(self)
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
@@ -162,7 +162,7 @@ def _loaded(entry: Any) -> Finding:
     return Finding(**saved.model_dump() | {"confidence": LEAST[saved.confidence or "unclear"]})
 
 
-def verdict(examination: Examination) -> str:
+def examination_verdict(examination: Examination) -> str:
     """The result in one sentence."""
     places = dict.fromkeys(finding.fragile for finding in examination.fragile)
     fragile = f"; fragile at {' and '.join(map(str, places))}" if places else ""
@@ -227,14 +227,14 @@ def _not_made(examination: Examination) -> list[tuple[str, str]]:
     return [(reason, ", ".join(names)) for reason, names in reasons.items()]
 
 
-def text(examination: Examination, every_check: bool = False) -> str:
+def examination_text(examination: Examination, every_check: bool = False) -> str:
     """The verdict, each root cause with its evidence and fix, the consequences, and the checks.
 
     Args:
         examination: the findings and checks.
         every_check: all checks with their results, instead of the failed ones only.
     """
-    lines = [*_wrapped(verdict(examination))]
+    lines = [*_wrapped(examination_verdict(examination))]
     for number, finding in enumerate(examination.causes, start=1):
         fault = known_faults()[finding.fault]
         facts = _wrapped(f"   {_facts(examination, finding)}", "   ")
@@ -297,7 +297,7 @@ def _verdict(examination: Examination) -> Iterator[Block]:
     made = [check for check in examination.checks if check.passed is not None]
     passed = sum(check.passed is True for check in made)
     titles = "; ".join(known_faults()[finding.fault].title for finding in examination.causes)
-    yield Paragraph(f"{verdict(examination)}{f': {titles}' if titles else ''}", strong=True)
+    yield Paragraph(f"{examination_verdict(examination)}{f': {titles}' if titles else ''}", strong=True)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
 
@@ -334,9 +334,9 @@ def _not_made_section(examination: Examination) -> Iterator[Section]:
 def _drive(run: EvidenceRun) -> Section:
     titles = dict.fromkeys(known_faults()[finding.fault].title for finding in run.findings)
     shows = [Paragraph(f"It shows: {'; '.join(titles)}.")] if titles else []
-    return Section(f"Drive: {run.description}", (*shows, Row(tuple(figures(run)))))
+    return Section(f"Drive: {run.description}", (*shows, Row(tuple(evidence_figures(run)))))
 
 
-def saved_document(file: Path) -> Document:
+def saved_examination(file: Path) -> Document:
     """The report of a saved examination."""
     return examination_document(Examination.load(file))

@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.trial import Trial
 ACCELERATION = 3.0
 
 
-def named(name: str, estimate: Estimate) -> StatedBelief:
+def stated_belief(name: str, estimate: Estimate) -> StatedBelief:
     """An estimate with a name."""
     return StatedBelief(name, estimate.mean, estimate.covariance)
 
@@ -58,8 +58,8 @@ def update_shown(trial: Trial, measurement: Array) -> Predictions | None:
         return None
     return Predictions(
         f"Update with {trial.scan.sensor}: {trial.description}",
-        named("before the measurement", trial.prediction),
-        named("tracker, after it", after),
+        stated_belief("before the measurement", trial.prediction),
+        stated_belief("tracker, after it", after),
         updated(trial, measurement, "right, after it"),
     )
 
@@ -68,8 +68,8 @@ def reduction_shown(trial: Trial, after: Estimate) -> Covariances:
     """The covariance before and after a measurement, and the right one."""
     return Covariances(
         f"Covariance before and after a measurement of {trial.scan.sensor}",
-        named("before the measurement", trial.prediction),
-        named("tracker, after it", after),
+        stated_belief("before the measurement", trial.prediction),
+        stated_belief("tracker, after it", after),
         updated(trial, trial.predicted_measurement, "right, after it"),
     )
 

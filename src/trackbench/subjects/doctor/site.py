@@ -93,7 +93,7 @@ def _turned(state: Array, angle: float) -> Array:
 RATES = (10.0, 50.0)
 
 
-def rate_of(sensor: Sensor) -> float:
+def examination_rate(sensor: Sensor) -> float:
     """Its rate in an examination, Hz; where its measurements are recorded, 10 of a lidar and 20 of a radar."""
     return float(np.clip(sensor.rate_hz or (10.0 if sensor.type == "lidar" else 20.0), *RATES))
 
@@ -102,5 +102,5 @@ def simplified(sensor: Sensor) -> Sensor:
     """The sensor without limits of view, missed detections, delays, biases and effects."""
     biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
     unlimited: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
-    rate = {"rate_hz": rate_of(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
+    rate = {"rate_hz": examination_rate(sensor), "phase_s": 0.0, "latency_s": 0, "effects": []}
     return sensor.model_copy(update={**biases, **unlimited, **rate})

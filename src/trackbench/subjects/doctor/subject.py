@@ -16,7 +16,7 @@ from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.scenario.truth import truth_of
-from trackbench.subjects.doctor.site import RATES, Carrier, carrier_of, rate_of
+from trackbench.subjects.doctor.site import RATES, Carrier, carrier_of, examination_rate
 from trackbench.testing.rules import Identities
 from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
@@ -137,7 +137,7 @@ def _observed(of: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
         observer = carrier_of(truth_of(scenario).truth.observer)
     least, most = RATES
     other = [name for name, sensor in of.sensors.items() if sensor.rate_hz and not least <= sensor.rate_hz <= most]
-    notes = [f"the rate of {name} is {rate_of(of.sensors[name]):g} Hz here" for name in other]
+    notes = [f"the rate of {name} is {examination_rate(of.sensors[name]):g} Hz here" for name in other]
     return replace(of, observer=observer, notes=(*of.notes, *notes))
 
 

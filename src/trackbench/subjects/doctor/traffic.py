@@ -26,7 +26,7 @@ from trackbench.subjects.doctor.findings import (
     PartResult,
     checks_of,
     faults_of,
-    rank,
+    rank_findings,
 )
 from trackbench.subjects.doctor.isolated import filter_examined
 from trackbench.subjects.doctor.output_checks import quiet
@@ -66,7 +66,7 @@ class Site:
 
     def detections(self, objects: Array, time: float = 0.0, random: np.random.Generator | None = None) -> Array:
         """``(m, n)`` measurements of objects ``(4, n)`` that were there at time 0; without ``random`` without noise."""
-        ideal = self.sensor.measure(moved(objects, time), np.zeros(3), np.zeros(2))
+        ideal = self.sensor.measure(moved_objects(objects, time), np.zeros(3), np.zeros(2))
         if random is None:
             return ideal
         return ideal + np.array(self.sensor.sigmas())[:, None] * random.standard_normal(ideal.shape)
@@ -137,13 +137,13 @@ class MultiObjectSession:
         return [self.step(scan) for scan in scans]
 
 
-def nearest(tracks: Tracks, position: Array) -> int | None:
+def column_of_nearest(tracks: Tracks, position: Array) -> int | None:
     """The column of the track that is on an object at ``(2,)``; None: there is none."""
     away = distances(tracks, position[:2, None])[:, 0]
     return int(np.argmin(away)) if len(away) and away.min() < NEAR else None
 
 
-def moved(objects: Array, time: float) -> Array:
+def moved_objects(objects: Array, time: float) -> Array:
     """Objects ``(4, ...)`` some time later."""
     return np.concatenate([objects[:2] + objects[2:] * time, objects[2:]])
 
@@ -229,11 +229,11 @@ class TrafficDoctor:
         of_old = [finding for finding in once if none_late and finding.fault == OF_OLD_SCANS]
         of_tracks = [finding for finding in once if finding.fault in faults_of(TRAFFIC_CHECKS)]
         filter_findings += [finding for finding in once if finding not in [*of_tracks, *of_old]]
-        ranked = joined(rank(filter_findings), rank(of_tracks, TRAFFIC_CHECKS))
+        ranked = joined_findings(rank_findings(filter_findings), rank_findings(of_tracks, TRAFFIC_CHECKS))
         return Examination(name, with_old_scans(ranked, of_old), [*checks, *of_filter])
 
 
-def joined(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
+def joined_findings(of_filter: Sequence[Finding], of_tracks: Sequence[Finding]) -> list[Finding]:
     """Root causes first: of the filter, then of the tracks. Both are ranked."""
     if not of_filter:
         return list(of_tracks)

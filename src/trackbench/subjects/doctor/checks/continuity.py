@@ -16,7 +16,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Covariances
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.right_answers import named, predicted
+from trackbench.subjects.doctor.right_answers import predicted, stated_belief
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, after_gap, linearises
 from trackbench.subjects.doctor.trial import Trial
@@ -144,8 +144,8 @@ def _lost(name: str, kept: list[KeptChange], part: str) -> Finding | None:
     )
     exhibit = Covariances(
         f"A moment after a measurement of {name}",
-        named("returned after it", one.updated),
-        named(f"tracker, {MOMENT:g} s later", one.later),
+        stated_belief("returned after it", one.updated),
+        stated_belief(f"tracker, {MOMENT:g} s later", one.later),
         predicted(one.updated, MOMENT),
     )
     return Finding("update_not_kept", 0.95, text, sensor=name, shown_by="own_model", exhibit=exhibit)

@@ -19,7 +19,7 @@ from trackbench.subjects.doctor.checks.returned import another_covariance
 from trackbench.subjects.doctor.exhibits import Covariances, Panel, StatedBelief, state_matrices
 from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import named, reduction_shown
+from trackbench.subjects.doctor.right_answers import reduction_shown, stated_belief
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial, TrialUpdate
 
@@ -332,7 +332,7 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
     typical = min(found, key=lambda one: abs(one[0] - middle))[1]
     exhibit = Covariances(
         f"Covariance that the update of {name} starts from",
-        named("right: predicted, as stated at a missed scan", typical.trial.prediction),
+        stated_belief("right: predicted, as stated at a missed scan", typical.trial.prediction),
         StatedBelief(
             "tracker: that of which the update follows", typical.trial.prediction.mean, _started_from(typical)
         ),

@@ -346,7 +346,7 @@ DRIVE = "azimuth_crossing"
     place=210,
     of_filters=True,
 )
-def innovations(tracker: TrackerUnderTest) -> PartResult:
+def drive_innovations(tracker: TrackerUnderTest) -> PartResult:
     """Mean, NIS, autocorrelation and unwrapped angles of the innovations of each sensor."""
     found = next((pair for pair in tracker.drives if pair[0].name == DRIVE), None)
     result = PartResult()

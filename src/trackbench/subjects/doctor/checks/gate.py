@@ -12,7 +12,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.exhibits import Course, OverTime
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.probes import Probe, with_noise
+from trackbench.subjects.doctor.probes import Probe, with_measurement_noise
 from trackbench.subjects.doctor.right_answers import update_shown
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -65,7 +65,7 @@ class Return(NamedTuple):
         )
     },
 )
-def gate(tracker: TrackerUnderTest) -> PartResult:
+def gate_reopens(tracker: TrackerUnderTest) -> PartResult:
     """Let targets be elsewhere after a gap, and measure them there."""
     returns = [one for probe in tracker.probes.general[:2] if (one := _return(tracker, probe)) is not None]
     if not returns:
@@ -119,7 +119,7 @@ def gate_width(tracker: TrackerUnderTest) -> PartResult:
         session = TrackerSession(tracker.make)
         with tracker.recording_failures(probe.name):
             for scan in tracker.approach(probe, tracker.sensor_sets()[-1]):
-                noisy = with_noise(scan, random)
+                noisy = with_measurement_noise(scan, random)
                 before = session.predict(noisy) if session.given else None
                 trial = None if before is None else Trial(probe.name, probe.description, noisy, before, session)
                 if trial is not None and trial.usable and _near(trial):

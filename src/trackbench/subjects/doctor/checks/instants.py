@@ -12,7 +12,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Predictions
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe
-from trackbench.subjects.doctor.right_answers import named, update_shown
+from trackbench.subjects.doctor.right_answers import stated_belief, update_shown
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
@@ -63,7 +63,7 @@ CLEAR = 0.05
         ),
     },
 )
-def instants(tracker: TrackerUnderTest) -> PartResult:
+def measurements_of_one_instant(tracker: TrackerUnderTest) -> PartResult:
     """Give measurements of two sensors at one instant, and ask for the estimate of one instant by each sensor."""
     result = PartResult()
     if len(tracker.sensors) > 1:
@@ -151,7 +151,10 @@ def _same_time(tracker: TrackerUnderTest, result: PartResult) -> None:
                 if estimate is not None and estimates[0] is not None and finite(estimate) and finite(estimates[0]):
                     lags[name] += _lag(estimates[0].mean, estimate.mean)
                     title = f"Estimate of one instant, asked for by two sensors: {probe.description}"
-                    own, other = named(f"by a scan of {name}", estimate), named(f"by one of {names[0]}", estimates[0])
+                    own, other = (
+                        stated_belief(f"by a scan of {name}", estimate),
+                        stated_belief(f"by one of {names[0]}", estimates[0]),
+                    )
                     shown.setdefault(name, Predictions(title, None, own, other))
     known = {name: np.array(found) for name, found in lags.items() if len(found) >= 3}
     if not known:
@@ -192,7 +195,7 @@ def _lag(one: Array, other: Array) -> list[float]:
         )
     },
 )
-def late(tracker: TrackerUnderTest) -> PartResult:
+def late_measurements(tracker: TrackerUnderTest) -> PartResult:
     """Give old scans without noise, of sensors that the scenario says are late: they add nothing that is not known."""
     result = PartResult()
     for name, latency in tracker.late.items():
@@ -225,7 +228,7 @@ class _Moves(NamedTuple):
     """How far the position goes by an old scan, ``(2,)`` m."""
 
     probe: Probe
-    late: Array
+    late_measurements: Array
     """Given late."""
     new: Array
     """Given as if it were new."""
@@ -236,7 +239,7 @@ class _Moves(NamedTuple):
         """The estimate with the late scan beside that without it, from which it should hardly differ."""
         without, after = self.estimates
         title = f"After a scan that is older by {age:g} s: {self.probe.description}"
-        return Predictions(title, None, named("tracker", after), named("without the scan", without))
+        return Predictions(title, None, stated_belief("tracker", after), stated_belief("without the scan", without))
 
 
 def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _Moves | None:

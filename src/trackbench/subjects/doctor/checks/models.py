@@ -28,7 +28,7 @@ STEP = 1e-5
 
 
 @doctor_check(Question("models", "Are the Jacobians that the tracker provides right?"), place=180)
-def models(tracker: TrackerUnderTest) -> PartResult:
+def provided_jacobians(tracker: TrackerUnderTest) -> PartResult:
     """Compare each Jacobian that the tracker provides with finite differences of its model."""
     provided = [name for name in MODELS if _has(tracker, name) and _has(tracker, f"{name}_jacobian")]
     if not provided:

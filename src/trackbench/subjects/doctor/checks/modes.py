@@ -16,7 +16,7 @@ from trackbench.subjects.doctor.exhibits import Matrices, Panel
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.inside.interaction import IMPROBABLE, BankStep, ModelInnovation, bank_of, log_density
 from trackbench.subjects.doctor.inside.pinned import models_alone
-from trackbench.subjects.doctor.inside.trace import nearest, with_value
+from trackbench.subjects.doctor.inside.trace import nearest_assigned, with_value
 from trackbench.subjects.doctor.inside.values import Pool
 from trackbench.subjects.doctor.session import apart
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
@@ -187,7 +187,7 @@ def _mostly(right: Iterable[bool]) -> bool:
 def _line(step: BankStep, right: Array, before: Array) -> str:
     """The line before the prediction that makes what is nearest to a right value of a model and is not right itself."""
     later = (k for k, entry in enumerate(step.assigned) if Pool([entry.value]).has(step.predicted.mean[0]))
-    closest = nearest(step.assigned[: next(later, None)], right, before)
+    closest = nearest_assigned(step.assigned[: next(later, None)], right, before)
     if closest is None:
         return "nothing like them is computed"
     assigned, error = closest
@@ -303,7 +303,7 @@ def _output(step: BankStep) -> Finding:
     outputs = step.bank.ways.outputs
     right = covariance[np.ix_(outputs, outputs)]
     within = np.einsum("j,jab->ab", step.after.probability, step.after.covariance)
-    closest = nearest(step.assigned, covariance, np.zeros(0))
+    closest = nearest_assigned(step.assigned, covariance, np.zeros(0))
     where = "" if closest is None else f" ({closest[0].where}, {closest[0].name})"
     words = "the spread of the models' means is left out" if step.pool.has(within) else f"it is another one{where}"
     text = (

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.base.types import Array
 from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.probes import with_noise
+from trackbench.subjects.doctor.probes import with_measurement_noise
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -126,7 +126,7 @@ def integers(tracker: TrackerUnderTest) -> PartResult:
         session, started = TrackerSession(tracker.make), False
         with tracker.recording_failures(probe.name):
             for scan in tracker.approach(probe, tracker.sensor_sets()[-1])[:LENGTH]:
-                estimate = session.step(with_noise(scan, random))
+                estimate = session.step(with_measurement_noise(scan, random))
                 if estimate is None:
                     continue
                 (means if started else first).append(estimate.mean)

@@ -13,9 +13,9 @@ from trackbench.base.types import Array, Estimate
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, Predictions
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
+from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import named, predicted
+from trackbench.subjects.doctor.right_answers import predicted, stated_belief
 from trackbench.subjects.doctor.session import TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest, linearises
 from trackbench.subjects.doctor.units_ratio import FAR_APART, conversion
@@ -88,8 +88,8 @@ class PredictedStep(NamedTuple):
         """The prediction beside the right one."""
         return Predictions(
             f"Prediction over {self.step:g} s",
-            named("before", self.before),
-            named(f"tracker, {self.step:g} s later", self.after),
+            stated_belief("before", self.before),
+            stated_belief(f"tracker, {self.step:g} s later", self.after),
             predicted(self.before, self.step),
         )
 
@@ -126,7 +126,7 @@ class PredictedStep(NamedTuple):
         ),
     },
 )
-def prediction(tracker: TrackerUnderTest) -> PartResult:
+def motion_prediction(tracker: TrackerUnderTest) -> PartResult:
     """Predict over steps of several lengths, each after previous steps of two lengths."""
     steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
     if len(steps) < len(STEPS):
@@ -344,7 +344,7 @@ def _known(estimate: Estimate) -> bool:
 
     Nothing follows from a covariance that is indefinite.
     """
-    if least_eigenvalue(scaled(estimate.covariance)) < 0.0:
+    if least_eigenvalue(scaled_covariances(estimate.covariance)) < 0.0:
         return False
     variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
     return variances.min() > 0.0 and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))

@@ -100,7 +100,7 @@ ABOVE = (2, 1, 0)
         ),
     },
 )
-def process_noise(tracker: TrackerUnderTest) -> PartResult:
+def growth_by_noise(tracker: TrackerUnderTest) -> PartResult:
     """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
     # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
     alone = [(name,) for name in tracker.sensors]

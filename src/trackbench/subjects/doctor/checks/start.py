@@ -12,7 +12,7 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import Probe, probe_rate
-from trackbench.subjects.doctor.right_answers import named
+from trackbench.subjects.doctor.right_answers import stated_belief
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -195,7 +195,7 @@ def _first_shown(first: FirstEstimate) -> Predictions:
         "measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance
     )
     return Predictions(
-        f"First estimate of a track: {first.probe.description}", None, named("tracker", first.estimate), right
+        f"First estimate of a track: {first.probe.description}", None, stated_belief("tracker", first.estimate), right
     )
 
 

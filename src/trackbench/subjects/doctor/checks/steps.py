@@ -17,7 +17,13 @@ from trackbench.driving.alone import NOT_COPIED
 from trackbench.driving.drive import empty_scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.doctor.course_jump import course_jump, followed
-from trackbench.subjects.doctor.covariance_origin import Make, indefinite, indefinite_entries, indefinite_shown, named
+from trackbench.subjects.doctor.covariance_origin import (
+    Make,
+    fault_of_step,
+    indefinite,
+    indefinite_entries,
+    indefinite_shown,
+)
 from trackbench.subjects.doctor.exhibits import Exhibit, Matrices, Panel, components_of
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.output_checks import SINGULAR
@@ -222,7 +228,7 @@ def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> Cause 
     if step is None:
         return None
     text = f"the covariance first is not positive definite {step.words}: {indefinite_entries(step)}"
-    return named("covariance_not_psd", step), text, None, indefinite_shown(step)
+    return fault_of_step("covariance_not_psd", step), text, None, indefinite_shown(step)
 
 
 def _passes(make: Make, scans: Sequence[Scan]) -> bool:

@@ -18,7 +18,7 @@ from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.exhibits import Panel, state_matrices
 from trackbench.subjects.doctor.expected_gain import OUTSIDE
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled
+from trackbench.subjects.doctor.output_checks import least_eigenvalue, scaled_covariances
 from trackbench.subjects.doctor.probes import Probe
 from trackbench.subjects.doctor.right_answers import straight
 from trackbench.subjects.doctor.samples import OTHER_ANSWERS, has_samples
@@ -144,7 +144,7 @@ def _moved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Moved | None:
             answers.append((now, later))
     if len(answers) < len(measurements):
         return None
-    if any(least_eigenvalue(scaled(later.covariance)) < 0.0 for _, later in answers):
+    if any(least_eigenvalue(scaled_covariances(later.covariance)) < 0.0 for _, later in answers):
         return None
     (missed, measured), sides, (farther, nearer) = answers[:2], answers[2:-2], answers[-2:]
     count, sigma = len(steps), [np.sqrt(np.maximum(np.diag(estimate.covariance), 1e-12)) for estimate in missed]

@@ -11,16 +11,22 @@ from trackbench.subjects.doctor.covariance_origin import (
     ROUNDING,
     asymmetric,
     asymmetry_shown,
+    fault_of_step,
     indefinite,
     indefinite_entries,
     indefinite_shown,
     mirrored_entries,
-    named,
 )
 from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.output_checks import SINGULAR, WorstCase, asymmetry, least_eigenvalue, scaled
-from trackbench.subjects.doctor.probes import Probe, with_noise
+from trackbench.subjects.doctor.output_checks import (
+    SINGULAR,
+    WorstCase,
+    asymmetry,
+    least_eigenvalue,
+    scaled_covariances,
+)
+from trackbench.subjects.doctor.probes import Probe, with_measurement_noise
 from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -144,7 +150,7 @@ def _symmetric(tracker: TrackerUnderTest, result: PartResult) -> None:
     text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
     if worst.size >= ROUNDING:
         step = asymmetric(tracker.make, worst.given())
-        fault = named("covariance_asymmetric", step)
+        fault = fault_of_step("covariance_asymmetric", step)
         evidence = text if step is None else f"{text}; it arises {step.words}: {mirrored_entries(step)}"
         exhibit = None if step is None else asymmetry_shown(step)
         finding = Finding(fault, 0.95, evidence, shown_by=worst.where, exhibit=exhibit)
@@ -164,7 +170,7 @@ def _definite(tracker: TrackerUnderTest, result: PartResult) -> None:
     )
     if share >= RARE:
         step = indefinite(tracker.make, worst.given())
-        fault = named("covariance_not_psd", step)
+        fault = fault_of_step("covariance_not_psd", step)
         evidence = text if step is None else f"{text}; it arises {step.words}: {indefinite_entries(step)}"
         diverged = step is not None and step.before is not None and np.abs(np.diag(step.before)).max() > FAR**2
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
@@ -179,8 +185,8 @@ def _predicted_definite(tracker: TrackerUnderTest, result: PartResult) -> None:
     for probe in tracker.probes.general:
         over = tracker.predicted(probe, LONG)
         # An entry added on one side alone has a name of its own.
-        if over is not None and asymmetry(scaled(over[1].covariance)) < ROUNDING:
-            before, after = (float(least_eigenvalue(scaled(one.covariance))) for one in over)
+        if over is not None and asymmetry(scaled_covariances(over[1].covariance)) < ROUNDING:
+            before, after = (float(least_eigenvalue(scaled_covariances(one.covariance))) for one in over)
             if before > 0.0:
                 least[probe] = (before, after)
     if not least:
@@ -261,7 +267,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     """Give the same measurements to three fresh trackers."""
     probe = tracker.probes.general[0]
     random = np.random.default_rng([tracker.seed, 1])
-    scans = [with_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
+    scans = [with_measurement_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
     try:
         runs: list[Array] = []
         sigmas: list[Array] = []

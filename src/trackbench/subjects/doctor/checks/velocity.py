@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.base.types import Estimate
 from trackbench.subjects.doctor.exhibits import Predictions
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
-from trackbench.subjects.doctor.right_answers import named, predicted, update_shown
+from trackbench.subjects.doctor.right_answers import predicted, stated_belief, update_shown
 from trackbench.subjects.doctor.session import finite
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import Trial
@@ -73,7 +73,9 @@ def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | N
             now, then = pair
             title = f"Prediction over {step:g} s: {probe.description}"
             right = predicted(now, step, "right: the same velocity")
-            return Predictions(title, named("before", now), named(f"tracker, {step:g} s later", then), right)
+            return Predictions(
+                title, stated_belief("before", now), stated_belief(f"tracker, {step:g} s later", then), right
+            )
     return None
 
 

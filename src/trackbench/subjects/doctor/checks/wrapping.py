@@ -20,7 +20,7 @@ from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.expected_gain import gain_error
 from trackbench.subjects.doctor.findings import Finding, KnownFault, PartResult, Question, Role, doctor_check
 from trackbench.subjects.doctor.probes import TURNS, Probe, rotation, turned_mounting
-from trackbench.subjects.doctor.right_answers import named
+from trackbench.subjects.doctor.right_answers import stated_belief
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.subjects.doctor.trial import ZERO, Trial
@@ -210,7 +210,7 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     shown = Predictions(
         f"After 3 s of measurements without noise: {probe.description}",
         None,
-        named("tracker", here.prediction),
+        stated_belief("tracker", here.prediction),
         StatedBelief("the same target turned away", both @ others[0].mean, both @ others[0].covariance @ both.T),
     )
     return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, shown)
@@ -334,8 +334,8 @@ def _shown(here: Trial, turned: Trial, both: Array, side: float) -> Predictions 
     mean = here.prediction.mean + both @ (other.mean - turned.prediction.mean)
     return Predictions(
         f"Update with {here.scan.sensor}: {here.description}",
-        named("before the measurement", here.prediction),
-        named("tracker, after it", after),
+        stated_belief("before the measurement", here.prediction),
+        stated_belief("tracker, after it", after),
         StatedBelief("as of the same target turned away", mean, both @ other.covariance @ both.T),
     )
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.base.types import Array, Estimate, Indices
-from trackbench.subjects.doctor.inside.values import SAME, Held, HeldAt, held
+from trackbench.subjects.doctor.inside.values import SAME, Held, HeldAt, held_values
 
 #: Models of a filter, at most.
 MOST = 6
@@ -90,7 +90,8 @@ def of_module(tracker: Any) -> Iterator[Held]:
     for name, value in [] if module is None else list(vars(module).items()):
         if not name.startswith("__"):
             yield from (
-                entry._replace(path=(name, *entry.path), place=HeldAt(module, name)) for entry in held(value, depth=0)
+                entry._replace(path=(name, *entry.path), place=HeldAt(module, name))
+                for entry in held_values(value, depth=0)
             )
 
 

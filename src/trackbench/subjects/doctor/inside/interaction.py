@@ -31,8 +31,8 @@ from trackbench.subjects.doctor.inside.bank import (
     with_rows,
 )
 from trackbench.subjects.doctor.inside.trace import Assigned, traced
-from trackbench.subjects.doctor.inside.values import Held, Pool, held
-from trackbench.subjects.doctor.probes import with_noise
+from trackbench.subjects.doctor.inside.values import Held, Pool, held_values
+from trackbench.subjects.doctor.probes import with_measurement_noise
 from trackbench.subjects.doctor.session import TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 
@@ -210,7 +210,7 @@ def _bank_with(tracker: TrackerUnderTest, sensor_set: tuple[str, ...]) -> tuple[
         for k, exact in enumerate(scans):
             if len(scans) - k <= LOOKED and banks and exact.time > session.given[-1].time:
                 _look_into(session, banks, exact, random)
-            estimate = session.step(with_noise(exact, random))
+            estimate = session.step(with_measurement_noise(exact, random))
             if k == EARLY:
                 constants = transition_matrices(_all_held(session))
                 if not constants:
@@ -223,7 +223,7 @@ def _bank_with(tracker: TrackerUnderTest, sensor_set: tuple[str, ...]) -> tuple[
 
 def _all_held(session: TrackerSession) -> list[Held]:
     inside = session.inside
-    return [] if inside is None else [*held(inside), *of_module(inside[0])]
+    return [] if inside is None else [*held_values(inside), *of_module(inside[0])]
 
 
 def _possible(

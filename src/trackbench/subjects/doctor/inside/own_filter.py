@@ -15,7 +15,7 @@ import numpy as np
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.inside.trace import Assigned, traced
-from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held, parts
+from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held_values, parts
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 
 #: Sizes of a state that are looked for, and how many pairs of a mean and a covariance are tried.
@@ -71,7 +71,7 @@ class OwnFilter:
             if value is not None and not put(copy.inside, path, value):
                 return None
         estimate, assigned = traced(lambda: copy.step(scan)) if trace else (copy.step(scan), [])
-        values = {entry.path: entry.value for entry in held(copy.inside)}
+        values = {entry.path: entry.value for entry in held_values(copy.inside)}
         if self.mean_at not in values or self.covariance_at not in values:
             return None
         own, spread = values[self.mean_at].ravel(), values[self.covariance_at]
@@ -110,7 +110,7 @@ def own_filter(session: TrackerSession) -> OwnFilter | None:
 
 def _found(session: TrackerSession) -> Iterator[OwnFilter]:
     missed = empty_scan(session.given[-1]._replace(time=session.given[-1].time + INSTANT))
-    inside = list(held(session.inside))
+    inside = list(held_values(session.inside))
     means = [entry for entry in inside if entry.value.size in SIZES and max(entry.value.shape) == entry.value.size]
     spreads = [entry for entry in inside if _is_covariance(entry.value)]
     pairs = [(mean, spread) for mean in means for spread in spreads if len(spread.value) == mean.value.size]

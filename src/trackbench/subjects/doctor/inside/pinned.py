@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Scan
 from trackbench.driving.drive import empty_scan
 from trackbench.subjects.doctor.findings import Finding, PartResult
 from trackbench.subjects.doctor.inside.interaction import Bank, bank_of, models_of
-from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held
+from trackbench.subjects.doctor.inside.values import HeldAt, Path, formed, held_values
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.trackers.answers import Tracker
@@ -42,7 +42,7 @@ class _Pinned:
         return answer
 
     def _put(self, state: Any) -> None:
-        for entry in held((self.within, state)):
+        for entry in held_values((self.within, state)):
             if entry.path == self._path and entry.place is not None:
                 _put(entry.place, self._matrix)
                 self._done = True
@@ -129,7 +129,7 @@ def of_each_model(results: Sequence[PartResult]) -> PartResult:
     return merged
 
 
-def explained(findings: Sequence[Finding]) -> list[Finding]:
+def with_mixing_as_cause(findings: Sequence[Finding]) -> list[Finding]:
     """With what is found of a model alone as a consequence of a wrong mixture: each model starts from one."""
     if not any(finding.fault == "imm_mixing_wrong" for finding in findings):
         return list(findings)

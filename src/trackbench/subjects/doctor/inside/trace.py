@@ -14,7 +14,7 @@ import numpy as np
 
 import trackbench
 from trackbench.base.types import Array
-from trackbench.subjects.doctor.inside.values import SAME, Pool, held
+from trackbench.subjects.doctor.inside.values import SAME, Pool, held_values
 
 Answer = TypeVar("Answer")
 #: Folders of code whose lines are not the tracker's: of libraries, and the standard library, below which in a plain
@@ -55,7 +55,7 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
         return {
             (name, *entry.path): (entry.value.tobytes(), entry.value)
             for name, value in frame.f_locals.items()
-            for entry in held(value, DEPTH)
+            for entry in held_values(value, DEPTH)
         }
 
     def local(frame: FrameType, event: str, answer: Any) -> Any:
@@ -66,7 +66,7 @@ def traced(step: Callable[[], Answer]) -> tuple[Answer, list[Assigned]]:
                 assignments.append(Assigned(frame.f_code.co_filename, line, _name(key), value))
         if event == "return":
             assignments.extend(
-                Assigned(frame.f_code.co_filename, line, "return", entry.value) for entry in held(answer, DEPTH)
+                Assigned(frame.f_code.co_filename, line, "return", entry.value) for entry in held_values(answer, DEPTH)
             )
             frames.pop(id(frame), None)
             return None
@@ -100,7 +100,7 @@ def _name(key: tuple[Any, ...]) -> str:
     return str(first) + "".join(f"[{entry}]" if isinstance(entry, int) else f".{entry}" for entry in more)
 
 
-def nearest(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
+def nearest_assigned(assigned: Sequence[Assigned], right: Array, earlier: Array) -> tuple[Assigned, float] | None:
     """What is nearest to one of several right values and is none of them, with its error relative to the largest entry.
 
     Args:

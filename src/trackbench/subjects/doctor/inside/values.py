@@ -52,7 +52,7 @@ class Held(NamedTuple):
     """None at the top, and in what cannot be changed."""
 
 
-def held(root: Any, depth: int = DEPTH) -> Iterator[Held]:
+def held_values(root: Any, depth: int = DEPTH) -> Iterator[Held]:
     """Every number, array of numbers, and list or dictionary of numbers below an object, nearest first.
 
     Scans are left out.

@@ -71,7 +71,7 @@ def block_interval(values: Array, outside: float = OUTSIDE) -> tuple[float, floa
     ),
     place=40,
 )
-def noise(log: RecordedLog) -> PartResult:
+def log_noise(log: RecordedLog) -> PartResult:
     """Compare the variance that the change of the covariance implies with the stated one."""
     result = PartResult()
     for sensor, of, why in _each(log):
@@ -177,7 +177,7 @@ def _tried(log: RecordedLog, sensor: str, offset: float) -> Finding | None:
     ),
     place=60,
 )
-def innovations(log: RecordedLog) -> PartResult:
+def log_innovations(log: RecordedLog) -> PartResult:
     """Judge the mean, the size and the correlation of the innovations of each sensor."""
     result, growth = PartResult(), dict[str, Finding]()
     for sensor, of, why in _each(log):
@@ -240,7 +240,7 @@ def _mean(result: PartResult, sensor: str, of: LogInnovations, lags: bool) -> No
     ),
     place=55,
 )
-def wrapped(log: RecordedLog) -> PartResult:
+def log_wrapping(log: RecordedLog) -> PartResult:
     """Compare the updates where the difference of two angles passes pi with what the own covariance says."""
     result = PartResult()
     for sensor, of, why in _each(log):

@@ -81,7 +81,7 @@ def answered(log: RecordedLog) -> PartResult:
     ),
     place=30,
 )
-def moved(log: RecordedLog) -> PartResult:
+def predicted_motion(log: RecordedLog) -> PartResult:
     """Compare how far predictions move along their velocity with the velocity times the time step."""
     if not log.followed.moved:
         return PartResult().add("log_prediction", None, NO_PREDICTION)

@@ -16,9 +16,9 @@ from trackbench.subjects.doctor.traffic import (
     Make,
     MultiObjectSession,
     Site,
+    column_of_nearest,
     distances,
-    moved,
-    nearest,
+    moved_objects,
     note,
 )
 from trackbench.subjects.doctor.traffic_checks.tracks import LONGEST
@@ -74,7 +74,7 @@ def nearer_of_two(make: Make, site: Site) -> PartResult:
     target = OBJECTS[:, 0]
     scans = site.scans(target[:, None], FOLLOWED)
     tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = nearest(tracks, moved(target, scans[-1].time))
+    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
     if column is None or len(tracks.ids) != 1:
         return PartResult()
     track = WeighedTrack(make, site, scans, tracks, column)
@@ -122,7 +122,7 @@ def _way_back(make: Make, site: Site, target: Array) -> float | None:
     """How far a track goes from its own prediction to its last place, as a share of the way; None: it has ended."""
     scans = site.scans(target[:, None], FOLLOWED)
     tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = nearest(tracks, moved(target, scans[-1].time))
+    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
     if column is None:
         return None
     last, random = scans[-1].time, np.random.default_rng(0)
@@ -177,7 +177,7 @@ def _behind_at_first(make: Make, site: Site, target: Array) -> float | None:
         for own, its in ((tracks.mean, other.mean), (tracks.covariance, other.covariance))
     ):
         return 0.0
-    return _behind(tracks, moved(slow, scans[last].time)[:, None])
+    return _behind(tracks, moved_objects(slow, scans[last].time)[:, None])
 
 
 @doctor_check(
@@ -201,7 +201,7 @@ def allowed_pair(make: Make, site: Site) -> PartResult:
     """
     scans = site.scans(QUEUE, FOLLOWED)
     tracks = MultiObjectSession(make).follow(scans)[-1]
-    columns = [nearest(tracks, moved(target, scans[-1].time)) for target in QUEUE.T]
+    columns = [column_of_nearest(tracks, moved_objects(target, scans[-1].time)) for target in QUEUE.T]
     if columns[0] is None or columns[1] is None or len(tracks.ids) != 2:
         return PartResult()
     expected, covariance, gain = site.expected(tracks, columns[0])
@@ -238,7 +238,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
     session = MultiObjectSession(make)
     scans = site.scans(target[:, None], FOLLOWED, random)
     tracks = session.follow(scans)[-1]
-    if nearest(tracks, moved(target, scans[-1].time)) is None:
+    if column_of_nearest(tracks, moved_objects(target, scans[-1].time)) is None:
         return PartResult()
     there, count, number = 0, round((LONGEST + 0.5) * RATE), 0
     for k in range(count):
@@ -248,7 +248,7 @@ def missed_among_others(make: Make, site: Site) -> PartResult:
         angle, r = np.pi * (0.9 + 0.9 * ((0.754878 * numbers) % 1)), 60 + 80 * ((0.569840 * numbers) % 1)
         places = np.array([r * np.cos(angle), r * np.sin(angle), 0 * r, 0 * r])
         tracks = session.step(site.scan(time, site.detections(places, 0.0, random), random))
-        there += bool((distances(tracks, moved(target, time)[:2, None]) < 4 * NEAR).any())
+        there += bool((distances(tracks, moved_objects(target, time)[:2, None]) < 4 * NEAR).any())
     text = f"it is there for {there / RATE:.1f} s of {count / RATE:g} s in which all detections are elsewhere"
     return note(PartResult(), "deletion.among_others", there / RATE <= LONGEST, text, "never_deletes")
 
@@ -271,12 +271,12 @@ def ended_alone(make: Make, site: Site) -> PartResult:
     """Two objects go at once, and three stay."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, np.random.default_rng(7))
     both = session.follow(come)[-1]
-    if any(nearest(both, target) is None for target in moved(EVERY, come[-1].time).T):
+    if any(column_of_nearest(both, target) is None for target in moved_objects(EVERY, come[-1].time).T):
         return PartResult()
     lost = np.zeros(STAYING.shape[1], dtype=bool)
     for scan in stay:
         tracks = session.step(scan)
-        lost |= [nearest(tracks, target) is None for target in moved(STAYING, scan.time).T]
+        lost |= [column_of_nearest(tracks, target) is None for target in moved_objects(STAYING, scan.time).T]
     text = f"of {len(lost)} objects that every scan detects, {sum(lost)} lose their tracks after two others have gone"
     result = note(PartResult(), "ended_alone", not lost.any(), text, "wrong_track_deleted")
     return result if lost.any() else _predicted_alone(make, site, result)
@@ -292,7 +292,7 @@ def _predicted_alone(make: Make, site: Site, result: PartResult) -> PartResult:
     """The same without noise: nothing but a prediction that is left out puts the tracks that stay behind."""
     session, (come, stay) = MultiObjectSession(make), _ending(site, None)
     session.follow(come[:-1])
-    before, *after = [_behind(session.step(scan), moved(STAYING, scan.time)) for scan in [come[-1], *stay]]
+    before, *after = [_behind(session.step(scan), moved_objects(STAYING, scan.time)) for scan in [come[-1], *stay]]
     if before > BEHIND / 2:
         return result
     text = f"a track is behind its object by {max(after):.2g} of the time between two scans after others have ended"
@@ -317,7 +317,9 @@ def ended_detected(make: Make, site: Site) -> PartResult:
         tracks = session.step(
             scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0]) if empty else scan
         )
-        there = np.array([nearest(tracks, target) is not None for target in moved(STAYING, scan.time).T])
+        there = np.array(
+            [column_of_nearest(tracks, target) is not None for target in moved_objects(STAYING, scan.time).T]
+        )
         lost, had = lost | (had & ~there), had | there
     if not had.all():
         return PartResult()

@@ -18,9 +18,9 @@ from trackbench.subjects.doctor.traffic import (
     Make,
     MultiObjectSession,
     Site,
+    column_of_nearest,
     distances,
-    moved,
-    nearest,
+    moved_objects,
     note,
 )
 
@@ -61,7 +61,7 @@ FOLLOWED = 1.5
         ),
     },
 )
-def gate(make: Make, site: Site) -> PartResult:
+def gate_limits(make: Make, site: Site) -> PartResult:
     """One detection at a known distance from where a track expects it."""
     # A small gate loses objects that are fast: from their first detection they are not where a track expects them.
     slow = OBJECTS * np.array([[1], [1], [0.1], [0.1]])
@@ -95,7 +95,7 @@ def _step(make: Make, site: Site, target: Array, component: int, distance: float
     session, left = MultiObjectSession(make), round(SETTLED * RATE)
     for scan in site.scans(target[:, None], AWAITED):
         tracks = session.step(scan)
-        column = nearest(tracks, moved(target, scan.time))
+        column = column_of_nearest(tracks, moved_objects(target, scan.time))
         left -= column is not None
         if left == 0:
             break
@@ -107,7 +107,7 @@ def _step(make: Make, site: Site, target: Array, component: int, distance: float
     after = session.step(scan._replace(measurement=detection, valid=np.ones(1, dtype=bool)))
     _, before, behind = np.intersect1d(tracks.ids, after.ids, return_indices=True)
     steps = np.hypot(*(after.mean[:2, behind] - tracks.mean[:2, before]))
-    count = int((distances(tracks, moved(target, scan.time)[:, None]) < NEAR).sum())
+    count = int((distances(tracks, moved_objects(target, scan.time)[:, None]) < NEAR).sum())
     return float(steps.max(initial=0.0) / np.hypot(*(gain @ away)[:2])), count
 
 
@@ -202,7 +202,7 @@ class _Track:
         scans, session, track = site.scans(OBJECTS[:, :1], FOLLOWED), MultiObjectSession(make), None
         for count, scan in enumerate(scans, start=1):
             tracks = session.step(scan)
-            column = nearest(tracks, moved(OBJECTS[:, 0], scan.time))
+            column = column_of_nearest(tracks, moved_objects(OBJECTS[:, 0], scan.time))
             if column is not None and tracks.existence is not None and CERTAIN < 1 - tracks.existence[column] < 1:
                 track = cls(make, site, scans[:count], tracks, column)
         return track
@@ -210,7 +210,7 @@ class _Track:
     def odds(self, scan: Scan | None = None) -> float | None:
         """After one more scan, if any; None: there is no track any more."""
         tracks = self.tracks if scan is None else MultiObjectSession(self.make).follow([*self.scans, scan])[-1]
-        column = nearest(tracks, self.tracks.mean[:2, self.column])
+        column = column_of_nearest(tracks, self.tracks.mean[:2, self.column])
         if column is None or tracks.existence is None:
             return None
         return float(tracks.existence[column] / max(1 - tracks.existence[column], np.finfo(float).eps))

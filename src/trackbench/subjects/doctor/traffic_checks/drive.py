@@ -13,7 +13,7 @@ from trackbench.base.types import Array, Scan, Tracks
 from trackbench.driving.steppers import DirectTracks, Stepper
 from trackbench.metrics.traffic.set_distances import gospa_of_sets
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
-from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved
+from trackbench.subjects.doctor.traffic import DETECTION, Make, MultiObjectSession, Site, moved_objects
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.multi import build_multi
 
@@ -34,7 +34,7 @@ CUTOFF, LIMIT = 5.0, 2.5
 
 def cars(time: float) -> Array:
     """``(4, n)`` px, py, vx, vy."""
-    state = moved(CARS, time)
+    state = moved_objects(CARS, time)
     # Half a period of a cosine.
     phase = np.pi * np.clip((time - FROM) / (TO - FROM), 0.0, 1.0)
     state[1, CUTTING] += ASIDE * (1 - np.cos(phase)) / 2
@@ -67,7 +67,7 @@ def gospa_of(tracks: Sequence[Tracks], scans: Sequence[Scan]) -> float:
     return float(np.mean(np.sqrt(gospa_of_sets(objects, places, CUTOFF).total)))
 
 
-def reference() -> Stepper:
+def _reference() -> Stepper:
     """A global nearest neighbour with extended Kalman filters."""
     options = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3.0, "associate": {"method": "gnn"}}
     return DirectTracks(build_multi(FilterConfig.model_validate(options)))
@@ -77,6 +77,6 @@ def reference() -> Stepper:
 def traffic_drive(make: Make, site: Site) -> PartResult:
     """The same scans for the tracker and the reference."""
     scans = traffic_scans(site)
-    own, other = (gospa_of(MultiObjectSession(fresh).follow(scans), scans) for fresh in (make, reference))
+    own, other = (gospa_of(MultiObjectSession(fresh).follow(scans), scans) for fresh in (make, _reference))
     text = f"GOSPA is {own:.3g} m, the reference's {other:.3g} m"
     return PartResult().add("traffic_drive", own <= LIMIT * other, text)

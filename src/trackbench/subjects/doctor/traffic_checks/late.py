@@ -9,7 +9,16 @@ import numpy as np
 from trackbench.base.types import Array, Tracks
 from trackbench.driving.faults import fault_of
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
-from trackbench.subjects.doctor.traffic import OBJECTS, RATE, Make, MultiObjectSession, Site, moved, nearest, note
+from trackbench.subjects.doctor.traffic import (
+    OBJECTS,
+    RATE,
+    Make,
+    MultiObjectSession,
+    Site,
+    column_of_nearest,
+    moved_objects,
+    note,
+)
 
 #: An old scan is older than the latest one by the latency of its sensor, within these, s; and where it has none.
 LEAST, MOST, USUAL = 0.1, 0.5, 0.2
@@ -32,7 +41,7 @@ BEHIND = 0.5
     Question("all_late", "Are tracks predicted from when a scan was taken, not from when it arrived?"),
     place=80,
 )
-def late(make: Make, site: Site) -> PartResult:
+def late_scans(make: Make, site: Site) -> PartResult:
     """An old scan after newer ones, given late and as if it were new; of a sensor that is late, scans that all are."""
     result = PartResult()
     if site.latency > 0.0:
@@ -75,7 +84,7 @@ def _clear_moves(make: Make, site: Site, age: float, share: float) -> list[tuple
         MultiObjectSession(make).follow([*scans, *more, empty])[-1] for more in ([], [old], [old._replace(time=latest)])
     )
     moves = []
-    for target in moved(objects, empty.time).T:
+    for target in moved_objects(objects, empty.time).T:
         places = [_place(tracks, target) for tracks in (without, given_late, as_new)]
         if all(place is not None for place in places):
             plain, own, new = (np.asarray(place) for place in places)
@@ -88,7 +97,7 @@ def _all_late(make: Make, site: Site, age: float, result: PartResult) -> None:
     empty = site.scan(scans[-1].arrival_time, scans[-1].measurement[:, :0], np.random.default_rng(0))
     tracks = MultiObjectSession(make).follow([*scans, empty._replace(asked=True)])[-1]
     behind = []
-    for target in moved(OBJECTS, empty.time).T:
+    for target in moved_objects(OBJECTS, empty.time).T:
         place = _place(tracks, target)
         if place is not None:
             behind.append(float((target[:2] - place) @ target[2:] / (target[2:] @ target[2:])))
@@ -103,5 +112,5 @@ def _all_late(make: Make, site: Site, age: float, result: PartResult) -> None:
 
 
 def _place(tracks: Tracks, target: Array) -> Array | None:
-    column = nearest(tracks, target)
+    column = column_of_nearest(tracks, target)
     return None if column is None else tracks.mean[:2, column]

@@ -16,9 +16,9 @@ from trackbench.subjects.doctor.traffic import (
     Make,
     MultiObjectSession,
     Site,
+    column_of_nearest,
     distances,
-    moved,
-    nearest,
+    moved_objects,
     note,
 )
 
@@ -73,7 +73,7 @@ def following(make: Make, site: Site) -> PartResult:
 @doctor_check(
     Question("double_tracks.beside", "Does a false alarm beside an object give it no second track?"), place=14
 )
-def beside(make: Make, site: Site) -> PartResult:
+def alarms_beside_objects(make: Make, site: Site) -> PartResult:
     """Three objects, and now and then a false alarm beside each of them, which no track of it expects."""
     session, alone, random = MultiObjectSession(make), MultiObjectSession(make), np.random.default_rng(10)
     scans = site.scans(OBJECTS, OFTEN + LONGEST + JUDGED, random)
@@ -81,8 +81,8 @@ def beside(make: Make, site: Site) -> PartResult:
     for number, scan in enumerate(scans):
         alarms: list[Array] = []
         if answers and number % EVERY == 0 and scan.time <= OFTEN:
-            ahead = answers[-1]._replace(mean=moved(answers[-1].mean, 1 / RATE))
-            columns = [nearest(ahead, target) for target in moved(OBJECTS, scan.time).T]
+            ahead = answers[-1]._replace(mean=moved_objects(answers[-1].mean, 1 / RATE))
+            columns = [column_of_nearest(ahead, target) for target in moved_objects(OBJECTS, scan.time).T]
             places = [site.expected(ahead, column)[:2] for column in columns if column is not None]
             alarms = [(at + FURTHER * linalg.cholesky(spread).lower()[:, 0])[:, None] for at, spread in places]
         only = np.concatenate([scan.measurement[:, :0], *alarms], axis=1)
@@ -97,7 +97,7 @@ def beside(make: Make, site: Site) -> PartResult:
 @doctor_check(
     Question("double_tracks.together", "Has each object one track for all sensors together?"), place=80, least_sensors=2
 )
-def together(make: Make, sites: Sequence[Site]) -> PartResult:
+def tracks_of_all_sensors(make: Make, sites: Sequence[Site]) -> PartResult:
     """The same objects, seen by sensors in turn."""
     random, seconds = np.random.default_rng(2), 2.0
     parts = (site.scans(OBJECTS, seconds, random, start=k / RATE / len(sites)) for k, site in enumerate(sites))
@@ -120,7 +120,7 @@ def together(make: Make, sites: Sequence[Site]) -> PartResult:
         )
     },
 )
-def false_alarms(make: Make, site: Site) -> PartResult:
+def tracks_of_false_alarms(make: Make, site: Site) -> PartResult:
     """Detections of nothing, one a scan, each at another place."""
     random = np.random.default_rng(3)
     count, angle = 120, 2.399963
@@ -159,9 +159,12 @@ def leaving(make: Make, site: Site) -> PartResult:
     before = session.follow(site.scans(OBJECTS, stay, random))[-1]
     if not len(before.ids):
         return result
-    others = site.scans(moved(OBJECTS[:, 1:], stay), away, random, origin=stay)
+    others = site.scans(moved_objects(OBJECTS[:, 1:], stay), away, random, origin=stay)
     fewer = session.follow(others)
-    stale = [(~_on(tracks, moved(OBJECTS[:, 1:], scan.time))).any() for tracks, scan in zip(fewer, others, strict=True)]
+    stale = [
+        (~_on(tracks, moved_objects(OBJECTS[:, 1:], scan.time))).any()
+        for tracks, scan in zip(fewer, others, strict=True)
+    ]
     none = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=stay + away))
     lasted = [sum(stale) / RATE, sum(len(tracks.ids) > 0 for tracks in none) / RATE]
     text = (
@@ -176,7 +179,7 @@ def leaving(make: Make, site: Site) -> PartResult:
         ring = np.array([70 * np.cos(angle), 70 * np.sin(angle), 5 * np.cos(angle), 5 * np.sin(angle)])
         wave = session.follow(site.scans(ring, LATEST, random, origin=time))
         gone = _until_none(session, site.scans(OBJECTS[:, :0], away, random, start=time + LATEST))
-        ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved(ring, LATEST / 2))].tolist()}
+        ids = {track for tracks in wave for track in tracks.ids[_on(tracks, moved_objects(ring, LATEST / 2))].tolist()}
         again, count = again + len(ids & earlier), count + len(ids)
         earlier, time = (earlier | ids) - set(gone[-1].ids.tolist()), time + LATEST + away
     if count:
@@ -221,7 +224,7 @@ def _meeting(site: Site) -> Array:
     out, velocity = np.array([np.cos(angle), np.sin(angle)]), TOGETHER / 2 * np.array([-np.sin(angle), np.cos(angle)])
     ranges = AWAY + PASSING * sigma * np.array([0.5, -0.5, 0.5]) + np.array([0, 0, NEXT])
     met = [np.concatenate([at * out, sign * velocity]) for at, sign in zip(ranges, (1, -1, 1), strict=True)]
-    return moved(np.concatenate(met, axis=1), -MEET)
+    return moved_objects(np.concatenate(met, axis=1), -MEET)
 
 
 def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
@@ -250,7 +253,7 @@ def _difference(answers: Sequence[Tracks], others: Sequence[Tracks]) -> str:
         )
     },
 )
-def empty_scan(make: Make, site: Site) -> PartResult:
+def tracks_at_empty_scans(make: Make, site: Site) -> PartResult:
     """A few empty scans after objects that every scan detected."""
     session = MultiObjectSession(make)
     scans = site.scans(OBJECTS, 2.0)
@@ -263,7 +266,7 @@ def empty_scan(make: Make, site: Site) -> PartResult:
         if not len(tracks.ids):
             continue
         # Of the tracks' own velocities: what they should have become is known without an error.
-        error = distances(tracks, moved(last.mean, elapsed)).min(axis=0)
+        error = distances(tracks, moved_objects(last.mean, elapsed)).min(axis=0)
         way = elapsed * np.hypot(*last.mean[2:])
         share = float(np.median(error / way))
         if worst < 0.0:
@@ -287,7 +290,9 @@ def _single_tracks(result: PartResult, name: str, count: Array) -> PartResult:
 
 def _on_objects(answers: Sequence[Tracks], scans: Sequence[Scan]) -> Array:
     """``(scans, objects)`` number of tracks on each."""
-    near = [distances(tracks, moved(OBJECTS, scan.time)) < NEAR for tracks, scan in zip(answers, scans, strict=True)]
+    near = [
+        distances(tracks, moved_objects(OBJECTS, scan.time)) < NEAR for tracks, scan in zip(answers, scans, strict=True)
+    ]
     return np.array([tracks.sum(axis=0) for tracks in near])
 
 

@@ -20,7 +20,16 @@ from trackbench.base.distributions import chi_square_quantile
 from trackbench.base.types import Array, Scan, Tracks
 from trackbench.driving.faults import TrackFault
 from trackbench.subjects.doctor.findings import PartResult, Question, doctor_check
-from trackbench.subjects.doctor.traffic import DETECTION, OBJECTS, Make, MultiObjectSession, Site, moved, nearest, note
+from trackbench.subjects.doctor.traffic import (
+    DETECTION,
+    OBJECTS,
+    Make,
+    MultiObjectSession,
+    Site,
+    column_of_nearest,
+    moved_objects,
+    note,
+)
 from trackbench.subjects.doctor.traffic_checks.detections import INSIDE
 
 #: Time for which an object is followed, s.
@@ -129,7 +138,7 @@ def weights(make: Make, site: Site) -> PartResult:
     result, target = PartResult(), OBJECTS[:, 0]
     scans = site.scans(target[:, None], FOLLOWED)
     tracks = MultiObjectSession(make).follow(scans)[-1]
-    column = nearest(tracks, moved(target, scans[-1].time))
+    column = column_of_nearest(tracks, moved_objects(target, scans[-1].time))
     if column is None:
         return result
     track = WeighedTrack(make, site, scans, tracks, column)
